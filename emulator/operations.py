@@ -132,6 +132,8 @@ class SwitchWire:
 
 
 BOUNCES_MAX: Final = 1000
+WITHIN_US: Final = 5_000
+"""Usual time for which a small switch bounces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ class BouncingSwitch:
     axis: int
     switch: DigitalInput
     bounces: int
-    within_us: int = 5_000
+    within_us: int = WITHIN_US
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -18,6 +18,10 @@ class Do(StrEnum):
     PROTECT = "protect"
     INPUT = "input"
     SWITCH = "switch"
+    SWITCH_WIRE = "switch-wire"
+    BOUNCE = "bounce"
+    MODE = "mode"
+    OSC = "osc"
     SLIP = "slip"
     WIRE = "wire"
     BROWN_OUT = "brown-out"
@@ -41,6 +45,14 @@ class Stuck(StrEnum):
     CLOSED = "closed"
     OPEN = "open"
     FREE = "free"
+
+
+class SwitchWiring(StrEnum):
+    """What the wire of a switch is like: whole, or broken, at a contact that is open or closed at rest."""
+
+    WHOLE = "whole"
+    NORMALLY_OPEN = "normally-open"
+    NORMALLY_CLOSED = "normally-closed"
 
 
 class Wiring(StrEnum):

@@ -14,12 +14,17 @@ from steptwin.emulator.operations import (
     RESET_MS,
     SUPPLIES_10MV,
     TEMPERATURES_DECIDEGC,
+    WITHIN_US,
     Babble,
     BoardTemperature,
+    BouncingSwitch,
     BrownOut,
     BusOff,
+    Contact,
+    DriverMode,
     DriverProtect,
     EmergencyStop,
+    OscCapacitor,
     PowerUp,
     SetInput,
     SetWire,
@@ -27,11 +32,13 @@ from steptwin.emulator.operations import (
     StrangerSends,
     StuckSwitch,
     Supply,
+    SwitchWire,
     WatchdogReset,
 )
+from steptwin.emulator.tb6560 import OSC_PF_MIN, Excitation
 from steptwin.emulator.wires import NOISE_RATE_MAX_HZ, Noise, Wire, WireState
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
-from steptwin.host.common.control import SWITCHES, Do, Stuck, Wiring
+from steptwin.host.common.control import SWITCHES, Do, Stuck, SwitchWiring, Wiring
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.operate.input_waiting import wired_inputs
@@ -49,6 +56,11 @@ PER_DEGC: Final = 10
 FULL_STEPS_MAX: Final = 100_000
 """Greatest number of full steps by which a motor slips."""
 _LEVELS: Final = {Stuck.CLOSED: True, Stuck.OPEN: False, Stuck.FREE: None}
+_CONTACTS: Final = {
+    SwitchWiring.WHOLE: None,
+    SwitchWiring.NORMALLY_OPEN: Contact.NORMALLY_OPEN,
+    SwitchWiring.NORMALLY_CLOSED: Contact.NORMALLY_CLOSED,
+}
 _STUCK: Final = {closed: stuck for stuck, closed in _LEVELS.items()}
 _SWITCH_NAMES: Final = {bit: name for name, bit in SWITCHES.items()}
 
@@ -124,6 +136,13 @@ def _from(least: int) -> Reading:
         return value
 
     return read
+
+
+def _microsteps(table: Table, key: str) -> int:
+    value = table.integer(key)
+    if value not in [*Excitation]:
+        raise InputError(f"{key}: {value} is not one of {', '.join(str(int(each)) for each in Excitation)}")
+    return value
 
 
 def _cob_id(table: Table, key: str) -> int:
@@ -206,6 +225,30 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.SWITCH: _Kind(
         {"joint": Table.text, "switch": Table.text, "stuck": lambda table, key: table.choice(key, Stuck)},
         lambda robot, values: _stuck_switch(robot, **values),
+    ),
+    Do.SWITCH_WIRE: _Kind(
+        {
+            "joint": Table.text,
+            "switch": Table.text,
+            "broken": lambda table, key: table.choice(key, SwitchWiring),
+        },
+        lambda robot, values: SwitchWire(
+            *_switch_at(robot, values["joint"], values["switch"]), _CONTACTS[values["broken"]]
+        ),
+    ),
+    Do.BOUNCE: _Kind(
+        {"joint": Table.text, "switch": Table.text, "bounces": _count},
+        lambda robot, values: _bouncing(robot, **values),
+        {"within_us": _from(1), "seed": _count},
+    ),
+    Do.MODE: _Kind(
+        {"joint": Table.text},
+        lambda robot, values: DriverMode(robot.index_of(values["joint"]), values["microsteps"]),
+        {"microsteps": _microsteps},
+    ),
+    Do.OSC: _Kind(
+        {"joint": Table.text, "osc_pf": _number(OSC_PF_MIN, 1e6, "pF")},
+        lambda robot, values: OscCapacitor(robot.index_of(values["joint"]), values["osc_pf"]),
     ),
     Do.SLIP: _Kind(
         {"joint": Table.text, "full_steps": _cycles},
@@ -348,11 +391,26 @@ def switches_of(robot: Robot, axis: int) -> dict[str, DigitalInput]:
 
 
 def _stuck_switch(robot: Robot, joint: str, switch: str, stuck: Stuck) -> StuckSwitch:
+    return StuckSwitch(*_switch_at(robot, joint, switch), _LEVELS[stuck])
+
+
+def _switch_at(robot: Robot, joint: str, switch: str) -> tuple[int, DigitalInput]:
+    """Return the axis and the input of a joint's switch; raise InputError if it has no such switch."""
     axis = robot.index_of(joint)
     fitted = switches_of(robot, axis)
     if switch not in fitted:
         raise unknown(f"switch of {joint}", switch, fitted)
-    return StuckSwitch(axis, fitted[switch], _LEVELS[stuck])
+    return axis, fitted[switch]
+
+
+def _bouncing(
+    robot: Robot, joint: str, switch: str, bounces: int, within_us: int | None, seed: int | None
+) -> BouncingSwitch:
+    axis, which = _switch_at(robot, joint, switch)
+    try:
+        return BouncingSwitch(axis, which, bounces, within_us or WITHIN_US, seed or 0)
+    except ValueError as error:
+        raise InputError(str(error)) from error
 
 
 def _down(for_ms: int | None) -> dict[str, int]:
@@ -381,6 +439,10 @@ def _input_request(robot: Robot, operation: SetInput) -> dict[str, Any]:
     place = operation.axis, operation.input
     name = next(name for name, wired in wired_inputs(robot).items() if wired == place)
     return {"do": Do.INPUT, "input": name, "on": operation.on}
+
+
+def _of_switch(robot: Robot, operation: SwitchWire | BouncingSwitch) -> dict[str, str]:
+    return {"joint": robot.joint_names[operation.axis], "switch": _SWITCH_NAMES[operation.switch]}
 
 
 def _switch_request(robot: Robot, operation: StuckSwitch) -> dict[str, Any]:
@@ -426,6 +488,24 @@ REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
         "full_steps": harm.full_steps,
     },
     SetWire: _wire_request,
+    SwitchWire: lambda robot, harm: {
+        "do": Do.SWITCH_WIRE,
+        **_of_switch(robot, harm),
+        "broken": SwitchWiring.WHOLE if harm.broken is None else harm.broken.value,
+    },
+    BouncingSwitch: lambda robot, harm: {
+        "do": Do.BOUNCE,
+        **_of_switch(robot, harm),
+        "bounces": harm.bounces,
+        "within_us": harm.within_us,
+        **({"seed": harm.seed} if harm.seed else {}),
+    },
+    DriverMode: lambda robot, harm: {
+        "do": Do.MODE,
+        **_joint(robot, harm.axis),
+        **({} if harm.microsteps is None else {"microsteps": harm.microsteps}),
+    },
+    OscCapacitor: lambda robot, harm: {"do": Do.OSC, **_joint(robot, harm.axis), "osc_pf": harm.osc_pf},
     BrownOut: lambda robot, harm: {"do": Do.BROWN_OUT, **_down(harm.for_ms), **_joint(robot, harm.axis)},
     WatchdogReset: lambda robot, harm: {"do": Do.WATCHDOG, **_down(harm.for_ms), **_joint(robot, harm.axis)},
     PowerUp: lambda robot, harm: {"do": Do.POWER_UP, **_joint(robot, harm.axis)},

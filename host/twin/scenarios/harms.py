@@ -9,7 +9,9 @@ from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import (
     AxisOperation,
     BoardTemperature,
+    BouncingSwitch,
     BrownOut,
+    DriverMode,
     DriverProtect,
     EmergencyStop,
     Operation,
@@ -18,6 +20,7 @@ from steptwin.emulator.operations import (
     SetWire,
     StuckSwitch,
     Supply,
+    SwitchWire,
 )
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.emulator.wires import WireState
@@ -78,6 +81,9 @@ _OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
     StuckSwitch: _as_before,
     SetWire: lambda harm, _: SetWire(harm.axis, harm.wire, WireState.WHOLE),
     BrownOut: lambda harm, _: PowerUp(harm.axis),
+    SwitchWire: lambda harm, _: SwitchWire(harm.axis, harm.switch, None),
+    BouncingSwitch: lambda harm, _: BouncingSwitch(harm.axis, harm.switch, 0),
+    DriverMode: lambda harm, _: DriverMode(harm.axis, None),
 }
 """What ends each type of operation; one without it is done at once."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)

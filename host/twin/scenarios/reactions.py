@@ -15,10 +15,14 @@ from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
     Babble,
     BoardTemperature,
+    BouncingSwitch,
     BrownOut,
     BusOff,
+    Contact,
+    DriverMode,
     DriverProtect,
     EmergencyStop,
+    OscCapacitor,
     PowerUp,
     SetInput,
     SetWire,
@@ -26,6 +30,7 @@ from steptwin.emulator.operations import (
     StrangerSends,
     StuckSwitch,
     Supply,
+    SwitchWire,
     WatchdogReset,
 )
 from steptwin.emulator.wires import WireState
@@ -220,6 +225,40 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         lambda harm, _: isinstance(harm, StuckSwitch),
         GOES_ON,
         "a planned motion stays between its limit switches; homing fails (EMCY 0xFF05)",
+    ),
+    Documented(
+        "wire of a limit switch broken, its contact closed at rest",
+        lambda harm, _: (
+            isinstance(harm, SwitchWire)
+            and harm.broken is Contact.NORMALLY_CLOSED
+            and harm.switch is not DigitalInput.HOME
+        ),
+        _stops(ErrorCode.LIMIT_SWITCH, certain=False),
+        "as a switch that is stuck closed",
+    ),
+    Documented(
+        "wire of a switch broken, its contact open at rest",
+        lambda harm, _: isinstance(harm, SwitchWire),
+        GOES_ON,
+        "nobody notices until the switch is needed: fit contacts that are closed at rest",
+    ),
+    Documented(
+        "a switch bounces",
+        lambda harm, _: isinstance(harm, BouncingSwitch),
+        GOES_ON,
+        "a planned motion stays between its limit switches; homing takes the first edge that a tick shows",
+    ),
+    Documented(
+        "a driver in another microstep mode",
+        lambda harm, _: isinstance(harm, DriverMode),
+        Reaction(Motion.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False),
+        "its steps are longer or shorter: a limit switch may come; the verdict tells it, `doctor` finds it",
+    ),
+    Documented(
+        "another capacitor at OSC",
+        lambda harm, _: isinstance(harm, OscCapacitor),
+        Reaction(Motion.GOES_ON, verified=False),
+        "with a larger one the chip misses pulses; the verdict tells it",
     ),
     Documented(
         "sensor on or off",

@@ -67,6 +67,23 @@ CASES = [
         'do = "switch"\njoint = "th1"\nswitch = "-"\nstuck = "open"',
         GOES,
     ),
+    Case(
+        "wire of a limit switch broken, its contact closed at rest",
+        'do = "switch-wire"\njoint = "th1"\nswitch = "-"\nbroken = "normally-closed"',
+        STOPS,
+        (100, 110),
+    ),
+    Case(
+        "wire of a switch broken, its contact open at rest",
+        'do = "switch-wire"\njoint = "th1"\nswitch = "-"\nbroken = "normally-open"',
+        GOES,
+    ),
+    Case("a switch bounces", 'do = "bounce"\njoint = "th1"\nswitch = "-"\nbounces = 5', GOES),
+    Case("a driver in another microstep mode", 'do = "mode"\njoint = "th2"\nmicrosteps = 16', GOES),
+    Case("a driver in another microstep mode", 'do = "mode"\njoint = "th4"\nmicrosteps = 8\nfor_s = 0.1', REFUSED),
+    Case("another capacitor at OSC", 'do = "osc"\njoint = "th2"\nosc_pf = 330', GOES),
+    Case("another capacitor at OSC", 'do = "osc"\njoint = "th2"\nosc_pf = 353', GOES),
+    Case("another capacitor at OSC", 'do = "osc"\njoint = "th2"\nosc_pf = 380', REFUSED),
     Case("sensor on or off", 'do = "input"\ninput = "part_ready"\non = true', GOES),
     Case("a motor falls out of step", 'do = "slip"\njoint = "th2"\nfull_steps = -4', REFUSED),
     *(
