@@ -44,7 +44,7 @@ def _mark_slip(axes: Axes, ran: MotorRun, axis: int) -> None:
     at_s = ran.driving.seconds(slip_counts)
     axes.axvline(at_s, color=LIMIT, linewidth=1.5)
     axes.annotate(
-        f" slips at {at_s:.3f} s", (at_s, 1.0), xycoords=("data", "axes fraction"), va="top", color=LIMIT, size=8
+        f"slips at {at_s:.3f} s", (at_s, 1.0), xycoords=("data", "axes fraction"), va="bottom", color=LIMIT, size=8
     )
 
 

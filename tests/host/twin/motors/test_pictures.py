@@ -24,7 +24,7 @@ def test_the_load_angle_is_drawn_for_each_joint_with_its_limit_and_its_slip(ran:
     slipped = replace(ran, trace=replace(ran.trace, first_slip_counts=(at_counts, None, None, None)))
     figure = draw_load_angle(slipped, RUN)
     assert [axes.get_ylabel() for axes in figure.axes] == ["th1 [deg]", "th2 [deg]", "d3 [deg]", "th4 [deg]"]
-    assert texts(figure) == " slips at 0.500 s"
+    assert texts(figure) == "slips at 0.500 s"
     assert texts(draw_load_angle(ran, RUN)) == ""
     drawn, *limits = figure.axes[0].get_lines()
     assert np.abs(np.asarray(drawn.get_ydata())).max() == pytest.approx(abs(ran.verdict.joints[0].load_angle_deg))
