@@ -90,9 +90,8 @@ def first_difference_by_wall_clock(
     The replay may go on for longer than the recording: what it says at the very end, or after it, is its own.
 
     Args:
-        recorded: the board's frames from the first frame of a host on, with instants as if the first frame of the
-            recording were that of the replay.
-        replayed: the board's frames of the replay, in the same way.
+        recorded: the board's frames from the first frame of a host on, with instants since the recording's first frame.
+        replayed: the board's frames of the replay, with instants since it began to play.
         node_ids: the board's nodes.
         decoder: puts frames into words.
     """
@@ -102,8 +101,9 @@ def first_difference_by_wall_clock(
         for node_id in sorted(node_ids):
             found = _first(old[service + node_id], new[service + node_id], settled_counts)
             if found:
+                counts = next(said.counts for said in found if said is not None)
                 texts = (NOTHING if said is None else words_of(said.frame, decoder) for said in found)
-                return Difference(None, what, *texts)
+                return Difference(counts, what, *texts)
     return _other_end(recorded, replayed, node_ids, decoder)
 
 
@@ -153,13 +153,14 @@ def _other_end(
 ) -> Difference | None:
     """Return the first node that does not come to rest at the same place, if the recording shows it at rest."""
     for node_id in sorted(node_ids):
-        old = [frame for _, frame in recorded if frame.cob_id == _STATUS + node_id][-_AT_REST:]
-        if len(old) < _AT_REST or old[0] != old[1]:
+        old = [each for each in recorded if each[1].cob_id == _STATUS + node_id][-_AT_REST:]
+        if len(old) < _AT_REST or old[0][1] != old[1][1]:
             continue
+        last_counts, last = old[-1]
         end_counts = recorded[-1][0] + _SETTLING_COUNTS
         new = [frame for counts, frame in replayed if frame.cob_id == _STATUS + node_id and counts <= end_counts]
-        if new and new[-1] != old[-1]:
-            return Difference(None, "at the end", words_of(old[-1], decoder), words_of(new[-1], decoder))
+        if new and new[-1] != last:
+            return Difference(last_counts, "at the end", words_of(last, decoder), words_of(new[-1], decoder))
     return None
 
 

@@ -122,7 +122,7 @@ def replay(
         played = sum(sender is Sender.HOST for sender in senders)
         left_out += others
         heard = _from_the_first_request(bus.frames, senders)
-        answered = [(counts, frame) for counts, frame in machine.run.bus_log if counts > LEAD_COUNTS]
+        answered = [(counts - LEAD_COUNTS, frame) for counts, frame in machine.run.bus_log if counts > LEAD_COUNTS]
         frames = first_difference_by_wall_clock(heard, answered, node_ids, decoder)
     edges, shift_us = None, None
     if against:
@@ -167,11 +167,11 @@ def _others(frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> Count
 
 
 def _from_the_first_request(frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> list[tuple[int, Frame]]:
-    """Return the board's frames after the first one of a host, with instants as the replay gives them."""
+    """Return the board's frames after the first one of a host, with instants in counts since the first frame."""
     first = senders.index(Sender.HOST) if Sender.HOST in senders else len(frames)
     first_us = frames[0].us
     return [
-        (LEAD_COUNTS + (us - first_us) * COUNTS_PER_US, frame)
+        ((us - first_us) * COUNTS_PER_US, frame)
         for (us, frame, _), sender in zip(frames[first:], senders[first:], strict=True)
         if sender is Sender.BOARD
     ]

@@ -119,6 +119,9 @@ def test_what_a_node_says_otherwise(
     assert not result.equal
     assert result.frames
     assert words in str(result.frames)
+    assert str(result.frames).startswith("at ")
+    assert result.frames.counts is not None
+    assert 0 < result.frames.counts < 1.2 * 72_000_000
     assert result.edges is None
 
 
