@@ -9,8 +9,8 @@ class Difference(NamedTuple):
     """Where a replay first leaves its recording.
 
     Attributes:
-        counts: instant in the recording or, where that has nothing, in the replay: since power-up; by a computer's clock
-            since the first frame, and None for a step, which tells its own instants.
+        counts: instant in the recording or, where that has nothing, in the replay: since power-up, by a computer's
+            clock since the first frame. None for a step by a computer's clock, which tells its own instants.
         where: the frames or the signal that differ, in words.
         recorded: what the recording has there.
         replayed: what the replay has there.
