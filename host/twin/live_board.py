@@ -13,7 +13,6 @@ import numpy as np
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
@@ -37,7 +36,7 @@ from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.scenarios.engine import Engine
-from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
+from steptwin.host.twin.scenarios.harms import Harm, HostFault
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.report import played_document
 from steptwin.host.twin.scenarios.scenario import Scenario
@@ -210,12 +209,7 @@ class LiveBoard:
         """
         if isinstance(harm, HostFault):
             raise InputError(f"do: {_NO_HOST}")
-        if isinstance(harm, BusFault):
-            self.bus.faults.begin(harm)
-        elif isinstance(harm, BusRepair):
-            self.bus.faults.end_all()
-        else:
-            self._target.operate(harm)
+        self._target.harm(harm)
         self._operations.append((self.live.simulation.now_s, harm))
 
     @property

@@ -186,17 +186,14 @@ class Engine:
 
     def _begin(self, each: Played, now_counts: int) -> None:
         harm = each.harm
-        if isinstance(harm, BusFault):
-            self.target.simulation.bus.faults.begin(harm)
-            return
-        each.strikes, each.first_counts = 1, now_counts
+        if not isinstance(harm, BusFault):  # one of the bus strikes when a frame comes
+            each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
             self._host.begin(harm, now_counts)
-        elif isinstance(harm, BusRepair):
-            self.target.simulation.bus.faults.end_all()
-        else:
+            return
+        if not isinstance(harm, BusFault | BusRepair):
             each.undo = opposite(harm, self.target.surroundings)
-            self.target.operate(harm)
+        self.target.harm(harm)
 
     def counted_from(self, began: Moment) -> Moment:
         """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from steptwin.emulator.board import Board
+from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import BusOperation, Operation, PlacedOperation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps
+from steptwin.host.twin.scenarios.harms import BusRepair
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
 
@@ -32,6 +34,17 @@ class Target:
     def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
         """Return the target with the axes of all boards in order."""
         return cls(robot, simulation, start_steps, tuple(axes_of(simulation.boards)))
+
+    def harm(self, harm: Operation | BusFault | BusRepair) -> None:
+        """Execute an operation now, or let a fault of the bus begin, or all of them end."""
+        faults = self.simulation.bus.faults
+        match harm:
+            case BusFault():
+                faults.begin(harm)
+            case BusRepair():
+                faults.end_all()
+            case _:
+                self.operate(harm)
 
     def operate(self, operation: Operation) -> None:
         """Execute an operation now: on the board of its axis, on the bus, else on every board."""
