@@ -9,7 +9,7 @@ from steptwin.host.cli import motor_report
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """A clock that stands; its only element is the time."""
     now_s = [100.0]
-    monkeypatch.setattr(motor_report.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr("steptwin.host.cli.motor_report.time.monotonic", lambda: now_s[0])
     return now_s
 
 
