@@ -48,8 +48,12 @@ class Attendant(Protocol):
         ...
 
 
+_BUSY_FRAMES = 500
+"""Number of frames that a busy bus carries at least in this time: the longest are 135 bits, the slowest 125 kbit/s."""
+
+
 class BusOverloadError(Exception):
-    """The boards' own frames keep the bus busy without end."""
+    """The bus does not fall silent: the boards' own frames keep it busy, or a frame does not get through."""
 
 
 class Simulation:
@@ -179,20 +183,27 @@ class Simulation:
         """Send a frame as the host and run until the bus is silent again: answers have then arrived.
 
         Raises:
-            BusOverloadError: the bus does not fall silent, because the boards send more than fits on it.
+            BusOverloadError: the bus does not fall silent, because the boards send more than fits on it, or because
+                a frame finds no station that takes it.
         """
         was_silent = not self.bus.busy
         self.host.send(frame, self.now_counts)
         if was_silent:
             self._skip_intermission()
-        give_up_counts = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND
+        give_up_counts, frames = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND, self.bus.frames
         while self.bus.busy or (self._late_readers and self._messages_wait):
             if self.now_counts > give_up_counts:
-                raise BusOverloadError(
-                    f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
-                    f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
-                )
+                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames))
             self._advance_to(give_up_counts + 1)
+
+    def _why_no_silence(self, frames: int) -> str:
+        """Return why the bus has not fallen silent, during which so many frames have become valid."""
+        if frames < _BUSY_FRAMES:
+            return f"a frame has waited {_SILENCE_MAX_S} s for the bus: it is held back, or no station acknowledges it"
+        return (
+            f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
+            f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"
+        )
 
     def _skip_intermission(self) -> None:
         """Go to the beginning of the frame just sent, the end of the intermission, if no board has an event before."""

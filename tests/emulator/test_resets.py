@@ -9,7 +9,7 @@ from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_profiles import PROFILES
 from steptwin.emulator.operations import BrownOut, EmergencyStop, Operation, PowerUp, WatchdogReset
-from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.emulator.tb6560 import Rule
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Status
@@ -28,14 +28,14 @@ BOOT_UPS = [Frame(0x700 + NODE, b"\0"), Frame(0x701 + NODE, b"\0")]
 class Rig:
     """A board of two axes whose first moves 30 steps up in 100 ms, 40 ms ago."""
 
-    def __init__(self, kernel: Kernel, drivers: str = "chip-330pf", boards: int = 1) -> None:
+    def __init__(self, kernel: Kernel, drivers: str = "chip-330pf", boards: int = 1, bitrate: int = 1_000_000) -> None:
         profile = PROFILES[drivers]
         self.boards = [
             Board(BoardConfig(2, (profile.osc_pf,) * 2, modules=(profile.fitted(16),) * 2, first_node_id=node), kernel)
             for node in (NODE, NODE + 2)[:boards]
         ]
         self.board = self.boards[0]
-        self.simulation = Simulation(self.boards, Bus(1_000_000))
+        self.simulation = Simulation(self.boards, Bus(bitrate))
         wait(self.simulation, 5)
         for address, ns in SLOW_TIMING.items():
             write(self.simulation, NODE, address, ns)
@@ -167,6 +167,13 @@ def test_a_frame_to_a_dead_board_waits_until_it_lives(fast_kernel: Kernel) -> No
     assert rig.simulation.now_counts >= struck + 20 * MS
     assert rig.simulation.bus.error_frames > 100
     assert [frame.cob_id for _, frame in rig.sent_since()].count(0x000) == 1
+
+
+def test_a_frame_to_a_board_that_stays_dead_is_given_up(fast_kernel: Kernel) -> None:
+    rig = Rig(fast_kernel, bitrate=125_000)
+    rig.strike(BrownOut(None))
+    with pytest.raises(BusOverloadError, match=r"a frame has waited 1 s for the bus: .* no station acknowledges it"):
+        rig.simulation.send(START)
 
 
 @pytest.mark.parametrize("for_ms", [0, -1])

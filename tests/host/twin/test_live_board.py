@@ -8,6 +8,8 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.board import Board
+from steptwin.emulator.operations import OscCapacitor, SetWire
+from steptwin.emulator.wires import Wire, WireState
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
 from steptwin.host.twin.live_board import RECORD_EVERY_S
@@ -191,3 +193,24 @@ def test_the_report_is_stored(fast_kernel: Kernel, tmp_path: Path) -> None:
     assert report["robot"] == "warehouse-scara"
     assert report["real_time"]["speed"] == 1.0
     assert report["simulated_s"] == pytest.approx(0.01)
+
+
+def test_faults_of_drivers_and_wires_are_recorded_too(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """A limit that a driver has got since the beginning, and a pulse that lasts for several pieces of the recording."""
+    session = LiveSession(fast_kernel, tmp_path)
+    session.send(NMT_START)
+    session.move(0)
+    session.board.operate(OscCapacitor(JOINT, 1000))
+    session.move(2)
+    session.board.operate(SetWire(JOINT, Wire.STEP, WireState.HIGH))
+    session.wait(200)
+    session.move(4)
+    session.board.operate(SetWire(JOINT, Wire.STEP, WireState.WHOLE))
+    session.wait(200)
+    session.end()
+    axis = read_edges(tmp_path).axes[JOINT]
+    rules = [axis.violations.limits[which].limit for which in axis.violations.which.tolist()]
+    assert rules == [90.0] * 40
+    assert axis.step_counts.size == 40 + 1
+    assert axis.clk_rise_counts.size == 80 + 1
+    assert axis.clk_fall_counts[-1] - axis.clk_rise_counts[-1] > 3_600
