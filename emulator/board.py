@@ -179,9 +179,10 @@ class Board:
         self._inputs.leave_drivers()
         return self._drivers.follow_outputs()
 
+    @property
     def slipped_sixteenths(self) -> list[int]:
-        """Return the way by which `Slip` has moved each axis' rotor since power-up, in sixteenths of a full step."""
-        return list(self._drivers.slipped_sixteenths)
+        """Way by which `Slip` has moved each axis' rotor since power-up, in sixteenths of a full step."""
+        return self._drivers.slipped_sixteenths
 
     def place(self, rotors_sixteenths: Sequence[int]) -> None:
         """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""

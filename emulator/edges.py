@@ -17,6 +17,8 @@ NO_LEVELS = np.empty(0, dtype=np.int8)
 
 def levels_at(times: Int64Array, edges: Int64Array, levels: Int8Array, before: int) -> Int8Array:
     """Return a pin's level at each of the sorted times; an edge at that very time has already happened."""
+    if not edges.size:
+        return np.full(times.size, before, dtype=np.int8)
     firsts = np.searchsorted(times, edges, side="left")
     lengths = np.diff(firsts, prepend=0, append=times.size)
     return np.repeat(np.concatenate((np.array([before], dtype=np.int8), levels)), lengths)

@@ -9,6 +9,7 @@ Rotor and field have a common electrical angle when the outputs come on for the 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import floor, inf, pi, sqrt
 from typing import Final
 
@@ -21,16 +22,21 @@ from steptwin.emulator.board import Board
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.power_supply import PowerSupply
 from steptwin.emulator.rotor_backend import RotorBackend
-from steptwin.emulator.rotor_kernel import EVENT_FIELDS
+from steptwin.emulator.rotor_kernel import AT_COUNTS, EVENT_A, EVENT_B, EVENT_FAST, EVENT_FIELD, EVENT_FIELDS, EVENT_ON
 from steptwin.emulator.rotors import Drive, RotorRecord, Rotors
 from steptwin.emulator.shelf_watch import OutputWire
 from steptwin.emulator.switches import WEIGHT_ONE
-from steptwin.emulator.tb6560 import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, OutputChanges
+from steptwin.emulator.tb6560 import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, FieldTurns, OutputChanges, Steady
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 REST_TICKS: Final = 40
 """Greatest stretch while no axis moves, 10 ms: nothing waits for the rotors then."""
+
+_STILL_TICKS: Final = 40
+_STILL_RAD_S: Final = 0.01
+"""Where no rotor has been faster for so many ticks, and no driver has changed, all stands."""
+_FREE_TICKS_MAX: Final = 400
 
 _RAD_PER_SIXTEENTH: Final = 2.0 * pi / CYCLE_SIXTEENTHS
 _TICK_S: Final = TICK_COUNTS / COUNTS_PER_SECOND
@@ -82,21 +88,28 @@ class RotorWatch:
         self.rotors = Rotors(drives, arm, wiring.supply, wiring.start_rad, backend=wiring.backend)
         self._unmounted = set(range(len(drives)))
         """Axes whose outputs have not been on yet."""
-        self._slipped = [0] * len(drives)
-        """Sixteenths by which each rotor has been made to slip."""
+        self._steady: list[Steady | None] = [None] * len(drives)
+        self._tables = [_NOTHING] * len(drives)
+        """Each axis' events by the field's angle while only steps come, as `_steady` has it."""
+        self._still_ticks = 0
+        """Ticks for which no driver has changed and no rotor has turned."""
+        self._free_tick = 0
+        """Tick up to whose start no rotor can reach a switch."""
+        self._slipped = [list(board.slipped_sixteenths) for board in boards]
+        """Sixteenths by which each rotor has been made to slip, by board."""
         self._tick = 0
         """Tick up to whose start the rotors have turned."""
         self._held = 0
-        self._carry_tick: int | None = None
-        """Start of a ms at which the payload is taken or left; None while nothing of the kind is to come."""
+        self._changes: list[tuple[int, Callable[[], None]]] = []
+        """What happens to the rotors beside their drivers, in order of time: the tick at whose start, and what."""
         first = 0
         for board in boards:
             board.rotor_of = self._reader(first)
             first += board.config.axis_count
         if wiring.held_by is not None:
             boards[wiring.held_by.board].watch_outputs()
-        self._end_tick = self._stretch_end()
-        self.next_counts = self._end_tick * TICK_COUNTS - 1
+        self._end_tick = 1
+        self.next_counts = TICK_COUNTS - 1
         """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
 
     def _reader(self, first: int) -> Callable[[int], Shaft]:
@@ -120,10 +133,34 @@ class RotorWatch:
             level = self._boards[wire.board].output_level(wire.axis, wire.pin)
             if level != self._held:
                 self._held = level
-                self._carry_tick = -(-self._now() // (TICKS_PER_MS * TICK_COUNTS)) * TICKS_PER_MS
-                self._plan()
+                tick = -(-self._now() // (TICKS_PER_MS * TICK_COUNTS)) * TICKS_PER_MS
+                self._change_at(tick, partial(self.rotors.carry, self._wiring.loaded if level else self._wiring.arm))
+        if any(board.slipped_sixteenths != known for board, known in zip(self._boards, self._slipped, strict=True)):
+            self._see_slips()
         if self._now() >= self.next_counts:
             self._turn(self._end_tick)
+        elif self._still and any(board.moving for board in self._boards):
+            self._turn_to_now()
+            self._still_ticks = 0
+            self._plan()
+
+    def _see_slips(self) -> None:
+        """Let rotors slip at the start of the tick at which `Slip` has made them."""
+        first = 0
+        for number, board in enumerate(self._boards):
+            for axis, sixteenths in enumerate(board.slipped_sixteenths):
+                turns = (sixteenths - self._slipped[number][axis]) // CYCLE_SIXTEENTHS
+                if turns:
+                    self._change_at(board.firmware.motion.tick, partial(self.rotors.slip, first + axis, turns))
+            self._slipped[number] = list(board.slipped_sixteenths)
+            first += board.config.axis_count
+
+    def _change_at(self, tick: int, change: Callable[[], None]) -> None:
+        """Let something happen to the rotors at the start of a tick, before which the stretch ends."""
+        self._changes.append((tick, change))
+        self._changes.sort(key=lambda item: item[0])
+        self._still_ticks = self._free_tick = 0
+        self._plan()
 
     def finish(self, milliseconds: int) -> None:
         """Turn the rotors alone up to an instant since power-up, after the boards' last edge."""
@@ -142,20 +179,23 @@ class RotorWatch:
             board.drain()
         until_counts = tick * TICK_COUNTS
         rows = [self._rows(axis, follower.look(until_counts)) for axis, follower in enumerate(self._followers)]
-        self._let_slip()
         if any(len(each) for each in rows):
             self.rotors.feed_rows(rows)
+        self._still_ticks += tick - self._tick
         record = self.rotors.advance_ticks(tick - self._tick)
         self._tick = tick
-        if self._carry_tick == tick:
-            self.rotors.carry(self._wiring.loaded if self._held else self._wiring.arm)
-            self._carry_tick = None
+        while self._changes and self._changes[0][0] <= tick:
+            self._changes.pop(0)[1]()
         if record.counts.size:
             self.on_record(record)
-        self._place()
+        if max(map(abs, self.rotors.rates_rad_s())) > _STILL_RAD_S:
+            self._still_ticks = 0
+        if tick >= self._free_tick:
+            self._place()
+            self._free_tick = tick + self._free_ticks()
         self._plan()
 
-    def _rows(self, axis: int, changes: OutputChanges | None) -> FloatArray:
+    def _rows(self, axis: int, changes: FieldTurns | OutputChanges | None) -> FloatArray:
         """Return changes at a driver's outputs as the rotors take them.
 
         The rotor's angle grows with the position, the field's with DIR low: so it is taken the other way round, and
@@ -163,27 +203,20 @@ class RotorWatch:
         """
         if changes is None:
             return _NOTHING
-        rows = np.empty((changes.counts.size, EVENT_FIELDS))
-        rows[:, 0] = changes.counts
-        np.multiply(changes.sixteenths, -_RAD_PER_SIXTEENTH, out=rows[:, 1])
-        rows[:, 2] = changes.currents_a[:, 0]
-        np.negative(changes.currents_a[:, 1], out=rows[:, 3])
-        rows[:, 4] = changes.fast
-        rows[:, 5] = changes.currents_a.any(axis=1)
-        if axis in self._unmounted and rows[:, 5].any():
-            field_rad = float(rows[np.argmax(rows[:, 5]), 1])
+        self._still_ticks = 0
+        if isinstance(changes, FieldTurns):
+            if self._steady[axis] is not changes.steady:
+                self._steady[axis], self._tables[axis] = changes.steady, _table(changes.steady)
+            rows = self._tables[axis][changes.sixteenths % CYCLE_SIXTEENTHS]
+        else:
+            rows = _filled(changes.counts.size, changes.currents_a, changes.fast)
+        rows[:, AT_COUNTS] = changes.counts
+        np.multiply(changes.sixteenths, -_RAD_PER_SIXTEENTH, out=rows[:, EVENT_FIELD])
+        if axis in self._unmounted and rows[:, EVENT_ON].any():
+            field_rad = float(rows[np.argmax(rows[:, EVENT_ON]), EVENT_FIELD])
             self.rotors.mount(axis, field_rad - self._teeth[axis] * self._wiring.start_rad[axis])
             self._unmounted.remove(axis)
         return rows
-
-    def _let_slip(self) -> None:
-        slipped = [sixteenths for board in self._boards for sixteenths in board.slipped_sixteenths()]
-        if slipped == self._slipped:
-            return
-        for axis, (now, before) in enumerate(zip(slipped, self._slipped, strict=True)):
-            if now != before:
-                self.rotors.slip(axis, (now - before) // CYCLE_SIXTEENTHS)
-        self._slipped = slipped
 
     # --- switches
 
@@ -194,6 +227,7 @@ class RotorWatch:
         return [(place - start) * per_rad for place, start, per_rad in at]
 
     def _place(self) -> None:
+        """Let the switches follow the rotors."""
         places = self.rotors.coordinates_rad()
         at = [floor(place * per_rad + 0.5) for place, per_rad in zip(places, self._per_rad, strict=True)]
         first = 0
@@ -204,22 +238,28 @@ class RotorWatch:
 
     def _plan(self) -> None:
         """Choose the end of the next stretch."""
-        self._end_tick = self._stretch_end()
+        moving = any(board.moving for board in self._boards)
+        if self._still and not moving:
+            end = self._tick + REST_TICKS
+        else:
+            end = min(self._tick + (self._wiring.stretch_ticks if moving else REST_TICKS), self._free_tick)
+        if self._changes:
+            end = min(end, self._changes[0][0])
+        self._end_tick = max(end, self._tick + 1)
         self.next_counts = self._end_tick * TICK_COUNTS - 1
 
-    def _stretch_end(self) -> int:
-        moving = any(board.moving for board in self._boards)
-        ticks = min(self._wiring.stretch_ticks if moving else REST_TICKS, self._ticks_to_switch())
-        end = self._tick + max(1, ticks)
-        return end if self._carry_tick is None else min(end, max(self._carry_tick, self._tick + 1))
+    @property
+    def _still(self) -> bool:
+        """True while all stands, until a driver changes: then no rotor is on its way to a switch."""
+        return self._still_ticks >= _STILL_TICKS
 
-    def _ticks_to_switch(self) -> int:
+    def _free_ticks(self) -> int:
         """Return the number of ticks in which no rotor reaches a switch, by its speed and its greatest acceleration."""
         speeds = [abs(rate) * per for rate, per in zip(self.rotors.rates_rad_s(), self._per_rad, strict=True)]
         accelerations = [
             most * per for most, per in zip(self.rotors.accelerations_max_rad_s2(), self._per_rad, strict=True)
         ]
-        least, first = float(REST_TICKS), 0
+        least, first = float(_FREE_TICKS_MAX), 0
         for board in self._boards:
             for travel, distance in board.ways_to_change():
                 speed = acceleration = 0.0
@@ -228,8 +268,22 @@ class RotorWatch:
                     speed += share * speeds[first + axis]
                     acceleration += share * accelerations[first + axis]
                 if acceleration == inf:  # nothing has turned yet
-                    return 1
+                    return 0
                 way = max(0.0, distance - 1.0)  # positions are rounded
                 least = min(least, (sqrt(speed * speed + 2.0 * acceleration * way) - speed) / (acceleration * _TICK_S))
             first += board.config.axis_count
         return int(least)
+
+
+def _table(steady: Steady) -> FloatArray:
+    """Return the events of a field that turns, by its angle; instant and angle are to be filled in."""
+    return _filled(CYCLE_SIXTEENTHS, steady.currents_a, np.full(CYCLE_SIXTEENTHS, steady.fast))
+
+
+def _filled(count: int, currents_a: FloatArray, fast: FloatArray) -> FloatArray:
+    rows = np.zeros((count, EVENT_FIELDS))
+    rows[:, EVENT_A] = currents_a[:, 0]
+    np.negative(currents_a[:, 1], out=rows[:, EVENT_B])
+    rows[:, EVENT_FAST] = fast
+    rows[:, EVENT_ON] = currents_a.any(axis=1)
+    return rows

@@ -7,7 +7,7 @@ from steptwin.emulator.tb6560.chip import CLK_RATE_MAX_HZ, CURRENT_MAX_A, PERIOD
 from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, Excitation
 from steptwin.emulator.tb6560.limits import Limit, LimitUnit, Rule, ViolationLog, Violations, merged
 from steptwin.emulator.tb6560.oscillator import OSC_PF_MIN, chopping_hz, clk_width_min_counts, oscillator_hz
-from steptwin.emulator.tb6560.output_follower import OutputChanges, OutputFollower
+from steptwin.emulator.tb6560.output_follower import FieldTurns, OutputChanges, OutputFollower, Steady
 from steptwin.emulator.tb6560.outputs import Outputs
 from steptwin.emulator.tb6560.pins import EXCITATIONS, PINS, Input, LevelChange
 from steptwin.emulator.tb6560.thermal import Cooling
@@ -24,6 +24,7 @@ __all__ = [
     "SENSE_OHM",
     "Cooling",
     "Excitation",
+    "FieldTurns",
     "Input",
     "LevelChange",
     "Limit",
@@ -33,6 +34,7 @@ __all__ = [
     "Outputs",
     "Pins",
     "Rule",
+    "Steady",
     "Tb6560",
     "ViolationLog",
     "Violations",

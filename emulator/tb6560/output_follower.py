@@ -12,7 +12,7 @@ import numpy as np
 
 from steptwin.emulator.edges import FloatArray, Int8Array, Int64Array, joined
 from steptwin.emulator.tb6560.excitation import CYCLE_SIXTEENTHS
-from steptwin.emulator.tb6560.outputs import Origin, Outputs, Setting
+from steptwin.emulator.tb6560.outputs import Origin, Outputs
 from steptwin.emulator.tb6560.pins import LevelChange
 from steptwin.emulator.tb6560.thermal import Junction
 from steptwin.protocol.timer import COUNTS_PER_MS
@@ -21,12 +21,47 @@ _SETTLING_COUNTS: Final = COUNTS_PER_MS
 """Time from a change of an input until all outputs have followed: ENABLE's delay is 3 us."""
 
 
-class OutputChanges(NamedTuple):
-    """What changed at the outputs, in order of time; arrays of one length.
+class Steady(NamedTuple):
+    """What holds while only steps come.
+
+    Attributes:
+        step_sixteenths: angle by which a step turns the field.
+        currents_a: shape (64, 2), currents of A and B by the field's angle.
+        fast: fraction of fast decay.
+    """
+
+    step_sixteenths: int
+    currents_a: FloatArray
+    fast: float
+
+    @classmethod
+    def at(cls, outputs: Outputs, counts: int) -> "Steady":
+        """Return what holds at an instant."""
+        setting = outputs.setting(counts)
+        (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
+        return cls(setting.excitation.step_sixteenths, _rounded(setting.currents_a()), fast)
+
+
+class FieldTurns(NamedTuple):
+    """Steps, and what held meanwhile.
 
     Attributes:
         counts: shape (n,), instants.
         sixteenths: shape (n,), the field's angle in sixteenths of a full step, counted through; it grows with DIR low.
+        steady: what held.
+    """
+
+    counts: Int64Array
+    sixteenths: Int64Array
+    steady: Steady
+
+
+class OutputChanges(NamedTuple):
+    """Any changes at the outputs, in order of time.
+
+    Attributes:
+        counts: shape (n,), instants.
+        sixteenths: shape (n,), as in `FieldTurns`.
         currents_a: shape (n, 2), in phases A and B, rounded to mA.
         fast: shape (n,), fraction of fast decay.
     """
@@ -47,7 +82,7 @@ class OutputFollower:
         self._counts: list[Int64Array] = []
         self._signs: list[Int8Array] = []
         """Steps since the origin."""
-        self._settled: _Settled | None = None
+        self._steady: Steady | None = None
         """What holds while only steps come; None after a change of an input, until the outputs have followed."""
         self._settled_counts = _SETTLING_COUNTS
         self._looked_counts = 0
@@ -64,47 +99,51 @@ class OutputFollower:
             self._counts.append(counts)
             self._signs.append(signs)
 
-    def look(self, until_counts: int) -> OutputChanges | None:
+    def look(self, until_counts: int) -> FieldTurns | OutputChanges | None:
         """Return what has changed before an instant since the last look; None for nothing.
 
         No input may change, later, at an instant before this one.
         """
-        if self._settled and self._junction.shut_down(until_counts) != self._origin.shut_down:
+        if self._steady and self._junction.shut_down(until_counts) != self._origin.shut_down:
             self._unsettle()
-        changes = self._look_at_steps(until_counts) if self._settled else self._look_at_all(until_counts)
+        if self._steady is None:
+            changes: FieldTurns | OutputChanges | None = self._look_at_all(until_counts)
+        else:
+            changes = self._look_at_steps(self._steady, until_counts)
         self._looked_counts = until_counts
         return changes
 
     def _unsettle(self) -> None:
         """Begin a history at the last look, from what has held since then."""
-        if self._settled is None:
+        if self._steady is None:
             return
-        self._settled = None
+        self._steady = None
         assert self._through is not None
         field = self._origin.field._replace(sixteenths=self._through % CYCLE_SIXTEENTHS)
         self._origin = self._origin._replace(field=field, from_counts=self._looked_counts)
 
-    def _look_at_steps(self, until_counts: int) -> OutputChanges | None:
-        settled = self._settled
-        assert settled is not None
-        assert self._through is not None
+    def _look_at_steps(self, steady: Steady, until_counts: int) -> FieldTurns | None:
+        if not self._counts:
+            return None
         counts, signs = self._steps_before(until_counts)
         if not counts.size:
             return None
-        through = self._through - settled.step_sixteenths * np.cumsum(signs, dtype=np.int64)
+        assert self._through is not None
+        through = self._through - steady.step_sixteenths * signs.cumsum(dtype=np.int64)
         self._through = int(through[-1])
-        currents_a = settled.currents_a[through % CYCLE_SIXTEENTHS]
-        return OutputChanges(counts, through, currents_a, np.full(counts.size, settled.fast))
+        return FieldTurns(counts, through, steady)
 
     def _steps_before(self, until_counts: int) -> tuple[Int64Array, Int8Array]:
         """Return the steps before an instant, and forget them."""
-        if not self._counts:
-            return joined([], np.int64), joined([], np.int8)
-        counts, signs = joined(self._counts, np.int64), joined(self._signs, np.int8)
+        if len(self._counts) == 1:
+            ((counts,), (signs,)) = self._counts, self._signs
+        else:
+            counts, signs = joined(self._counts, np.int64), joined(self._signs, np.int8)
         self._counts, self._signs = [], []
+        if not counts.size or counts[-1] < until_counts:
+            return counts, signs
         first = int(np.searchsorted(counts, until_counts))
-        if first < counts.size:
-            self._counts, self._signs = [counts[first:]], [signs[first:]]
+        self._counts, self._signs = [counts[first:]], [signs[first:]]
         return counts[:first], signs[:first]
 
     def _look_at_all(self, until_counts: int) -> OutputChanges | None:
@@ -119,7 +158,7 @@ class OutputFollower:
         self._changes = [change for change in self._changes if change.counts >= kept_counts]
         self._steps_before(kept_counts)
         if settled:
-            self._settled = _Settled.at(outputs, until_counts - 1)
+            self._steady = Steady.at(outputs, until_counts - 1)
         return changes
 
     def _sampled(self, outputs: Outputs, counts: Int64Array) -> OutputChanges:
@@ -130,27 +169,6 @@ class OutputFollower:
         through = before + np.cumsum((moves + half) % CYCLE_SIXTEENTHS - half)
         self._through = int(through[-1])
         return OutputChanges(counts, through, _rounded(outputs.currents_a(counts)), outputs.fast_decay(counts))
-
-
-class _Settled(NamedTuple):
-    """What holds while only steps come.
-
-    Attributes:
-        step_sixteenths: angle by which a step turns the field.
-        currents_a: shape (64, 2), currents of A and B by the field's angle.
-        fast: fraction of fast decay.
-    """
-
-    step_sixteenths: int
-    currents_a: FloatArray
-    fast: float
-
-    @classmethod
-    def at(cls, outputs: Outputs, counts: int) -> "_Settled":
-        """Return what holds at an instant."""
-        setting: Setting = outputs.setting(counts)
-        (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
-        return cls(setting.excitation.step_sixteenths, _rounded(setting.currents_a()), fast)
 
 
 def _rounded(currents_a: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.emulator.edges import Int8Array, Int64Array
-from steptwin.emulator.tb6560 import Input, LevelChange, OutputChanges, Pins, Tb6560
+from steptwin.emulator.tb6560 import FieldTurns, Input, LevelChange, OutputChanges, Pins, Tb6560
 from steptwin.emulator.tb6560.thermal import Cooling
 from steptwin.protocol.timer import COUNTS_PER_MS
 
@@ -15,6 +15,13 @@ CHANGING = (*SETTINGS, Input.ENABLE, Input.RESET)
 
 def pins(rises: Int64Array, turns: tuple[Int64Array, Int8Array], changes: list[LevelChange], until_counts: int) -> Pins:
     return Pins(rises, rises + 2400, *turns, tuple(changes), until_counts)
+
+
+def in_full(found: FieldTurns | OutputChanges) -> OutputChanges:
+    if isinstance(found, OutputChanges):
+        return found
+    counts, sixteenths, steady = found
+    return OutputChanges(counts, sixteenths, steady.currents_a[sixteenths % 64], np.full(counts.size, steady.fast))
 
 
 def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
@@ -36,8 +43,8 @@ def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
         if cycle % 7 == 6:
             chip.forget()  # what a live board does is nothing to the follower
         now_counts = until_counts
-        if (changes_told := follower.look(now_counts)) is not None:
-            told.append(changes_told)
+        if (found := follower.look(now_counts)) is not None:
+            told.append(in_full(found))
     return told
 
 
@@ -77,7 +84,7 @@ def test_a_thermal_shutdown_is_told_at_its_instant() -> None:
         chip.feed(pins(nothing, none, [], ms * COUNTS_PER_MS))
         told.append(follower.look(ms * COUNTS_PER_MS))
     off_counts = int(chip.violations.counts.max())
-    changes = [each for each in told if each is not None]
+    changes = [in_full(each) for each in told if each is not None]
     assert changes[-1].counts.tolist() == [off_counts]
     assert not changes[-1].currents_a.any()
     assert changes[0].currents_a[-1].any()
