@@ -256,6 +256,7 @@ def rub(
     for axis in range(count):
         give_impulse(state, inverse, count, axis, state[axis * STATE_FIELDS + IMPULSE])
     for _ in range(SWEEPS):
+        settled = True
         for axis in range(count):
             x = axis * STATE_FIELDS
             limit = friction_limit(axes, state, bias, axis)
@@ -267,8 +268,12 @@ def rub(
             else:
                 lower, upper = -limit, limit
             impulse = lower if wanted < lower else (upper if wanted > upper else wanted)
-            give_impulse(state, inverse, count, axis, impulse - state[x + IMPULSE])
-            state[x + IMPULSE] = impulse
+            if impulse != state[x + IMPULSE]:
+                give_impulse(state, inverse, count, axis, impulse - state[x + IMPULSE])
+                state[x + IMPULSE] = impulse
+                settled = False
+        if settled:
+            break
     for axis in range(count):
         x = axis * STATE_FIELDS
         state[x + RUBBED_J] -= state[x + IMPULSE] * (forces[axis] + state[x + RATE]) / 2.0
