@@ -184,13 +184,15 @@ class RotorWatch:
         self._still_ticks += tick - self._tick
         record = self.rotors.advance_ticks(tick - self._tick)
         self._tick = tick
+        changed = False
         while self._changes and self._changes[0][0] <= tick:
             self._changes.pop(0)[1]()
+            changed = True
         if record.counts.size:
             self.on_record(record)
         if max(map(abs, self.rotors.rates_rad_s())) > _STILL_RAD_S:
             self._still_ticks = 0
-        if tick >= self._free_tick:
+        if changed or tick >= self._free_tick:
             self._place()
             self._free_tick = tick + self._free_ticks()
         self._plan()

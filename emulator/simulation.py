@@ -125,6 +125,8 @@ class Simulation:
     def _operate(self, operation: Operation, number: int) -> None:
         self._execute(operation, number)
         self.boards[number].poll(self.now_counts)
+        if self.rotor_watch is not None:
+            self.rotor_watch.look()
 
     def _execute(self, operation: Operation, number: int) -> None:
         match operation:

@@ -134,3 +134,25 @@ def test_a_robot_without_motors_is_told_what_is_missing(
     mine.write_text(text[: text.index("[joints.d3.motor]")] + text[text.index("[joints.th4]") :], encoding="utf-8")
     said = "joints.d3.motor: is missing: the joint's motor is unknown (docs/motors.md)"
     assert refusal(capsys, "run", "--robot-file", str(mine), "carry", "--motors") == said
+
+
+def test_motors_in_the_loop_tell_what_they_tell_after_the_run(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With too heavy a payload the run fails, and says which rotor slips, when, and how far away it ends."""
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    mine = tmp_path / "mine.toml"
+    mine.write_text(text.replace("payload_kg = 0.1", "payload_kg = 80.0"), encoding="utf-8")
+    words = ("run", "--robot-file", str(mine), "carry")
+    slipped = run_json(capsys, *words, "--motors=loop", exit_code=1)
+    after = run_json(capsys, *words, "--motors", exit_code=1)
+    assert slipped["passed"] is False
+    assert "full steps away" in slipped["reasons"][0]
+    first = [
+        min((joint["first_slip_s"], joint["name"]) for joint in each["motors"]["joints"] if joint["first_slip_s"])
+        for each in (slipped, after)
+    ]
+    assert first[0] == first[1]
+    assert (
+        refusal(capsys, *words, "--motors=lop") == "Invalid value for '--motors': 'lop' is not one of 'after', 'loop'."
+    )

@@ -53,7 +53,11 @@ class LiveSession:
         log: Path | None = None,
         axes_per_board: tuple[int, ...] | None = None,
         drivers: str | None = None,
+        *,
+        motors: bool = False,
+        stride_ms: int = 1,
     ) -> None:
+        self._stride_ms = stride_ms
         self.board = LiveBoard(
             ROBOT,
             list(ROBOT.home),
@@ -64,15 +68,17 @@ class LiveSession:
             out=out,
             log=log,
             driver_profile_name=drivers,
+            motors=motors,
         )
         self.board.live.start(0, 0)
         self.now_ns = 0
         self.wait(10)
 
     def wait(self, dt_ms: int) -> None:
-        """Let time pass, millisecond by millisecond."""
-        for _ in range(dt_ms):
-            self.now_ns += _MS_IN_NS
+        """Let time pass, millisecond by millisecond or in longer strides."""
+        end_ns = self.now_ns + dt_ms * _MS_IN_NS
+        while self.now_ns < end_ns:
+            self.now_ns = min(self.now_ns + self._stride_ms * _MS_IN_NS, end_ns)
             self.board.live.advance(self.now_ns)
             if self.now_ns % _RECORD_EVERY_NS == 0:
                 self.board.record_next()

@@ -1,0 +1,210 @@
+"""Motors that turn with the board: what the rotors do, what the board knows of it, how homing recovers a slip."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import Slip
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.motors import motors_of_run
+from steptwin.host.twin.motors.after_run import RotorTrace, rotors_after_run
+from steptwin.host.twin.motors.driving import Driving
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.served_board import ServedBoard
+from steptwin.protocol import od
+from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
+from tests.host.twin.test_excitation import Master
+
+TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))
+LIMIT_METHOD = 17
+
+
+def assert_same(ours: RotorTrace, theirs: RotorTrace, rows: int) -> None:
+    for name in ("counts", "positions", "load_deg", "torque_nm", "lost_full_steps", "warmer_k"):
+        np.testing.assert_array_equal(getattr(ours, name)[:rows], getattr(theirs, name)[:rows], err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def outcomes(fast_kernel: Kernel) -> tuple[Outcome, Outcome]:
+    """The same run without motors and with them."""
+    made = plan(TEACHING, make_job(TEACHING, "carry", {}))
+    return execute(made, "carry", fast_kernel), execute(made, "carry", fast_kernel, motors=True)
+
+
+def test_rotors_in_the_loop_do_what_they_do_after_the_run(outcomes: tuple[Outcome, Outcome]) -> None:
+    """To the last bit: how time is divided changes nothing, and the board's edges are the same as without motors."""
+    without, ran = outcomes
+    assert without.rotors is None
+    assert ran.rotors is not None
+    after = rotors_after_run(Driving.of(TEACHING, ran.comparison.evidence))
+    assert_same(ran.rotors, after, len(after.counts))
+    assert np.abs(after.load_deg).max() > 20.0
+    assert ran.bus_log == without.bus_log
+    for ours, theirs in zip(ran.comparison.evidence.axes, without.comparison.evidence.axes, strict=True):
+        np.testing.assert_array_equal(ours.step_counts, theirs.step_counts)
+    verdict = motors_of_run(TEACHING, ran.comparison, trace=ran.rotors).verdict
+    assert verdict == motors_of_run(TEACHING, ran.comparison).verdict
+
+
+def test_the_payload_hangs_while_the_output_is_on(fast_kernel: Kernel) -> None:
+    """A payload of 5 kg, taken and left within a ms while the arm turns: the rotors feel it as after a run."""
+    assert WAREHOUSE.dynamics is not None
+    heavy, free = (
+        replace(WAREHOUSE, dynamics=replace(WAREHOUSE.dynamics, payload_kg=payload_kg)) for payload_kg in (5.0, 0.0)
+    )
+    board = BoardUnderTest(heavy, kernel=fast_kernel, motors=True)
+    shoulder, hand = Master(board, "th1"), Master(board, "th3")
+    hand.write(od.DIGITAL_OUTPUTS_MASK, 0x10000, 4)
+    shoulder.enable()
+    shoulder.move_to(20.0, 0.0103)
+    for level in (0x10000, 0):
+        hand.write(od.DIGITAL_OUTPUTS, level, 4)
+        board.wait(0.0503)
+    evidence = board.evidence()
+    (pin,) = [axis.pins["out1"] for axis in evidence.axes if axis.name == "th3"]
+    assert len(pin.counts) == 2
+    ours, after = board.rotor_trace(evidence), rotors_after_run(Driving.of(heavy, evidence))
+    assert ours is not None
+    assert_same(ours, after, len(after.counts))
+    without = rotors_after_run(Driving.of(free, evidence))
+    taken = -(-int(pin.counts[0]) // 72_000)
+    assert_same(ours, without, taken)
+    assert not np.array_equal(ours.load_deg[taken], without.load_deg[taken])
+
+
+AXIS, LIMIT = "d1", -5.0
+"""An axis of the lab robot, and its lower limit switch."""
+
+
+@pytest.fixture(scope="module")
+def weak_board(fast_kernel: Kernel) -> BoardUnderTest:
+    return BoardUnderTest(LAB, stand_at={AXIS: LIMIT + 1}, kernel=fast_kernel, motors=True)
+
+
+@pytest.fixture(scope="module")
+def places(weak_board: BoardUnderTest) -> list[tuple[float, float]]:
+    """Where an axis says it is and where its rotor is: homed, out of step for want of current, and homed again."""
+    master, found = Master(weak_board, AXIS), []
+    for name in LAB.joint_names:
+        (master if name == AXIS else Master(weak_board, name)).enable()
+
+    def go(position: float, torque_percent: int, full_steps_per_s2: int) -> None:
+        master.write(od.TORQUE_PERCENT, torque_percent, 1)
+        for address in (od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION):
+            master.write(address, full_steps_per_s2 * 16_384, 4)
+        master.move_to(position, 1.0)
+        master.write(od.TORQUE_PERCENT, 100, 1)
+        found.append((master.position(), weak_board.rotor_joints()[AXIS]))
+
+    master.home(LIMIT_METHOD, LIMIT)
+    go(LIMIT + 1, 100, 2000)
+    go(LIMIT + 9, 20, 40_000)
+    master.home(LIMIT_METHOD, LIMIT)
+    go(LIMIT + 1, 100, 2000)
+    return found
+
+
+def test_the_board_does_not_notice_a_slip(weak_board: BoardUnderTest, places: list[tuple[float, float]]) -> None:
+    _, (told, rotor), _ = places
+    master = Master(weak_board, AXIS)
+    assert told == pytest.approx(LIMIT + 9, abs=0.02)
+    assert abs(told - rotor) > 0.3
+    assert master.read(od.LOST_STEPS) == 0
+    slipped = master.read(od.SLIPPED_FULL_STEPS)
+    assert slipped == weak_board.slipped()[AXIS] != 0
+    assert slipped % 4 == 0
+    moved = master.read(od.SHAFT_POSITION) / master.units_per_unit
+    assert moved == pytest.approx(weak_board.rotor_joints()[AXIS] - (LIMIT + 1), abs=0.001)
+
+
+def test_homing_finds_the_same_place_after_a_slip(places: list[tuple[float, float]]) -> None:
+    before, _, again = places
+    step = 1 / LAB.steps_per_unit[LAB.joint_names.index(AXIS)]
+    assert again[0] == before[0]
+    assert again[1] == pytest.approx(before[1], abs=step)
+
+
+@pytest.mark.parametrize("ticks", [1, 7])
+def test_the_length_of_stretches_changes_nothing(
+    ticks: int, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A homing that meets the switch, and a slip on the way: the same frames, the same rotors."""
+
+    def homed() -> tuple[list[object], list[float]]:
+        board = BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)
+        master = Master(board, "d1")
+        master.enable()
+        board.operate(Slip(0, 4))
+        master.home(LIMIT_METHOD, -5.0)
+        return list(board.bus_log), board.rotor_positions()
+
+    usual = homed()
+    monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", ticks)
+    assert homed() == usual
+
+
+def test_a_slip_on_purpose_is_one_of_the_rotor(fast_kernel: Kernel) -> None:
+    board = BoardUnderTest(TEACHING, kernel=fast_kernel, motors=True)
+    master = Master(board, "th1")
+    master.enable()
+    board.wait(0.02)
+    before = board.rotor_positions()[0]
+    board.operate(Slip(0, -8))
+    board.wait(0.02)
+    microsteps = TEACHING.joints[0].transmission.microsteps
+    assert board.rotor_positions()[0] - before == pytest.approx(-8 * microsteps, abs=0.01)
+    assert board.slipped() == {"th1": -8, "th2": 0, "d3": 0, "th4": 0}
+    assert master.read(od.SLIPPED_FULL_STEPS) == -8
+
+
+def test_without_motors_the_rotor_is_where_the_driver_has_counted(fast_kernel: Kernel) -> None:
+    board = BoardUnderTest(LAB, stand_at={"d1": 20.0}, kernel=fast_kernel)
+    master = Master(board, "d1")
+    master.enable()
+    master.home(37, 20.0)
+    master.move_to(21.0, 1.0)
+    assert board.rotor_joints() == board.joints()
+    assert master.read(od.SHAFT_POSITION) == round(1.0 * master.units_per_unit)
+    assert master.read(od.SLIPPED_FULL_STEPS) == 0
+
+
+def test_a_robot_whose_masses_are_unknown_has_no_motors_in_the_loop(fast_kernel: Kernel) -> None:
+    with pytest.raises(InputError, match="dynamics: is missing: the supply of the motors is unknown"):
+        BoardUnderTest(replace(LAB, dynamics=None), kernel=fast_kernel, motors=True)
+
+
+class TestALiveBoard:
+    def test_strides_of_its_clock_change_nothing(self, fast_kernel: Kernel) -> None:
+        """The rotors of a board in real time are those of any other, however late its process looks."""
+        found = []
+        for stride_ms in (1, 7):
+            session = LiveSession(fast_kernel, motors=True, stride_ms=stride_ms)
+            session.send(NMT_START)
+            session.move(0)
+            session.wait(60)
+            assert session.board.rotors
+            found.append((session.board.live.simulation.rotors_sixteenths(), session.board.rotors.to_dict()))
+        assert found[0] == found[1]
+        joints = found[0][1]["joints"]
+        assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
+        assert all(joint["first_slip_s"] is None for joint in joints)
+
+    def test_axes_of_several_boards_turn_one_arm(self, fast_kernel: Kernel) -> None:
+        together, apart = (LiveSession(fast_kernel, motors=True, axes_per_board=axes) for axes in ((6,), (4, 2)))
+        for session in (together, apart):
+            session.send(NMT_START)
+            session.move(0)
+        ours, theirs = (each.board.live.simulation.rotors_sixteenths() for each in (together, apart))
+        assert ours == pytest.approx(theirs, abs=0.05)
+
+    def test_it_needs_numba(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("steptwin.host.twin.served_board.find_spec", lambda _: None)
+        with pytest.raises(InputError, match=r"motors=True: without numba .* pip install 'steptwin\[fast\]'"):
+            ServedBoard(LAB, port=0, motors=True)
