@@ -8,7 +8,7 @@ from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.operations import Operation, Scheduled, SetInput
+from steptwin.emulator.operations import Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.rotors import RotorRecord
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
@@ -195,6 +195,8 @@ class EmbeddedBoard:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
         if self.engine is not None:
             self.engine.repair()
+            for axis in range(len(self.robot.joints)):
+                self.operate(OscCapacitor(axis, self.driver_profile.osc_pf))
             self.host_restarts()
 
     @property
