@@ -24,8 +24,8 @@ def _least(values: Iterable[float | None]) -> float | None:
 
 
 def _axes(performance: Performance, of: Callable[[AxisReport], float | None]) -> float | None:
-    """Return the least of all axes in a run that came to its end: after a stop, the plan no longer tells anything."""
-    if performance.ended is not Ended.DONE or performance.outcome is None:
+    """Return the least of all axes in a run that made what was planned: otherwise the plan tells nothing."""
+    if performance.ended is not Ended.DONE or performance.outcome is None or performance.unknowable:
         return None
     return _least(of(axis) for axis in performance.outcome.report.axes)
 

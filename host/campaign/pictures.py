@@ -24,6 +24,8 @@ _MARGIN_INCHES: Final = 1.7
 _BINS: Final = 24
 _POINTS_MAX: Final = 5000
 """Points drawn of each margin; the line of the least is of all runs."""
+_BEYOND: Final = -1.0
+"""Least margin that is shown: twice the limit."""
 _MANY_POINTS: Final = 300
 _PARAMETERS_MAX: Final = 16
 """Parameters that get a picture: those that most runs have."""
@@ -78,22 +80,23 @@ def _draw_rates(summary: Summary, title: str) -> Figure:
     grid = figure.subplots(
         len(groups), 1, sharex=True, squeeze=False, height_ratios=[len(rates) + 0.6 for _, rates in groups]
     )
+    lowest = min(rate.interval[0] for _, rates in groups for rate in rates.values())
     for axes, (what, rates) in zip(grid[:, 0], groups, strict=True):
-        _draw_group(axes, what, rates)
+        _draw_group(axes, what, rates, lowest)
     grid[-1, 0].set_xlabel("part of the runs")
     return figure
 
 
-def _draw_group(axes: Axes, what: str, rates: Mapping[str, PassRate]) -> None:
+def _draw_group(axes: Axes, what: str, rates: Mapping[str, PassRate], lowest: float) -> None:
     for place, rate in enumerate(rates.values()):
         lower, upper = rate.interval
         colour = COUNTED if rate.passed == rate.runs else LIMIT
         axes.plot([lower, upper], [place, place], color=colour, linewidth=2.0, alpha=0.5)
-        axes.plot([rate.rate], [place], "o", color=colour, markersize=4, clip_on=False)
+        axes.plot([rate.rate], [place], "o", color=colour, markersize=4)
         axes.text(1.01, place, f"{rate.passed:,}/{rate.runs:,}", transform=axes.get_yaxis_transform(), va="center")
     axes.set_yticks(range(len(rates)), list(rates))
     axes.set_ylim(len(rates) - 0.4, -0.6)
-    axes.set_xlim(right=1.0)
+    axes.set_xlim(lowest - 0.02 * (1.0 - lowest), 1.0 + 0.02 * (1.0 - lowest))
     axes.grid(axis="x", color="0.9")
     if what:
         axes.set_title(what, loc="left", size=9)
@@ -111,7 +114,7 @@ def _draw_margins(parameter: str, series: _Series, title: str) -> Figure:
         _draw_points(axes, values[there], margin[there], passed[there])
         axes.axhline(0.0, color=LIMIT, linestyle="--", linewidth=0.8)
         axes.set_ylabel(name)
-        axes.set_ylim(min(0.0, float(margin[there].min())) - 0.03, 1.03)
+        axes.set_ylim(max(min(0.0, float(margin[there].min())), _BEYOND) - 0.03, 1.03)
         axes.set_title(f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs", loc="left", size=8)
         axes.grid(color="0.9")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=8)
@@ -125,7 +128,7 @@ def _draw_points(axes: Axes, values: FloatArray, margin: FloatArray, passed: Boo
     for which, colour, label in ((passed, COUNTED, "passed"), (~passed, LIMIT, "failed")):
         shown = which[thinned]
         x, y = values[thinned][shown], margin[thinned][shown]
-        axes.plot(x, y, ".", color=colour, label=label, markersize=size, alpha=0.5, clip_on=False)
+        axes.plot(x, y, ".", color=colour, label=label, markersize=size, alpha=0.5)
     places, least = least_in_bins(values, margin)
     axes.plot(places, least, color="0.3", linewidth=1.0, drawstyle="steps-mid", label="least of all runs")
 

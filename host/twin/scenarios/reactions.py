@@ -97,6 +97,8 @@ class Reaction:
 
 
 GOES_ON: Final = Reaction(Motion.GOES_ON)
+_UNKNOWABLE: Final = Reaction(Motion.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False)
+"""A motor is elsewhere than its drive believes: nothing tells that, unless it comes to a limit switch."""
 
 
 _RUN_DRY: Final = (ErrorCode.PVT_UNDERRUN, ErrorCode.GROUP_STOPPED)
@@ -251,7 +253,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "a driver in another microstep mode",
         lambda harm, _: isinstance(harm, DriverMode),
-        Reaction(Motion.RAMP, (ErrorCode.LIMIT_SWITCH,), State.FAULT, inf, certain=False, verified=False),
+        _UNKNOWABLE,
         "its steps are longer or shorter: a limit switch may come; the verdict tells it, `doctor` finds it",
     ),
     Documented(
@@ -269,14 +271,14 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "a motor falls out of step",
         lambda harm, _: isinstance(harm, Slip),
-        Reaction(Motion.GOES_ON, verified=False),
-        "a board without encoders cannot know; the verdict tells it, and homing ends it",
+        _UNKNOWABLE,
+        "a board without encoders cannot know; the verdict tells it, and homing ends it; a limit switch may come",
     ),
     Documented(
         "wire to a driver broken, shorted or noisy",
         lambda harm, _: isinstance(harm, SetWire) and harm.condition is not WireState.WHOLE,
-        Reaction(Motion.GOES_ON, verified=False),
-        "a board without feedback from its drivers cannot know; the verdict tells it",
+        _UNKNOWABLE,
+        "a board without feedback from its drivers cannot know; the verdict tells it; a limit switch may come",
     ),
     Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
     Documented(
