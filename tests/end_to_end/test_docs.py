@@ -45,6 +45,7 @@ ALL_TEXT = (
     + DRIVER_PAGE.read_text(encoding="utf-8")
     + WAVEFORM_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
+    + (PAGE.parent / "campaigns.md").read_text(encoding="utf-8")
     + FAULTS_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")

@@ -253,7 +253,7 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
     joints = _joints(robot, engine.counted_from(began), end.moment)
-    told = reaction.verified or bool(end.reasons)
+    told = reaction.verified or bool(end.reasons) or end.stopped  # a stopped run says whether the drivers agree
     others = {code for each in engine.played if each is not played for code in _codes(each)}
     judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=told)
     differences = judge.differences(standstill_ms, limit_ms)

@@ -55,6 +55,16 @@ def test_positions_given_before_the_motion_are_no_lost_steps(fast_kernel: Kernel
     assert scenario.passed, scenario.reasons
 
 
+def test_a_motor_that_is_elsewhere_may_come_to_a_limit_switch(fast_kernel: Kernel) -> None:
+    """The run stops with EMCY 0x8612, and says that the drivers have counted otherwise: it is told."""
+    text = '[[fault]]\nat_s = 0.2\ndo = "slip"\njoint = "th1"\nfull_steps = -4000\n'
+    outcome, scenario = played(fast_kernel, text)
+    assert outcome.fault is not None
+    assert not outcome.fault.positions_agree
+    assert [told.code for told in scenario.faults[0].emcys if told.joint == "th1"] == [0x8612]
+    assert scenario.passed, scenario.reasons
+
+
 @pytest.mark.parametrize("how", ["death", "restart"])
 def test_short_records_run_dry_before_the_host_is_missed(fast_kernel: Kernel, how: str) -> None:
     """At the motion's end fewer points are queued: the queue runs dry, or holds all that is left of the motion."""
