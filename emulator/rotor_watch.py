@@ -256,12 +256,19 @@ class RotorWatch:
         return self._still_ticks >= _STILL_TICKS
 
     def _free_ticks(self) -> int:
-        """Return the number of ticks in which no rotor reaches a switch, by its speed and its greatest acceleration."""
+        """Return the number of ticks in which no rotor reaches a switch, by its speed and its greatest acceleration.
+
+        Nor does one reach an end stop, whose jerk accelerates all others more.
+        """
         speeds = [abs(rate) * per for rate, per in zip(self.rotors.rates_rad_s(), self._per_rad, strict=True)]
         accelerations = [
             most * per for most, per in zip(self.rotors.accelerations_max_rad_s2(), self._per_rad, strict=True)
         ]
+        if inf in accelerations:  # nothing has turned yet
+            return 0
         least, first = float(_FREE_TICKS_MAX), 0
+        for axis, way in self._ways_to_stops():
+            least = min(least, _ticks_to(way, speeds[axis], accelerations[axis]))
         for board in self._boards:
             for travel, distance in board.ways_to_change():
                 speed = acceleration = 0.0
@@ -269,12 +276,24 @@ class RotorWatch:
                     share = abs(weight) / WEIGHT_ONE
                     speed += share * speeds[first + axis]
                     acceleration += share * accelerations[first + axis]
-                if acceleration == inf:  # nothing has turned yet
-                    return 0
                 way = max(0.0, distance - 1.0)  # positions are rounded
-                least = min(least, (sqrt(speed * speed + 2.0 * acceleration * way) - speed) / (acceleration * _TICK_S))
+                least = min(least, _ticks_to(way, speed, acceleration))
             first += board.config.axis_count
         return int(least)
+
+    def _ways_to_stops(self) -> list[tuple[int, float]]:
+        """Return the axes with end stops, and the distance of each to the nearer one in sixteenths."""
+        places = self.rotors.coordinates_rad()
+        return [
+            (axis, max(0.0, min(places[axis] - drive.lower_rad, drive.upper_rad - places[axis])) * self._per_rad[axis])
+            for axis, drive in enumerate(self._wiring.drives)
+            if drive.lower_rad != -inf or drive.upper_rad != inf
+        ]
+
+
+def _ticks_to(way: float, speed: float, acceleration: float) -> float:
+    """Return the least number of ticks that a way takes; ways in sixteenths."""
+    return (sqrt(speed * speed + 2.0 * acceleration * way) - speed) / (acceleration * _TICK_S)
 
 
 def _table(steady: Steady) -> FloatArray:

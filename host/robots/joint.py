@@ -1,11 +1,11 @@
 """A joint of a robot, which one axis of the board drives."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import at_most, require_positive
+from steptwin.host.common.bad_input import at_most, prefixed, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.homing import JointHoming
@@ -30,7 +30,7 @@ class Joint:
 
     Raises:
         InputError: `lower` is not below `upper`, or the wire's i32 positions do not reach them; a limit switch is
-            between them; the switches or the limits do not allow the homing.
+            between them; the switches or the limits do not allow the homing; a limit or a switch is beyond an end stop.
     """
 
     name: str
@@ -60,6 +60,7 @@ class Joint:
             lambda: self.switches.check_negative(self.lower, self.unit),
             lambda: self.switches.check_positive(self.upper, self.unit),
             self._check_homing,
+            self._check_stops,
         )
 
     def _check_range(self) -> None:
@@ -89,6 +90,12 @@ class Joint:
                 lambda: homing.check_speed(self.speed_max),
                 lambda: homing.check_acceleration(self.acceleration_max),
             )
+
+    def _check_stops(self) -> None:
+        if self.link:
+            switches = {f"switches.{key}": at for key, at in asdict(self.switches).items()}
+            with prefixed("link."):
+                self.link.check_stops({"lower": self.lower, "upper": self.upper, **switches}, self.unit)
 
     @property
     def step_rate_max_hz(self) -> float:

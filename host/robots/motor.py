@@ -3,6 +3,7 @@
 The kinematics and the board need none of it. Torques are those at the motor's shaft.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Final
@@ -111,6 +112,8 @@ class JointLink:
         mass_kg: its mass.
         centre_mm: its centre of mass.
         inertia_kgm2: about axes through the centre, parallel to x, y and z.
+        stop_lower: position of the joint, in its unit, at its lower end stop; None: it has none.
+        stop_upper: likewise at the upper one.
 
     Raises:
         InputError: a negative figure, or inertias that no body has: each is at most the sum of the other two.
@@ -119,6 +122,8 @@ class JointLink:
     mass_kg: float
     centre_mm: Triple = (0.0, 0.0, 0.0)
     inertia_kgm2: Triple = (0.0, 0.0, 0.0)
+    stop_lower: float | None = None
+    stop_upper: float | None = None
 
     def __post_init__(self) -> None:
         check_all(self._check_mass, self._check_inertia)
@@ -137,6 +142,20 @@ class JointLink:
                     f"inertia_kgm2[{index}]: {value:g} is more than the sum of the other two, {others:g}:"
                     " no body has such inertias"
                 )
+
+    def check_stops(self, used: Mapping[str, float | None], unit: str) -> None:
+        """Raise InputError unless all that the joint uses lies between its end stops: positions by their keys."""
+        places = {key: at for key, at in used.items() if at is not None}
+        lowest, highest = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
+        check_all(
+            partial(self._check_stop, "stop_lower", "below", lowest, places[lowest], unit),
+            partial(self._check_stop, "stop_upper", "above", highest, places[highest], unit),
+        )
+
+    def _check_stop(self, key: str, side: str, nearest: str, limit: float, unit: str) -> None:
+        stop = getattr(self, key)
+        if stop is not None and not (stop < limit if side == "below" else stop > limit):
+            raise InputError(f"{key}: {stop:g} {unit} is not {side} {nearest}, {limit:g} {unit}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -362,6 +362,10 @@ _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
     "axis_speed_max": Table.number,
     "axis_acceleration_max": Table.number,
 }
+_LINK_OPTIONAL: Final[dict[str, Reading]] = {
+    **dict.fromkeys(("centre_mm", "inertia_kgm2"), _point),
+    **dict.fromkeys(("stop_lower", "stop_upper"), Table.number),
+}
 _JOINT_TABLES: Final[dict[str, Reading]] = {
     "switches": _settings(
         JointSwitches,
@@ -379,7 +383,7 @@ _JOINT_TABLES: Final[dict[str, Reading]] = {
         {},
     ),
     "motor": _settings(JointMotor, {}, {"model": Table.text, **dict.fromkeys(MOTOR_KEYS, Table.number)}),
-    "link": _settings(JointLink, {"mass_kg": Table.number}, {"centre_mm": _point, "inertia_kgm2": _point}),
+    "link": _settings(JointLink, {"mass_kg": Table.number}, _LINK_OPTIONAL),
 }
 
 

@@ -158,6 +158,12 @@ class Robot:
                 if getattr(joint, key) is not None:
                     raise InputError(f"joints.{joint.name}.{key}: is for a coupled axis; {key[5:]} is its limit here")
             return
+        if joint.link and (joint.link.stop_lower is not None or joint.link.stop_upper is not None):
+            key = "stop_upper" if joint.link.stop_lower is None else "stop_lower"
+            raise InputError(
+                f"joints.{joint.name}.link.{key}: {getattr(joint.link, key):g} {joint.unit} is for a joint that its own"
+                " motor alone moves, but this one is coupled; leave it out"
+            )
         reach = WIRE_POSITION_MAX / joint.transmission.wire_units_per_unit
         ends = ((self.joints[other].lower, self.joints[other].upper) for other in elements)
         farthest = sum(

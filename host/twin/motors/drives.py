@@ -1,6 +1,6 @@
 """The motors, gears and supply that a robot's file describes, as the rotors' model takes them."""
 
-from math import inf
+from math import inf, pi
 
 from steptwin.emulator.motor import CATALOGUE, Motor
 from steptwin.emulator.power_supply import PowerSupply
@@ -37,8 +37,10 @@ def motor_of(chosen: JointMotor, full_steps_per_rev: int) -> Motor:
 
 def drive_of(joint: Joint, mounting_rad: float = 0.0, sense_ohm: float = SENSE_OHM) -> Drive:
     """Return the drive of a joint that has a motor."""
-    chosen, transmission = joint.motor, joint.transmission
+    chosen, link, transmission = joint.motor, joint.link, joint.transmission
     assert chosen is not None
+    lower, upper = (link.stop_lower, link.stop_upper) if link else (None, None)
+    rad_per_unit = 2.0 * pi / transmission.travel_per_rev
     return Drive(
         motor=motor_of(chosen, transmission.full_steps_per_rev),
         bridge_ohm=ON_RESISTANCE_OHM + sense_ohm,
@@ -47,6 +49,8 @@ def drive_of(joint: Joint, mounting_rad: float = 0.0, sense_ohm: float = SENSE_O
         brake_nm=chosen.brake_nm,
         stiffness_nm_rad=inf if chosen.belt_nm_rad is None else chosen.belt_nm_rad,
         damping_nm_s=chosen.belt_damping_nm_s,
+        lower_rad=-inf if lower is None else rad_per_unit * lower,
+        upper_rad=inf if upper is None else rad_per_unit * upper,
         mounting_rad=mounting_rad,
     )
 

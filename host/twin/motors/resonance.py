@@ -1,7 +1,7 @@
 """Where a motor resonates: its greatest load angle at steady speeds, in each of the driver's microstep settings."""
 
-from dataclasses import dataclass
-from math import ceil
+from dataclasses import dataclass, replace
+from math import ceil, inf
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -52,7 +52,8 @@ class ResonanceMap:
 
 
 def resonance_map(drive: Drive, inertia_kgm2: float, electrics: Electrics, rates_hz: FloatArray) -> ResonanceMap:
-    """Turn a motor, with a wheel of an inertia on its shaft, at each speed in each setting."""
+    """Turn a motor, with a wheel of an inertia on its shaft, at each speed in each setting; nothing stops the wheel."""
+    drive = replace(drive, lower_rad=-inf, upper_rad=inf)
     load_deg = np.zeros((len(SETTINGS), len(rates_hz)))
     slips = np.zeros(load_deg.shape, dtype=np.bool_)
     for column, rate_hz in enumerate(rates_hz.tolist()):

@@ -1,13 +1,23 @@
 """What a robot file may say of motors, links and supply, and the one line that refuses the rest."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.resources import files
 from typing import Any
 
+import numpy as np
 import pytest
 
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots import load_robot, parse_robot
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
+from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.twin.motors.drives import drive_of
 from tests.end_to_end.pages import read_page
+from tests.host.complaints import complaint_of
+from tests.host.robots.coupled import coupled_text
 
 OWN: dict[str, Any] = {
     "resistance_ohm": 1.4, "inductance_mh": 3.0, "holding_torque_nm": 0.59, "rated_current_a": 2.0,
@@ -68,3 +78,63 @@ def test_what_cannot_be_is_refused_in_one_line(made: Any, line: str) -> None:
     with pytest.raises(InputError) as refused:
         made()
     assert str(refused.value) == line
+
+
+ELBOW = load_robot("teaching-scara").joint("th2")
+"""From -150 to 150 degrees, its limit switches at -155 and 155, 4 turns of the motor for one of the joint."""
+
+
+def stopped(stops: Mapping[str, Any], **changes: Any) -> Joint:
+    """Return the elbow with end stops."""
+    return replace(ELBOW, link=JointLink(0.25, **stops), **changes)
+
+
+class TestEndStops:
+    def test_are_angles_of_the_rotor(self) -> None:
+        drive = drive_of(stopped({"stop_lower": -180.0, "stop_upper": 155.01}))
+        turns = ELBOW.transmission.ratio
+        assert drive.lower_rad == pytest.approx(-np.pi * turns)
+        assert drive.upper_rad == pytest.approx(np.deg2rad(155.01) * turns)
+
+    @pytest.mark.parametrize(
+        ("stops", "changes", "line"),
+        [
+            ({"stop_lower": -155.0}, {}, "stop_lower: -155 deg is not below switches.negative_limit, -155 deg"),
+            ({"stop_upper": 155.0}, {}, "stop_upper: 155 deg is not above switches.positive_limit, 155 deg"),
+            (
+                {"stop_lower": -150.0},
+                {"switches": JointSwitches()},
+                "stop_lower: -150 deg is not below lower, -150 deg",
+            ),
+            ({"stop_upper": 150.0}, {"switches": JointSwitches()}, "stop_upper: 150 deg is not above upper, 150 deg"),
+            (
+                {"stop_upper": 160.0},
+                {"switches": JointSwitches(home_from=160.0)},
+                "stop_upper: 160 deg is not above switches.home_from, 160 deg",
+            ),
+        ],
+    )
+    def test_lie_beyond_limits_and_switches(self, stops: dict[str, float], changes: dict[str, Any], line: str) -> None:
+        changes = {"homing": None, **changes}
+        assert complaint_of(lambda: stopped(stops, **changes)) == f"link.{line}"
+        beyond = {key: value * 1.0001 for key, value in stops.items()}
+        stopped(beyond, **changes)
+
+    def test_are_told_with_the_files_key(self) -> None:
+        text = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
+        wrong = text.replace("[joints.th2.link]", "[joints.th2.link]\nstop_lower = -100.0\nstop_upper = 100.0")
+        with pytest.raises(InputError) as refused:
+            parse_robot(wrong, "mine.toml")
+        assert refused.value.messages == (
+            "mine.toml: joints.th2.link.stop_lower: -100 deg is not below switches.negative_limit, -155 deg",
+            "mine.toml: joints.th2.link.stop_upper: 100 deg is not above switches.positive_limit, 155 deg",
+        )
+
+    def test_a_coupled_joint_has_none(self) -> None:
+        text = coupled_text()
+        parse_robot(text.replace("[joints.th1.link]", "[joints.th1.link]\nstop_upper = 170.0"), "belt.toml")
+        wrong = text.replace("[joints.th2.link]", "[joints.th2.link]\nstop_upper = 170.0")
+        assert complaint_of(lambda: parse_robot(wrong, "belt.toml")) == (
+            "belt.toml: joints.th2.link.stop_upper: 170 deg is for a joint that its own motor alone moves,"
+            " but this one is coupled; leave it out"
+        )

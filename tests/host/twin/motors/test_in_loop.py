@@ -11,6 +11,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.motors import motors_of_run
@@ -162,6 +163,48 @@ def test_a_slip_on_purpose_is_one_of_the_rotor(fast_kernel: Kernel) -> None:
     assert board.rotor_positions()[0] - before == pytest.approx(-8 * microsteps, abs=0.01)
     assert board.slipped() == {"th1": -8, "th2": 0, "d3": 0, "th4": 0}
     assert master.read(od.SLIPPED_FULL_STEPS) == -8
+
+
+STOP_DEG = 131.0
+"""An end stop of the teaching robot's shoulder, whose limits end at 130 degrees."""
+
+
+def driven_into_its_stop(kernel: Kernel) -> tuple[RotorTrace, RotorTrace, float, float, int]:
+    """Move a shoulder to its limit that stands 8 degrees farther than it believes, and has no switches.
+
+    Return what the rotors did, the same found after the run, where the shoulder believes to be and is, and its slips.
+    """
+    shoulder = TEACHING.joints[0]
+    assert shoulder.link is not None
+    stopped = replace(shoulder, switches=JointSwitches(), homing=None, link=replace(shoulder.link, stop_upper=STOP_DEG))
+    robot = replace(TEACHING, joints=(stopped, *TEACHING.joints[1:]))
+    board = BoardUnderTest(robot, stand_at={"th1": 128.0}, kernel=kernel, motors=True)
+    master = Master(board, "th1")
+    master.enable()
+    master.home(37, 120.0)
+    master.move_to(130.0, 1.0)
+    evidence = board.evidence()
+    ours = board.rotor_trace(evidence)
+    assert ours is not None
+    after = rotors_after_run(Driving.of(robot, evidence))
+    return ours, after, master.position(), board.rotor_joints()["th1"], board.slipped()["th1"]
+
+
+def test_a_motor_driven_into_its_stop_slips_and_never_goes_beyond(
+    fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, after, believes, rests, slipped = driven_into_its_stop(fast_kernel)
+    degrees = ours.positions[:, 0]
+    a_cycle = 4.0 * TEACHING.joints[0].transmission.microsteps / TEACHING.steps_per_unit[0]
+    assert believes == pytest.approx(130.0, abs=0.03)
+    assert STOP_DEG - 0.01 < degrees.max() < STOP_DEG + 0.01
+    assert STOP_DEG - a_cycle < rests < STOP_DEG + 0.01
+    assert slipped < 0
+    assert believes + 8.0 + slipped / 4 * a_cycle == pytest.approx(rests, abs=0.1)
+    assert_same(ours, after, len(after.counts))
+    monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", 1)
+    tick_by_tick, *_ = driven_into_its_stop(fast_kernel)
+    assert_same(tick_by_tick, ours, len(after.counts))
 
 
 def test_without_motors_the_rotor_is_where_the_driver_has_counted(fast_kernel: Kernel) -> None:
