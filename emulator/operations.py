@@ -101,6 +101,24 @@ class Slip:
             )
 
 
+PAYLOAD_MAX_KG: Final = 100.0
+"""More than any of these arms carries."""
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """The payload has another mass, from the next ms on: it hangs at the tool when the one before it would.
+
+    Only motors that turn with the boards feel it.
+    """
+
+    payload_kg: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.payload_kg <= PAYLOAD_MAX_KG:
+            raise ValueError(f"payload_kg {self.payload_kg:g} is not from 0 to {PAYLOAD_MAX_KG:g}")
+
+
 @dataclass(frozen=True, slots=True)
 class SetWire:
     """A wire from the board to an axis' driver breaks, is shorted, becomes noisy, or is whole again."""
@@ -297,7 +315,7 @@ BusOperation = StrangerSends | Babble | BusOff
 """Operations on the bus, whatever the board; but a controller's bus-off may be that of a board."""
 PlacedOperation = AxisOperation | BrownOut | WatchdogReset | PowerUp | BusOff
 """Operations that may name an axis, as their place."""
-Operation = BoardOperation | BusOperation | BrownOut | WatchdogReset | PowerUp
+Operation = BoardOperation | BusOperation | BrownOut | WatchdogReset | PowerUp | Payload
 
 
 def _check(name: str, value: int, valid: range) -> None:

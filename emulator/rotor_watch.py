@@ -50,8 +50,8 @@ class MotorWiring:
     Attributes:
         drives: of each axis, board by board; how a rotor is mounted is found when its outputs come on.
         start_rad: angle of each rotor from its axis' zero at power-up.
-        arm: what they turn.
-        loaded: the same with the payload.
+        arm_with: returns what they turn with a mass in kg at the tool's tip.
+        payload_kg: mass of the payload.
         supply: of all drivers.
         held_by: output while which is on the payload hangs at the tool; None: always.
         stretch_ticks: greatest stretch while an axis moves.
@@ -60,8 +60,8 @@ class MotorWiring:
 
     drives: Sequence[Drive]
     start_rad: Sequence[float]
-    arm: Arm
-    loaded: Arm
+    arm_with: Callable[[float], Arm]
+    payload_kg: float
     supply: PowerSupply
     held_by: OutputWire | None = None
     stretch_ticks: int = REST_TICKS
@@ -84,8 +84,14 @@ class RotorWatch:
         self._teeth = [drive.motor.teeth for drive in drives]
         self._per_rad = [drive.motor.full_steps_per_rev * FULL_STEP_SIXTEENTHS / (2.0 * pi) for drive in drives]
         """Sixteenths of a full step in a rad of each rotor."""
-        arm = wiring.loaded if wiring.held_by is None else wiring.arm
-        self.rotors = Rotors(drives, arm, wiring.supply, wiring.start_rad, backend=wiring.backend)
+        self.payload_kg = wiring.payload_kg
+        """Mass of the payload."""
+        self.other_payloads_kg: list[float] = []
+        """Masses that it has been given since power-up, the last one the present."""
+        self._bare, self._loaded = wiring.arm_with(0.0), wiring.arm_with(wiring.payload_kg)
+        self._held = int(wiring.held_by is None)
+        """1 while the payload hangs at the tool."""
+        self.rotors = Rotors(drives, self._arm, wiring.supply, wiring.start_rad, backend=wiring.backend)
         self._unmounted = set(range(len(drives)))
         """Axes whose outputs have not been on yet."""
         self._steady: list[Steady | None] = [None] * len(drives)
@@ -99,7 +105,6 @@ class RotorWatch:
         """Sixteenths by which each rotor has been made to slip, by board."""
         self._tick = 0
         """Tick up to whose start the rotors have turned."""
-        self._held = 0
         self._changes: list[tuple[int, Callable[[], None]]] = []
         """What happens to the rotors beside their drivers, in order of time: the tick at whose start, and what."""
         first = 0
@@ -133,8 +138,7 @@ class RotorWatch:
             level = self._boards[wire.board].output_level(wire.axis, wire.pin)
             if level != self._held:
                 self._held = level
-                tick = -(-self._now() // (TICKS_PER_MS * TICK_COUNTS)) * TICKS_PER_MS
-                self._change_at(tick, partial(self.rotors.carry, self._wiring.loaded if level else self._wiring.arm))
+                self._carry()
         if any(board.slipped_sixteenths != known for board, known in zip(self._boards, self._slipped, strict=True)):
             self._see_slips()
         if self._now() >= self.next_counts:
@@ -143,6 +147,22 @@ class RotorWatch:
             self._turn_to_now()
             self._still_ticks = 0
             self._plan()
+
+    def load(self, payload_kg: float) -> None:
+        """Let the payload have another mass in kg."""
+        self.payload_kg, self._loaded = payload_kg, self._wiring.arm_with(payload_kg)
+        self.other_payloads_kg.append(payload_kg)
+        self._carry()
+
+    @property
+    def _arm(self) -> Arm:
+        """What the motors turn now."""
+        return self._loaded if self._held else self._bare
+
+    def _carry(self) -> None:
+        """Let the motors turn other masses from the next ms on."""
+        tick = -(-self._now() // (TICKS_PER_MS * TICK_COUNTS)) * TICKS_PER_MS
+        self._change_at(tick, partial(self.rotors.carry, self._arm))
 
     def _see_slips(self) -> None:
         """Let rotors slip at the start of the tick at which `Slip` has made them."""
@@ -194,7 +214,8 @@ class RotorWatch:
             self._still_ticks = 0
         if changed or tick >= self._free_tick:
             self._place()
-            self._free_tick = tick + self._free_ticks()
+            # After a change the masses by which a rotor may be accelerated are known a step later.
+            self._free_tick = tick if changed else tick + self._free_ticks()
         self._plan()
 
     def _rows(self, axis: int, changes: FieldTurns | OutputChanges | None) -> FloatArray:

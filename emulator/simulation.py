@@ -18,6 +18,7 @@ from steptwin.emulator.operations import (
     BusOff,
     Consequence,
     Operation,
+    Payload,
     PowerUp,
     Schedule,
     Scheduled,
@@ -143,6 +144,9 @@ class Simulation:
                 self._stranger.send(frame, self.now_counts)
             case Babble():
                 self._babble(operation, number)
+            case Payload(payload_kg):
+                if self.rotor_watch is not None:  # else the rotors are where the drivers' steps put them
+                    self.rotor_watch.load(payload_kg)
             case _:
                 self.boards[number].operate(operation, self.now_counts)
 

@@ -22,9 +22,14 @@ class AxisSurroundings:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What is the same for all axes of a board, and each axis."""
+    """What is the same for all axes of a board, and each axis.
+
+    Attributes:
+        payload_kg: mass of the payload; 0 if no motors turn with the boards.
+    """
 
     emergency_stop: bool
     supply_10mv: int
     temperature_decidegc: int
     axes: tuple[AxisSurroundings, ...]
+    payload_kg: float = 0.0

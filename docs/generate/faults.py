@@ -29,6 +29,7 @@ _DOES: Final = {
     Do.MODE: "a driver is set to another microstep mode, or as it was",
     Do.OSC: "the capacitor at a driver chip's OSC pin has another value",
     Do.SLIP: "a motor falls out of step by whole electrical cycles: a multiple of 4 full steps",
+    Do.PAYLOAD: "the payload has another mass; only with motors that turn with the board (`run --motors=loop`)",
     Do.WIRE: "the wire `step`, `dir` or `enable` to a driver is `broken`, shorted `low` or `high`, `noisy` or `whole`",
     Do.BROWN_OUT: "the logic of a board, or of all boards, is without supply for a time, or until `power-up`",
     Do.WATCHDOG: "the watchdog resets a board's processor, or that of all boards, while the drivers keep their supply",

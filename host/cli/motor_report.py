@@ -171,8 +171,9 @@ def print_motors(verdict: "MotorVerdict") -> None:
         f"supply: {verdict.supply_v_min:.1f} to {verdict.supply_v_max:.1f} V",
     )
     said = "keep step" if verdict.kept_step else "LOSE STEPS"
+    others = "".join(f", then {payload_kg:g} kg" for payload_kg in verdict.other_payloads_kg)
     say(
-        f"motors: {said}, with {verdict.payload_kg:g} kg at the tool and {verdict.supply_v:g} V ([A] masses)",
+        f"motors: {said}, with {verdict.payload_kg:g} kg{others} at the tool and {verdict.supply_v:g} V ([A] masses)",
         *(f"  {reason}" for reason in verdict.reasons),
     )
 

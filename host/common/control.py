@@ -23,6 +23,7 @@ class Do(StrEnum):
     MODE = "mode"
     OSC = "osc"
     SLIP = "slip"
+    PAYLOAD = "payload"
     WIRE = "wire"
     BROWN_OUT = "brown-out"
     WATCHDOG = "watchdog"

@@ -1,6 +1,7 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import floor
 
 from steptwin.controller.backend import Kernel
@@ -26,6 +27,7 @@ from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.repeated_frames import whole_us_counts
 from steptwin.host.twin.scenarios.engine import Engine
+from steptwin.host.twin.scenarios.harms import check_motors
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.host_network import FaultyNetwork
 from steptwin.host.twin.scenarios.moment import Moment
@@ -84,6 +86,9 @@ class EmbeddedBoard:
                 the shelf has no such place, or the scenario names a joint that the robot does not have, or the robot's
                 file does not describe its motors and masses.
         """
+        schedule = tuple(schedule)
+        for each in schedule:
+            check_motors(each.operation, turning=motors)
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
@@ -188,7 +193,12 @@ class EmbeddedBoard:
         )
 
     def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine now, such as EmergencyStop(pressed=True)."""
+        """Do an operation on the machine now, such as EmergencyStop(pressed=True).
+
+        Raises:
+            InputError: only motors that turn with the board would feel it, and there are none.
+        """
+        check_motors(operation, turning=self._simulation.rotor_watch is not None)
         self._simulation.operate(operation)
 
     def repair(self) -> None:
@@ -241,7 +251,8 @@ class EmbeddedBoard:
         if watch is None:
             return None
         watch.finish(followed_ms(last_edge_counts(evidence)))
-        return rotor_trace(self.robot, self._rotor_records, watch.rotors)
+        trace = rotor_trace(self.robot, self._rotor_records, watch.rotors)
+        return replace(trace, other_payloads_kg=tuple(watch.other_payloads_kg))
 
     def slipped_full_steps(self) -> list[int]:
         """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""

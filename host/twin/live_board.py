@@ -206,7 +206,8 @@ class LiveBoard:
         An operation on an axis names its number among all boards' axes; any other is done at every board.
 
         Raises:
-            InputError: it is a fault of the host: those of a live board are programs of their own.
+            InputError: it is a fault of the host: those of a live board are programs of their own; or only motors that
+                turn with the board would feel it, and there are none.
         """
         if isinstance(harm, HostFault):
             raise InputError(f"do: {_NO_HOST}")

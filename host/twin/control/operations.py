@@ -11,6 +11,7 @@ from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
     BABBLE_PERIOD_MIN_US,
     CYCLE_FULL_STEPS,
+    PAYLOAD_MAX_KG,
     RESET_MS,
     SUPPLIES_10MV,
     TEMPERATURES_DECIDEGC,
@@ -25,6 +26,7 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     OscCapacitor,
+    Payload,
     PowerUp,
     SetInput,
     SetWire,
@@ -253,6 +255,9 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.SLIP: _Kind(
         {"joint": Table.text, "full_steps": _cycles},
         lambda robot, values: Slip(robot.index_of(values["joint"]), values["full_steps"]),
+    ),
+    Do.PAYLOAD: _Kind(
+        {"payload_kg": _number(0, PAYLOAD_MAX_KG, "kg")}, lambda _, values: Payload(values["payload_kg"])
     ),
     Do.WIRE: _Kind(
         {
@@ -487,6 +492,7 @@ REQUESTS: Final[Mapping[type, Callable[[Robot, Any], dict[str, Any]]]] = {
         "joint": robot.joint_names[harm.axis],
         "full_steps": harm.full_steps,
     },
+    Payload: lambda _, harm: {"do": Do.PAYLOAD, "payload_kg": harm.payload_kg},
     SetWire: _wire_request,
     SwitchWire: lambda robot, harm: {
         "do": Do.SWITCH_WIRE,

@@ -32,6 +32,7 @@ class RotorTrace:
         first_slip_counts: of each axis, None if it has not slipped.
         energies: where the energy of each axis has gone.
         supply_span_v: lowest and highest voltage at the drivers.
+        other_payloads_kg: masses that the payload was given in the course of the run, in their order.
     """
 
     counts: Int64Array
@@ -43,6 +44,7 @@ class RotorTrace:
     first_slip_counts: tuple[int | None, ...]
     energies: Energies
     supply_span_v: tuple[float, float]
+    other_payloads_kg: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Let a robot's motors turn with its boards: what the emulator must know of them, and what the rotors did."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import pi
 
 from steptwin.emulator.rotor_watch import REST_TICKS, MotorWiring
@@ -34,8 +35,8 @@ def motor_wiring(
             2.0 * pi * each / (joint.transmission.full_steps_per_rev * joint.transmission.microsteps)
             for each, joint in zip(steps, robot.joints, strict=True)
         ],
-        arm=arm_of(robot, 0.0),
-        loaded=arm_of(robot, dynamics.payload_kg),
+        arm_with=partial(arm_of, robot),
+        payload_kg=dynamics.payload_kg,
         supply=power_supply(dynamics),
         held_by=Wires(robot, axes_per_board).output(held_by) if held_by else None,
         stretch_ticks=stretch_ticks,

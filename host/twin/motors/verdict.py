@@ -60,12 +60,14 @@ class MotorVerdict:
     """Whether the motors keep step, and with how much torque to spare.
 
     Attributes:
-        payload_kg: mass at the tool.
+        payload_kg: mass at the tool, by the robot's file.
         supply_v: of the drivers without load.
         supply_v_min: lowest under load.
         supply_v_max: highest, while motors brake.
         tool: how far the tool really is from where the drivers have counted it.
         joints: in the robot's order.
+        other_payloads_kg: masses that the payload was given in the course of the run: the rotors felt them, but what
+            the plan needs of the motors is told for `payload_kg`.
     """
 
     payload_kg: float
@@ -74,6 +76,7 @@ class MotorVerdict:
     supply_v_max: float
     tool: ToolReached
     joints: tuple[JointLoad, ...]
+    other_payloads_kg: tuple[float, ...] = ()
 
     @property
     def kept_step(self) -> bool:
@@ -114,6 +117,7 @@ class MotorVerdict:
         """Return plain values for JSON."""
         return {
             "payload_kg": self.payload_kg,
+            **({"other_payloads_kg": list(self.other_payloads_kg)} if self.other_payloads_kg else {}),
             "supply_v": self.supply_v,
             "supply_v_min": self.supply_v_min,
             "supply_v_max": self.supply_v_max,
@@ -143,7 +147,9 @@ def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: T
     """Judge a run by what its rotors did, and by the torques that its plan needs."""
     dynamics = driving.dynamics
     loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.joints)))
-    return MotorVerdict(dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads)
+    return MotorVerdict(
+        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, trace.other_payloads_kg
+    )
 
 
 def _joint_load(driving: Driving, torques: Torques, trace: RotorTrace, axis: int) -> JointLoad:

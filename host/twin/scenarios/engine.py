@@ -7,8 +7,9 @@ from typing import Final
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import BrownOut, Operation, WatchdogReset
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, opposite
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, check_motors, opposite
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
@@ -81,9 +82,13 @@ class Engine:
         """Watch for the triggers of a scenario from now on.
 
         Raises:
-            InputError: a trigger names a joint that the robot does not have, or a fault a receiver that is not there.
+            InputError: a trigger names a joint that the robot does not have, or a fault a receiver that is not there,
+                or a fault needs motors that turn with the boards.
         """
         _check_receivers(scenario, len(target.simulation.boards))
+        for fault in scenario.faults:
+            with prefixed(f"{fault.name}: "):
+                check_motors(fault.harm, turning=target.simulation.rotor_watch is not None)
         self.scenario = scenario.drawn()
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)

@@ -15,6 +15,7 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     Operation,
+    Payload,
     PowerUp,
     SetInput,
     SetWire,
@@ -24,6 +25,7 @@ from steptwin.emulator.operations import (
 )
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.emulator.wires import WireState
+from steptwin.host.common.errors import InputError
 
 
 class HostFaultKind(StrEnum):
@@ -84,6 +86,7 @@ _OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
     SwitchWire: lambda harm, _: SwitchWire(harm.axis, harm.switch, None),
     BouncingSwitch: lambda harm, _: BouncingSwitch(harm.axis, harm.switch, 0),
     DriverMode: lambda harm, _: DriverMode(harm.axis, None),
+    Payload: lambda _, before: Payload(before.payload_kg),
 }
 """What ends each type of operation; one without it is done at once."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)
@@ -101,6 +104,15 @@ def momentary(harm: Harm) -> bool:
     if isinstance(harm, HostFault):
         return harm.kind not in _ENDING
     return not isinstance(harm, BusFault) and type(harm) not in _OPPOSITES
+
+
+def check_motors(harm: Harm, *, turning: bool) -> None:
+    """Raise InputError for a harm that only motors feel, unless they turn with the boards."""
+    if isinstance(harm, Payload) and not turning:
+        raise InputError(
+            f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
+            " run --motors=loop, serve --motors, or motors=True in a test"
+        )
 
 
 def on_axis(harm: Harm) -> int | None:

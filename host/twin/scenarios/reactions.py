@@ -23,6 +23,7 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     OscCapacitor,
+    Payload,
     PowerUp,
     SetInput,
     SetWire,
@@ -273,6 +274,13 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         lambda harm, _: isinstance(harm, Slip),
         _UNKNOWABLE,
         "a board without encoders cannot know; the verdict tells it, and homing ends it; a limit switch may come",
+    ),
+    Documented(
+        "another payload",
+        lambda harm, _: isinstance(harm, Payload),
+        _UNKNOWABLE,
+        "a board without encoders cannot know whether its motors keep step; the verdict tells a slip; after it a limit"
+        " switch may come",
     ),
     Documented(
         "wire to a driver broken, shorted or noisy",

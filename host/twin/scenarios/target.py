@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import BusOperation, Operation, PlacedOperation
+from steptwin.emulator.operations import BusOperation, Operation, Payload, PlacedOperation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps
-from steptwin.host.twin.scenarios.harms import BusRepair
+from steptwin.host.twin.scenarios.harms import BusRepair, check_motors
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
 
@@ -36,7 +36,12 @@ class Target:
         return cls(robot, simulation, start_steps, tuple(axes_of(simulation.boards)))
 
     def harm(self, harm: Operation | BusFault | BusRepair) -> None:
-        """Execute an operation now, or let a fault of the bus begin, or all of them end."""
+        """Execute an operation now, or let a fault of the bus begin, or all of them end.
+
+        Raises:
+            InputError: only motors that turn with the boards would feel it, and there are none.
+        """
+        check_motors(harm, turning=self.simulation.rotor_watch is not None)
         faults = self.simulation.bus.faults
         match harm:
             case BusFault():
@@ -47,12 +52,12 @@ class Target:
                 self.operate(harm)
 
     def operate(self, operation: Operation) -> None:
-        """Execute an operation now: on the board of its axis, on the bus, else on every board."""
+        """Execute an operation now: on the board of its axis, on the bus, at the tool, else on every board."""
         simulation = self.simulation
         if isinstance(operation, PlacedOperation) and operation.axis is not None:
             board, axis = self.axes[operation.axis]
             simulation.operate(replace(operation, axis=axis), simulation.boards.index(board))
-        elif isinstance(operation, BusOperation):
+        elif isinstance(operation, BusOperation | Payload):
             simulation.operate(operation)
         else:
             for number in range(len(simulation.boards)):
@@ -80,4 +85,5 @@ class Target:
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what all axes of a board share is the same for all boards."""
         around = [board.surroundings for board in self.simulation.boards]
-        return replace(around[0], axes=tuple(axis for each in around for axis in each.axes))
+        axes, watch = tuple(axis for each in around for axis in each.axes), self.simulation.rotor_watch
+        return replace(around[0], axes=axes, payload_kg=0.0 if watch is None else watch.payload_kg)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import Slip
+from steptwin.emulator.operations import Payload, Scheduled, Slip
+from steptwin.host.cli.motor_report import print_motors
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -16,11 +17,14 @@ from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.motors import motors_of_run
 from steptwin.host.twin.motors.after_run import RotorTrace, rotors_after_run
-from steptwin.host.twin.motors.driving import Driving
+from steptwin.host.twin.motors.driving import Driving, PayloadTimes
+from steptwin.host.twin.motors.mechanism import arm_of
 from steptwin.host.twin.outcome import Outcome
 from steptwin.host.twin.served_board import ServedBoard
 from steptwin.protocol import od
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
+from tests.host.twin.scenarios.short_runs import played
 from tests.host.twin.test_excitation import Master
 
 TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))
@@ -78,6 +82,54 @@ def test_the_payload_hangs_while_the_output_is_on(fast_kernel: Kernel) -> None:
     taken = -(-int(pin.counts[0]) // 72_000)
     assert_same(ours, without, taken)
     assert not np.array_equal(ours.load_deg[taken], without.load_deg[taken])
+
+
+class TestAnotherPayload:
+    """A scenario that changes the payload of the teaching robot, which always hangs, in the middle of its motion."""
+
+    def test_hangs_until_its_end(self, fast_kernel: Kernel, outcomes: tuple[Outcome, Outcome]) -> None:
+        """The rotors are those of an arm that takes it and leaves it again, and of the usual one before."""
+        _, usual = outcomes
+        fault = '[[fault]]\nat_s = 0.3003\ndo = "payload"\npayload_kg = 0.5\nfor_s = 0.2004\n'
+        ran, report = played(fast_kernel, fault, motors=True)
+        assert report.passed
+        assert ran.rotors is not None
+        assert usual.rotors is not None
+        evidence = ran.comparison.evidence
+        driving = Driving.of(TEACHING, evidence)
+        at_s = np.array([0.3003, 0.3003 + 0.2004])
+        counts = evidence.start_counts + np.rint(at_s * COUNTS_PER_SECOND).astype(np.int64)
+        changed = replace(
+            driving,
+            payload=PayloadTimes(counts, np.array([False, True, False])),
+            arms=(driving.arms[1], arm_of(TEACHING, 0.5)),
+        )
+        after = rotors_after_run(changed)
+        assert_same(ran.rotors, after, len(after.counts))
+        taken = -(-int(counts[0]) // COUNTS_PER_MS)
+        assert_same(ran.rotors, usual.rotors, taken)
+        assert not np.array_equal(ran.rotors.load_deg[taken], usual.rotors.load_deg[taken])
+
+    def test_that_is_too_heavy_makes_motors_slip(self, fast_kernel: Kernel, capsys: pytest.CaptureFixture[str]) -> None:
+        """Nothing on the board tells it: the drivers have counted what was planned."""
+        ran, report = played(fast_kernel, '[[fault]]\nat_s = 0.3\ndo = "payload"\npayload_kg = 100\n', motors=True)
+        assert report.passed
+        assert ran.report.passed
+        verdict = motors_of_run(TEACHING, ran.comparison, trace=ran.rotors).verdict
+        slips = [joint.first_slip_s for joint in verdict.joints if joint.first_slip_s is not None]
+        assert slips
+        assert min(slips) > 0.3
+        assert (verdict.payload_kg, verdict.other_payloads_kg) == (0.1, (100.0,))
+        print_motors(verdict)
+        assert "motors: LOSE STEPS, with 0.1 kg, then 100 kg at the tool and 24 V" in capsys.readouterr().out
+
+    def test_is_refused_without_motors(self, fast_kernel: Kernel) -> None:
+        schedule = [Scheduled(72_000 * 20, Payload(5.0))]
+        with pytest.raises(InputError, match="payload_kg: 5 kg: only motors that turn"):
+            BoardUnderTest(TEACHING, kernel=fast_kernel, schedule=schedule)
+        board = BoardUnderTest(TEACHING, kernel=fast_kernel)
+        with pytest.raises(InputError, match="payload_kg: 1 kg: only motors that turn"):
+            board.operate(Payload(1.0))
 
 
 AXIS, LIMIT = "d1", -5.0
@@ -238,6 +290,14 @@ class TestALiveBoard:
         joints = found[0][1]["joints"]
         assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
         assert all(joint["first_slip_s"] is None for joint in joints)
+
+    def test_takes_another_payload(self, fast_kernel: Kernel) -> None:
+        board = LiveSession(fast_kernel, motors=True, axes_per_board=(4, 2)).board
+        usual_kg = board.surroundings.payload_kg
+        board.operate(Payload(5.0))
+        assert usual_kg != board.surroundings.payload_kg == 5.0
+        with pytest.raises(InputError, match="payload_kg: 5 kg: only motors that turn with the board feel it"):
+            LiveSession(fast_kernel).board.operate(Payload(5.0))
 
     def test_axes_of_several_boards_turn_one_arm(self, fast_kernel: Kernel) -> None:
         together, apart = (LiveSession(fast_kernel, motors=True, axes_per_board=axes) for axes in ((6,), (4, 2)))

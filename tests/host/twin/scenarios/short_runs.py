@@ -32,8 +32,8 @@ def scenario(text: str) -> Scenario:
     return read
 
 
-def played(kernel: Kernel, text: str) -> tuple[Outcome, ScenarioReport]:
-    """Carry while a scenario happens."""
-    outcome = execute(carry(), "carry", kernel, scenario=scenario(text))
+def played(kernel: Kernel, text: str, *, motors: bool = False) -> tuple[Outcome, ScenarioReport]:
+    """Carry while a scenario happens, perhaps with motors that turn with the board."""
+    outcome = execute(carry(), "carry", kernel, scenario=scenario(text), motors=motors)
     assert outcome.scenario is not None
     return outcome, outcome.scenario

@@ -1,5 +1,6 @@
 """Every row of the table of documented reactions, on both sides of its limit, and answers that are not documented."""
 
+import re
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,6 +34,7 @@ class Case(NamedTuple):
     verdict: str
     stood_ms: tuple[float, float] | None = None
     when: str = "at_s = 0.3"
+    motors: bool = False
 
 
 CASES = [
@@ -86,6 +88,8 @@ CASES = [
     Case("another capacitor at OSC", 'do = "osc"\njoint = "th2"\nosc_pf = 380', REFUSED),
     Case("sensor on or off", 'do = "input"\ninput = "part_ready"\non = true', GOES),
     Case("a motor falls out of step", 'do = "slip"\njoint = "th2"\nfull_steps = -4', REFUSED),
+    Case("another payload", 'do = "payload"\npayload_kg = 0.5\nfor_s = 0.1', GOES, motors=True),
+    Case("another payload", 'do = "payload"\npayload_kg = 100', GOES, motors=True),
     *(
         Case(
             "wire to a driver broken, shorted or noisy",
@@ -155,7 +159,7 @@ def test_every_documented_reaction_has_a_case() -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.what}: {case.fault}".replace("\n", ", "))
 def test_the_machine_answers_as_documented(fast_kernel: Kernel, case: Case) -> None:
-    outcome, report = played(fast_kernel, f"[[fault]]\n{case.when}\n{case.fault}\n")
+    outcome, report = played(fast_kernel, f"[[fault]]\n{case.when}\n{case.fault}\n", motors=case.motors)
     assert report.passed, report.reasons
     (fault,) = report.faults
     assert fault.what == case.what
@@ -278,6 +282,15 @@ def test_a_stop_that_no_fault_explains_fails_the_scenario(fast_kernel: Kernel) -
 def test_a_receiver_that_is_not_there_is_refused(fast_kernel: Kernel) -> None:
     with pytest.raises(InputError, match="1 loss: receiver: 2 is not from 0 to 1, the number of boards"):
         played(fast_kernel, '[[fault]]\nat_s = 0\ndo = "loss"\nframes = "all"\nreceiver = 2\n')
+
+
+def test_another_payload_needs_motors(fast_kernel: Kernel) -> None:
+    told = (
+        "1 payload: payload_kg: 2.5 kg: only motors that turn with the board feel it:"
+        " run --motors=loop, serve --motors, or motors=True in a test"
+    )
+    with pytest.raises(InputError, match=re.escape(told)):
+        played(fast_kernel, '[[fault]]\nat_s = 0\ndo = "payload"\npayload_kg = 2.5\n')
 
 
 def test_a_motion_that_fails_without_a_reason_fails_the_scenario(fast_kernel: Kernel) -> None:

@@ -65,6 +65,12 @@ def test_run_refuses_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == f"steptwin: {path}: fault 1: do 'estpo' is unknown: did you mean estop?\n"
     assert run(["run", "teaching-scara", "carry", "--faults", path, "--connect", "127.0.0.1"]) == 2
     assert "--faults: is for a run in virtual time" in capsys.readouterr().err
+    heavy = written(tmp_path, 'at_s = 0.1\ndo = "payload"\npayload_kg = 2.5\n')
+    assert run(["run", "teaching-scara", "carry", "--faults", heavy]) == 2
+    assert capsys.readouterr().err == (
+        "steptwin: 1 payload: payload_kg: 2.5 kg: only motors that turn with the board feel it:"
+        " run --motors=loop, serve --motors, or motors=True in a test\n"
+    )
 
 
 def test_check_shows_the_faults(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
