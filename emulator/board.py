@@ -13,6 +13,7 @@ from steptwin.emulator.can_controller import CanController
 from steptwin.emulator.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
 from steptwin.emulator.driver_module import Module
 from steptwin.emulator.inputs import BoardInputs
+from steptwin.emulator.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.operations import (
     BoardOperation,
     BoardTemperature,
@@ -56,6 +57,12 @@ class BoardConfig:
     """The way along which each axis' switches stand; empty: that of its own rotor."""
     modules: tuple[Module, ...] = ()
     """The module around each chip; empty for chips on the board itself."""
+    crystal_ppm: int = 0
+    """How fast the board's crystal is, in parts per million; `drifting_board.make_board` heeds it."""
+
+    def __post_init__(self) -> None:
+        if abs(self.crystal_ppm) > CRYSTAL_PPM_MAX:
+            raise ValueError(f"crystal_ppm {self.crystal_ppm} is not from {-CRYSTAL_PPM_MAX} to {CRYSTAL_PPM_MAX}")
 
 
 class Board:
@@ -101,9 +108,7 @@ class Board:
         self.firmware = Firmware(
             self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor, self.shaft
         )
-        self.can = CanController(
-            self.firmware.receive, self.firmware.on_can_error, self.firmware.hears, self.config.read_latency_counts
-        )
+        self.can = self._make_controller()
         """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
         self._inputs.restart_count()
         self._seen = [DigitalInput(0)] * self.config.axis_count
@@ -114,6 +119,15 @@ class Board:
             self.on_record(axis, listener)
         self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
 
+    def _make_controller(self) -> CanController:
+        firmware = self.firmware
+        return CanController(firmware.receive, firmware.on_can_error, firmware.hears, self.config.read_latency_counts)
+
+    @property
+    def own_clock(self) -> LocalClock | None:
+        """The clock of traces and pin changes; None if it is the simulation's."""
+        return None
+
     def on_record(self, axis: int, listener: Callable[[PvtRecord], None]) -> None:
         """Call a listener with each PVT record that an axis' queue takes from now on."""
         self._on_record[axis] = listener
@@ -123,7 +137,7 @@ class Board:
         """Switch the board on; its nodes announce themselves."""
         self._drivers.supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
-        self.poll(now_counts)
+        Board.poll(self, now_counts)  # not that of a subclass, which takes instants of another clock; so below
 
     def power_cycle(self, now_counts: int) -> None:
         """Switch the supply off and on: all pins fall and the firmware restarts. Motors and clock stay as they are.
@@ -168,7 +182,7 @@ class Board:
         self.can.power_up()
         self._drivers.hold_pins(now_counts)
         self._look_at_once = self._inputs.levels != self._seen
-        self.boot(now_counts)
+        Board.boot(self, now_counts)
         self._measure(self._measurements, now_counts)
 
     def follow_outputs(self) -> list[OutputFollower]:
@@ -378,6 +392,15 @@ class Board:
         """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
         due_counts = self.next_due_counts
         return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
+
+    def next_tick_counts(self, now_counts: int) -> int:
+        """Return the instant after now at which the next servo tick begins."""
+        return (now_counts // TICK_COUNTS + 1) * TICK_COUNTS
+
+    @property
+    def computed_counts(self) -> int:
+        """Instant up to which all pulses are computed: the start of a servo tick."""
+        return self.firmware.motion.tick * TICK_COUNTS
 
     def drain(self) -> None:
         """Let the drivers process all pulses computed so far."""

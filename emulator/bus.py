@@ -116,7 +116,7 @@ class Bus:
     def attach(self, station: CanController) -> None:
         """Connect a station's controller to the wire."""
         self._stations.append(station)
-        station.submitted = self._submitted
+        station.connect(self._submitted)
         self._note_who_is_off()
 
     def listen(self, listener: Log) -> None:
@@ -321,7 +321,7 @@ class Bus:
         A frame that the station was sending breaks off. A frame that is on the wire does not reach the new controller.
         """
         self._stations[self._stations.index(gone)] = fresh
-        fresh.submitted = self._submitted
+        fresh.connect(self._submitted)
         self._note_who_is_off()
         if self._frame:
             self._drop_out(gone, fresh, now_counts)

@@ -48,7 +48,7 @@ def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
 
 
 class CanController:
-    """One station on the bus. The bus sets `submitted`; the owner calls `poll` at `next_due_counts`."""
+    """One station on the bus. The bus calls `connect`; the owner calls `poll` at `next_due_counts`."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class CanController:
         self.idle_since_counts = 0
         """Instant at which the last frame of the station's own was sent."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
-        """Called when there is a frame to send; the bus sets it."""
+        """Called when there is a frame to send; the bus sets it by `connect`."""
         self.silent_until_counts = 0
         """Instant before which the station does not begin to send."""
         self.recovery_sequences_left = 0
@@ -106,6 +106,10 @@ class CanController:
         """Instant at which the processor empties the FIFOs; None while they are empty."""
 
     # --- out
+
+    def connect(self, submitted: Callable[[int], None]) -> None:
+        """Call the bus when there is a frame to send."""
+        self.submitted = submitted
 
     @property
     def waiting(self) -> int:

@@ -1,7 +1,8 @@
 """Simulate boards and a bus in virtual time: one clock, one thread, events in order; equal inputs give equal bytes.
 
 The host stands outside: it sends frames, lets time pass and is given the frames that reach it. All boards are switched
-on together and count the same 72 MHz; real boards, each with its own crystal, would differ by some 20 ppm.
+on together and count the same 72 MHz; real boards, each with its own crystal, would differ by some 20 ppm, as a
+`DriftingBoard` does.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -83,6 +84,8 @@ class Simulation:
         self.boards = tuple(boards)
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
         """Boards whose processors fetch messages with a delay."""
+        self._drifting = any(board.own_clock for board in self.boards)
+        """True if the boards' servo ticks do not begin together."""
         self.bus = bus
         self.now_counts = 0
         self.host = CanController(unheard, in_order=True)
@@ -108,7 +111,7 @@ class Simulation:
 
     def power_cycle(self, number: int = 0) -> None:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
-        self._exchanging(number, Board.power_cycle)
+        self._exchanging(number, lambda board, now_counts: board.power_cycle(now_counts))
         self._let_shelf_look()
 
     def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
@@ -132,12 +135,12 @@ class Simulation:
     def _execute(self, operation: Operation, number: int) -> None:
         match operation:
             case BrownOut(for_ms):
-                self._go_down(number, Board.power_down, for_ms)
+                self._go_down(number, lambda board, now_counts: board.power_down(now_counts), for_ms)
             case WatchdogReset(for_ms):
-                self._go_down(number, Board.reset, for_ms)
+                self._go_down(number, lambda board, now_counts: board.reset(now_counts), for_ms)
             case PowerUp():
                 if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
-                    self._exchanging(number, Board.start)
+                    self._exchanging(number, lambda board, now_counts: board.start(now_counts))
             case BusOff(axis):
                 self.bus.throw_off(self.host if axis is None else self.boards[number].can, self.now_counts)
             case StrangerSends(frame):
@@ -311,7 +314,10 @@ class Simulation:
             return self.boards[0].advance(goal_counts)
         by_motion = sorted(self.boards, key=lambda board: not board.moving)
         if by_motion[1].moving:
-            goal_counts = min(goal_counts, (self.now_counts // TICK_COUNTS + 1) * TICK_COUNTS)
+            if self._drifting:
+                goal_counts = min(goal_counts, *(each.next_tick_counts(self.now_counts) for each in self.boards))
+            else:
+                goal_counts = min(goal_counts, (self.now_counts // TICK_COUNTS + 1) * TICK_COUNTS)
         reached_counts = goal_counts
         for board in by_motion:
             reached_counts = board.advance(reached_counts)

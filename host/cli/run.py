@@ -136,6 +136,12 @@ def run(
             " goes, and the switches follow them (docs/motors.md).",
         ),
     ] = None,
+    crystal: Annotated[
+        int,
+        typer.Option(
+            metavar="PPM", help="How fast the emulated board's crystal is, from -1000 to 1000 parts per million."
+        ),
+    ] = 0,
     connect: Connect = None,
     interface: Interface = None,
     channel: Channel = None,
@@ -190,6 +196,7 @@ def run(
             "--locked-drawer": locked_drawer or None,
             "--faults": faults,
             "--motors": motors,
+            "--crystal": crystal or None,
         }
         _refuse(emulated, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
@@ -211,7 +218,12 @@ def run(
     motion.say_summary(to_stderr=as_json)
     with (
         progress_bar(f"{loaded.name} {job}") as progress,
-        naming_options("dip_microsteps", "stock", cut_stream_s="--cut-stream", locked_drawers="--locked-drawer"),
+        naming_options(
+            *("dip_microsteps", "stock"),
+            cut_stream_s="--cut-stream",
+            locked_drawers="--locked-drawer",
+            crystal_ppm="--crystal",
+        ),
     ):
         outcome = execute(
             motion.plan,
@@ -227,6 +239,7 @@ def run(
             locked_drawers=locked_drawer or (),
             scenario=scenario,
             motors=motors == "loop",
+            crystal_ppm=crystal,
             progress=telling_time(progress, "run") if motors == "loop" else progress,
         )
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})

@@ -96,6 +96,10 @@ def serve(
         ),
     ] = False,
     faults: Faults = None,
+    crystal: Annotated[
+        str | None,
+        typer.Option(metavar="PPM,...", help="How fast each board's crystal is, from -1000 to 1000 parts per million."),
+    ] = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
     ] = None,
@@ -111,6 +115,7 @@ def serve(
     the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
     from steptwin.host.twin.axes_per_board import read_axes_per_board
+    from steptwin.host.twin.crystals import read_crystals
     from steptwin.host.twin.served_board import ServedBoard
 
     loaded = one_robot(robot, robot_file)
@@ -128,7 +133,9 @@ def serve(
         *("out", "log", "replace", "dip_microsteps", "stock", "motors"),
     )
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
-        with naming_options(*parameters, axes_per_board="--boards", locked_drawers="--locked-drawer"):
+        with naming_options(
+            *parameters, axes_per_board="--boards", locked_drawers="--locked-drawer", crystal_ppm="--crystal"
+        ):
             served = ServedBoard(
                 loaded,
                 stand_at=standing,
@@ -147,6 +154,7 @@ def serve(
                 locked_drawers=locked_drawer or (),
                 motors=motors,
                 scenario=scenario,
+                crystal_ppm=() if crystal is None else read_crystals(crystal),
                 out=out,
                 log=log,
                 replace=replace,

@@ -18,6 +18,7 @@ def board_config(
     joints: Sequence[float],
     driver_profile_name: str | None = None,
     dip_microsteps: Mapping[str, int] | None = None,
+    crystal_ppm: int = 0,
 ) -> BoardConfig:
     """Return the board that drives all axes of a robot.
 
@@ -26,11 +27,13 @@ def board_config(
         joints: positions at which it stands, mm and degrees.
         driver_profile_name: drivers other than the robot file's; the file's driver settings do not apply to them.
         dip_microsteps: microsteps other than the robot file's to which modules' switches are set, by joint.
+        crystal_ppm: how fast the board's crystal is, in parts per million.
 
     Raises:
         InputError: the drivers do not exist, or cannot be set as the robot needs them.
     """
-    (config,) = board_configs(robot, joints, [len(robot.joints)], driver_profile_name, dip_microsteps)
+    one = [len(robot.joints)]
+    (config,) = board_configs(robot, joints, one, driver_profile_name, dip_microsteps, [crystal_ppm])
     return config
 
 
@@ -40,8 +43,11 @@ def board_configs(
     axes_per_board: Sequence[int],
     driver_profile_name: str | None = None,
     dip_microsteps: Mapping[str, int] | None = None,
+    crystals_ppm: Sequence[int] = (),
 ) -> list[BoardConfig]:
     """Return several boards on one bus, each with its number of axes; node ids continue from board to board.
+
+    `crystals_ppm` says how fast each board's crystal is, in parts per million; empty: all are exact.
 
     Raises:
         InputError: as `board_config` does.
@@ -55,7 +61,7 @@ def board_configs(
     microsteps = switched_microsteps(robot, profile, dip_microsteps or {})
     modules = tuple(fitted_module(robot.board, profile, each) for each in microsteps)
     configs: list[BoardConfig] = []
-    for axes in axes_per_board:
+    for axes, crystal_ppm in zip(axes_per_board, crystals_ppm or [0] * len(axes_per_board), strict=True):
         first = sum(config.axis_count for config in configs)
         configs.append(
             BoardConfig(
@@ -66,6 +72,7 @@ def board_configs(
                 travels=_travels(robot, first, first + axes),
                 start_sixteenths=tuple(start_sixteenths[first : first + axes]),
                 modules=modules[first : first + axes],
+                crystal_ppm=crystal_ppm,
             )
         )
     return configs

@@ -78,6 +78,7 @@ class BoardUnderTest(EmbeddedBoard):
         dip_microsteps: Mapping[str, int] | None = None,
         motors: bool = False,
         scenario: Scenario | Path | str | None = None,
+        crystal_ppm: int = 0,
     ) -> None:
         """Switch the board on.
 
@@ -92,11 +93,12 @@ class BoardUnderTest(EmbeddedBoard):
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
             scenario: faults that happen to it, or the path of the file with them (docs/faults.md); times count from the
                 motion that the first SYNC starts.
+            crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000; no motors turn then.
 
         Raises:
             InputError: a joint or the drivers do not exist, or the drivers cannot be set as the robot needs them, or
                 have no such switches, or the robot's file does not describe its motors and masses, or something is
-                wrong in the scenario.
+                wrong in the scenario, or the crystal is too far off or motors turn with it.
         """
         self._began_s = time.perf_counter()
         joints = standing_joints(robot, stand_at)
@@ -114,6 +116,7 @@ class BoardUnderTest(EmbeddedBoard):
             dip_microsteps,
             motors=motors,
             scenario=scenario,
+            crystal_ppm=crystal_ppm,
         )
         self._run = UnplannedRun(
             robot,

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.board import Board, BoardConfig
+from steptwin.emulator.drifting_board import make_board
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.commissioning import commissioned_flash
@@ -23,11 +24,11 @@ def make_boards(
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
     """
     if not commissioned:
-        return [Board(config, kernel) for config in configs]
+        return [make_board(config, kernel) for config in configs]
     firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
     driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
     flashes = [commissioned_flash(robot, joints) for joints in driven]
-    return [Board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
+    return [make_board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
 
 
 def axes_of(boards: Sequence[Board]) -> list[tuple[Board, int]]:

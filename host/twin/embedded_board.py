@@ -6,9 +6,9 @@ from math import floor
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
+from steptwin.emulator.drifting_board import make_board
 from steptwin.emulator.operations import Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.rotors import RotorRecord
 from steptwin.emulator.simulation import Simulation
@@ -17,6 +17,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_config
 from steptwin.host.twin.boards import axes_of, microsteps_of
 from steptwin.host.twin.commissioning import commissioned_flash
+from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axes_evidence
@@ -63,6 +64,7 @@ class EmbeddedBoard:
         shelf_sensors: bool = True,
         scenario: Scenario | None = None,
         motors: bool = False,
+        crystal_ppm: int = 0,
     ) -> None:
         """Switch the board on.
 
@@ -80,20 +82,22 @@ class EmbeddedBoard:
             shelf_sensors: False if the shelf's sensors are not connected.
             scenario: faults that happen to it.
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
+            crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000; no motors turn then.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
                 the shelf has no such place, or the scenario names a joint that the robot does not have, or the robot's
-                file does not describe its motors and masses.
+                file does not describe its motors and masses, or the crystal is too far off or motors turn with it.
         """
         schedule = tuple(schedule)
         for each in schedule:
             check_motors(each.operation, turning=motors)
+        check_crystals([crystal_ppm], 1, motors=motors)
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
-        config = board_config(robot, start_joints, driver_profile_name, dip_microsteps)
-        self._board = Board(config, kernel, commissioned_flash(robot, robot.joints) if commissioned else None)
+        config = board_config(robot, start_joints, driver_profile_name, dip_microsteps, crystal_ppm)
+        self._board = make_board(config, kernel, commissioned_flash(robot, robot.joints) if commissioned else None)
         shelf = shelf_wiring(
             robot, start_joints, [len(robot.joints)], stock=stock, locked=locked_drawers, sensors=shelf_sensors
         )

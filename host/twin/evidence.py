@@ -1,6 +1,7 @@
 """Convert the emulator's traces into the verifier's evidence."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from steptwin.controller.pins import Pin, PinChange
 from steptwin.emulator.board import Board
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
+from steptwin.emulator.local_clock import LocalClock
 from steptwin.emulator.tb6560 import LimitUnit, Outputs, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
@@ -29,16 +31,25 @@ def axes_evidence(
 ) -> tuple[AxisEvidence, ...]:
     """Return the evidence of all axes since power-up; `axes` has each joint's board and its axis' number there."""
     return tuple(
-        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes)
+        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes, board.own_clock)
         for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)
     )
 
 
 def axis_evidence(
-    name: str, start_steps: int, trace: AxisTrace, axis: int, changes: Sequence[PinChange]
+    name: str,
+    start_steps: int,
+    trace: AxisTrace,
+    axis: int,
+    changes: Sequence[PinChange],
+    clock: LocalClock | None = None,
 ) -> AxisEvidence:
-    """Return the evidence of one axis' driver, with the pin changes that concern this axis."""
-    return AxisEvidence(
+    """Return the evidence of one axis' driver, with the pin changes that concern this axis.
+
+    What a board with a clock of its own has seen is told in the time of the bus, as a logic analyser would; values of
+    violations stay as the board's clock has them.
+    """
+    evidence = AxisEvidence(
         name=name,
         start_steps=start_steps,
         clk_rise_counts=trace.clk_rise_counts,
@@ -52,6 +63,23 @@ def axis_evidence(
         phases=_phases(trace.outputs),
         pins=_level_edges(axis, changes),
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
+    )
+    return evidence if clock is None else _in_bus_time(evidence, clock)
+
+
+def _in_bus_time(axis: AxisEvidence, clock: LocalClock) -> AxisEvidence:
+    """Return evidence whose instants are a board's own as the bus has them."""
+    instants = clock.instants
+    return replace(
+        axis,
+        clk_rise_counts=instants(axis.clk_rise_counts),
+        clk_fall_counts=instants(axis.clk_fall_counts),
+        dir_edge_counts=instants(axis.dir_edge_counts),
+        step_counts=instants(axis.step_counts),
+        violations=replace(axis.violations, counts=instants(axis.violations.counts)),
+        phases=replace(axis.phases, counts=instants(axis.phases.counts)),
+        pins={name: replace(edges, counts=instants(edges.counts)) for name, edges in axis.pins.items()},
+        slips=replace(axis.slips, counts=instants(axis.slips.counts)),
     )
 
 

@@ -46,6 +46,7 @@ def execute(
     locked_drawers: Collection[str] = (),
     scenario: Scenario | None = None,
     motors: bool = False,
+    crystal_ppm: int = 0,
     progress: Progress = lambda _: None,
     on_board: Callable[[EmbeddedBoard], None] = lambda _: None,
 ) -> Outcome:
@@ -69,12 +70,15 @@ def execute(
         locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
         scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
         motors: let the robot's motors turn with the board, so that its switches follow the rotors.
+        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000; neither plan nor host is
+            told.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done.
+            drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done, or the
+            crystal is too far off.
         DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
@@ -103,6 +107,7 @@ def execute(
         shelf_sensors=_looks_at_sensors(plan),
         scenario=scenario,
         motors=motors,
+        crystal_ppm=crystal_ppm,
     )
     on_board(board)
     board.change_inputs(inputs)
@@ -132,7 +137,9 @@ def execute(
     played = _played(board, comparison, report, fault)
     profile = board.driver_profile.name
     operations = tuple(board.operations.requests())
-    return Outcome(made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors, operations)
+    return Outcome(
+        made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors, operations, crystal_ppm
+    )
 
 
 def _run(

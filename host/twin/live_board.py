@@ -29,6 +29,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.boards import axes_of, make_boards, microsteps_of
 from steptwin.host.twin.control.operations import request_of
+from steptwin.host.twin.crystals import check_crystals, crystals_document
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
@@ -117,6 +118,7 @@ class LiveBoard:
         locked_drawers: Collection[str] = (),
         motors: bool = False,
         scenario: Scenario | None = None,
+        crystals_ppm: Sequence[int] = (),
     ) -> None:
         """Set the board up.
 
@@ -135,18 +137,21 @@ class LiveBoard:
             locked_drawers: slots of the shelf whose drawers are locked.
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
             scenario: faults that happen to it; times count from the first motion that a SYNC starts.
+            crystals_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000; empty: all exact.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
                 the shelf has no such place, or the robot's file does not describe its motors and masses,
-                or the scenario has a fault of the host, which is a program of its own.
+                or the scenario has a fault of the host, which is a program of its own, or a crystal is too far off.
             OSError: a file cannot be written.
         """
         if scenario is not None and scenario.harms_host:
             raise InputError(f"{scenario.name}: {_NO_HOST}")
         self.robot = robot
         self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
-        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps)
+        check_crystals(crystals_ppm, len(self.axes_per_board), motors=motors)
+        self._crystals_ppm = tuple(crystals_ppm)
+        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps, crystals_ppm)
         shelf = shelf_wiring(robot, stand_at, self.axes_per_board, stock=stock, locked=locked_drawers)
         self._stock = {} if shelf is None else dict(shelf.shelf.stock)
         self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
@@ -265,7 +270,7 @@ class LiveBoard:
                 joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
                 self._add(joint, trace)
                 if self._recording and not self._recording.failure:
-                    pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes))
+                    pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes, board.own_clock))
         if self._recording and self._plan:
             self._recording.append(Piece(pieces, lines, self._plan.take(), self._mark(self._plan)))
 
@@ -297,9 +302,9 @@ class LiveBoard:
         joint.violations += trace.violations.counts.size
 
     def _mark(self, plan: LivePlan) -> Mark:
-        tick = min(board.firmware.motion.tick for board in self._boards)
+        computed_counts = min(board.computed_counts for board in self._boards)
         return Mark(
-            until_counts=max(tick - _OPEN_TICKS, 0) * TICK_COUNTS,
+            until_counts=max(computed_counts - _OPEN_TICKS * TICK_COUNTS, 0),
             start_counts=self._motion.start_counts or 0,
             no_plan=plan.lacking_so_far,
             in_motion=plan.in_motion,
@@ -385,6 +390,7 @@ class LiveBoard:
             "no_plan": self._plan.lacking if self._plan else None,
             "outputs": [],
             "boards": list(self.axes_per_board),
+            **crystals_document(self._crystals_ppm),
             "mismatches": [str(microsteps) for microsteps in self.mismatches()],
             "axes": [
                 {

@@ -8,6 +8,7 @@ from typing import Any
 from steptwin.host.operate.input_waiting import Waited, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
+from steptwin.host.twin.crystals import crystals_document
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.verify import Comparison, Report
@@ -58,6 +59,7 @@ class Outcome:
         scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
         operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
             `at_s` since power-up.
+        crystal_ppm: how fast the board's crystal was, in parts per million.
         rotors: what the rotors did if the motors turned with the board; None without motors.
     """
 
@@ -71,6 +73,7 @@ class Outcome:
     scenario: ScenarioReport | None = None
     rotors: RotorTrace | None = None
     operations: tuple[Mapping[str, Any], ...] = ()
+    crystal_ppm: int = 0
 
     @property
     def passed(self) -> bool:
@@ -80,7 +83,7 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
-        document |= waits_document(self.waits)
+        document |= waits_document(self.waits) | crystals_document([self.crystal_ppm])
         if self.operations:
             document["operations"] = list(self.operations)
         if self.fault:

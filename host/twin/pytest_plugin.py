@@ -54,8 +54,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario): which"
-        " board `steptwin_board` is",
+        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario,"
+        " crystal_ppm): which board `steptwin_board` is",
     )
 
 
@@ -82,6 +82,7 @@ def steptwin_make_board(
         dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
         motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
         scenario: faults that happen to the board, or the path of the file with them from pytest's root directory.
+        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -98,6 +99,7 @@ def steptwin_make_board(
         dip_microsteps: "Mapping[str, int] | None" = None,
         motors: bool = False,
         scenario: "Scenario | str | None" = None,
+        crystal_ppm: int = 0,
     ) -> BoardUnderTest:
         try:
             board = BoardUnderTest(
@@ -110,6 +112,7 @@ def steptwin_make_board(
                 dip_microsteps=dip_microsteps,
                 motors=motors,
                 scenario=request.config.rootpath / scenario if isinstance(scenario, str) else scenario,
+                crystal_ppm=crystal_ppm,
             )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)

@@ -57,6 +57,7 @@ class ServedBoard:
         locked_drawers: Collection[str] = (),
         motors: bool = False,
         scenario: Scenario | None = None,
+        crystal_ppm: Sequence[int] = (),
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
@@ -83,6 +84,7 @@ class ServedBoard:
             locked_drawers: slots of the shelf whose drawers are locked.
             motors: let the robot's motors turn with the board, so that its switches follow the rotors; needs numba.
             scenario: faults that happen to the board (docs/faults.md).
+            crystal_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000; empty: all exact.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
@@ -133,6 +135,7 @@ class ServedBoard:
                 locked_drawers=locked_drawers,
                 motors=motors,
                 scenario=scenario,
+                crystals_ppm=crystal_ppm,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)

@@ -26,6 +26,7 @@ from steptwin.host.record.folder import (
 from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps, microsteps_of
+from steptwin.host.twin.crystals import crystals_document
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
@@ -152,6 +153,7 @@ class UnplannedRun:
             "no_plan": self._plan.lacking,
             "outputs": [],
             "boards": [board.config.axis_count for board in self._simulation.boards],
+            **crystals_document([board.config.crystal_ppm for board in self._simulation.boards]),
             "mismatches": [str(each) for each in microsteps_of(robot, self._axes) if not each.agree],
             "axes": [
                 {

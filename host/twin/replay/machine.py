@@ -29,7 +29,9 @@ class ReplayedMachine:
     def __init__(self, robot: Robot, power_up: PowerUp, kernel: Kernel) -> None:
         """Switch the boards on; raise InputError if the drivers or a place of the shelf do not exist."""
         joints, per_board = list(power_up.joints), power_up.axes_per_board
-        configs = board_configs(robot, joints, per_board, power_up.driver_profile, power_up.dip_microsteps)
+        configs = board_configs(
+            robot, joints, per_board, power_up.driver_profile, power_up.dip_microsteps, power_up.crystals_ppm
+        )
         shelf = shelf_wiring(
             robot,
             joints,

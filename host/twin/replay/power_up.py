@@ -16,6 +16,7 @@ from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.control.operations import read_request
+from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import BITRATES
@@ -40,6 +41,7 @@ class PowerUp:
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
         driver_profile: name of the drivers that the boards have instead of those in the robot's file.
         dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
+        crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
         stock: the boxes in the robot's shelf; None: the usual ones.
         locked_drawers: slots of the shelf whose drawers are locked.
         shelf_sensors: False if the shelf's sensors are not connected.
@@ -54,6 +56,7 @@ class PowerUp:
     commissioned: bool = True
     driver_profile: str | None = None
     dip_microsteps: Mapping[str, int] | None = None
+    crystals_ppm: Sequence[int] = ()
     stock: Mapping[str, str] | None = None
     locked_drawers: Collection[str] = ()
     shelf_sensors: bool = True
@@ -92,7 +95,8 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
         done = table.each("operations", lambda each: _operated(each, robot)) if "operations" in table else ()
         power_up = PowerUp(
             joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
-            axes_per_board=_axes_per_board(table, robot),
+            axes_per_board=(axes_per_board := _axes_per_board(table, robot)),
+            crystals_ppm=_crystals(table, len(axes_per_board)),
             bitrate=report.run.bus.bitrate,
             commissioned=table.truth("commissioned") if "commissioned" in table else live,
             driver_profile=_other_drivers(robot, report.driver_profile),
@@ -111,6 +115,14 @@ def _axes_per_board(table: Table, robot: Robot) -> Sequence[int]:
     counts = [count for count in table.elements("boards") if isinstance(count, int)]
     check_axes_per_board(counts, len(robot.joints))
     return counts
+
+
+def _crystals(table: Table, boards: int) -> Sequence[int]:
+    if "crystal_ppm" not in table:
+        return ()
+    crystals_ppm = [ppm for ppm in table.elements("crystal_ppm") if isinstance(ppm, int)]
+    check_crystals(crystals_ppm, boards, motors=False)
+    return crystals_ppm
 
 
 def _other_drivers(robot: Robot, name: str) -> str | None:
