@@ -16,6 +16,7 @@ from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.control.port import ControlPort
+from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import LiveBoard
@@ -107,6 +108,7 @@ class ServedBoard:
             )
         if axes_per_board is not None:
             check_axes_per_board(axes_per_board, len(robot.joints))
+        check_crystals(crystal_ppm, len(axes_per_board or [1]), motors=motors)
         if replace and out is None and log is None:
             raise InputError("replace=True: is for out=DIR and log=FILE")
         if out is not None and not replace:

@@ -56,10 +56,16 @@ def operate(session: LiveSession) -> None:
     session.wait(20)
 
 
-@pytest.mark.parametrize("axes_per_board", [None, (4, 2)], ids=["one board", "two boards"])
-def test_a_live_board(axes_per_board: tuple[int, ...] | None, fast_kernel: Kernel, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("axes_per_board", "crystals_ppm"),
+    [(None, ()), ((4, 2), ()), ((4, 2), (100, -100))],
+    ids=["one board", "two boards", "two crystals"],
+)
+def test_a_live_board(
+    axes_per_board: tuple[int, ...] | None, crystals_ppm: tuple[int, ...], fast_kernel: Kernel, tmp_path: Path
+) -> None:
     """Although its hosts' frames come whenever they come, and the machine is operated beside the bus."""
-    session = LiveSession(fast_kernel, tmp_path, axes_per_board=axes_per_board)
+    session = LiveSession(fast_kernel, tmp_path, axes_per_board=axes_per_board, crystals_ppm=crystals_ppm)
     move(session)
     operate(session)
     session.end()
@@ -68,6 +74,7 @@ def test_a_live_board(axes_per_board: tuple[int, ...] | None, fast_kernel: Kerne
     assert result.edges is None
     assert result.against == tmp_path
     assert len(result.machine.simulation.boards) == len(axes_per_board or [6])
+    assert [board.config.crystal_ppm for board in result.machine.simulation.boards if crystals_ppm] == [*crystals_ppm]
 
 
 def test_a_recording_without_its_end(fast_kernel: Kernel, tmp_path: Path) -> None:

@@ -1,0 +1,75 @@
+"""A robot's board with a crystal that is off: what the bus and the drivers show, what the verdict says."""
+
+import re
+
+import numpy as np
+import pytest
+
+from steptwin.controller.backend import Kernel
+from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin.host.twin.crystals import check_crystals, read_crystals
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.outcome import Outcome
+
+ROBOT = load_robot("teaching-scara")
+
+
+def carried(kernel: Kernel, ppm: int) -> Outcome:
+    return execute(plan(ROBOT, make_job(ROBOT, "carry")), "carry", kernel, crystal_ppm=ppm)
+
+
+@pytest.fixture(scope="module")
+def exact(fast_kernel: Kernel) -> Outcome:
+    return carried(fast_kernel, 0)
+
+
+@pytest.mark.parametrize("ppm", [100, -100])
+def test_a_motion_goes_on_and_the_verdict_tells_its_timing(ppm: int, exact: Outcome, fast_kernel: Kernel) -> None:
+    assert exact.passed
+    assert "crystal_ppm" not in exact.to_dict()
+    off = carried(fast_kernel, ppm)
+    assert off.fault is None
+    assert off.report.reasons
+    assert off.to_dict()["crystal_ppm"] == [ppm]
+    evidence, other = exact.comparison.evidence, off.comparison.evidence
+    for axis, drifted in zip(evidence.axes, other.axes, strict=True):
+        assert drifted.step_signs.tolist() == axis.step_signs.tolist()
+        for name in ("clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "step_counts"):
+            since = getattr(axis, name) - evidence.start_counts
+            late = getattr(drifted, name) - other.start_counts - np.rint(since / (1 + ppm / 1e6)).astype(np.int64)
+            assert np.ptp(late) <= 1 if late.size else True, name
+            assert np.all(np.abs(late) <= TICK_COUNTS)
+        assert drifted.pins["enable"].counts[-1] > drifted.step_counts[-1]
+    timing_us = max(float(axis["timing_error_us_max"]) for axis in off.to_dict()["axes"])
+    assert timing_us == pytest.approx(exact.report.run.duration_s * 100, rel=0.2)
+    assert timing_us > 50 * max(float(axis["timing_error_us_max"]) for axis in exact.to_dict()["axes"]) / 10
+
+
+@pytest.mark.parametrize(
+    ("crystals", "boards", "motors", "complaint"),
+    [
+        ([1001], 1, False, "crystal_ppm=1001: 1001 ppm is not from -1000 to 1000; the nearest is 1000"),
+        ([5, -1001], 2, False, "crystal_ppm=5,-1001: -1001 ppm is not from -1000 to 1000; the nearest is -1000"),
+        ([100], 2, False, "crystal_ppm=100: has 1 numbers, but the boards are 2"),
+        ([0, 0], 1, False, "crystal_ppm=0,0: has 2 numbers, but the boards are 1"),
+        ([1], 1, True, "crystal_ppm=1: motors that turn with the board need its exact crystal, 0"),
+    ],
+)
+def test_what_is_no_crystal_is_refused(crystals: list[int], boards: int, motors: bool, complaint: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(complaint)}$"):
+        check_crystals(crystals, boards, motors=motors)
+
+
+def test_what_is_a_crystal_is_taken(fast_kernel: Kernel) -> None:
+    for crystals, motors in (([], True), ([0, 0], True), ([1000, -1000], False)):
+        check_crystals(crystals, 2, motors=motors)
+    assert read_crystals("100,-100") == [100, -100]
+    with pytest.raises(InputError, match=r"^crystal_ppm=1e2: is not a whole number of ppm for each board"):
+        read_crystals("1e2")
+    with pytest.raises(InputError, match=r"^crystal_ppm=-2000: "):
+        BoardUnderTest(ROBOT, kernel=fast_kernel, crystal_ppm=-2000)
