@@ -100,3 +100,9 @@ class Campaign:
     def seeds(self) -> range:
         """The seeds of all runs."""
         return range(self.first_seed, self.first_seed + self.runs)
+
+    @property
+    def not_asked(self) -> frozenset[str]:
+        """Names of the invariants (`invariants.INVARIANTS`) that none of its runs is asked for."""
+        asked = {"recovery": self.recover, "motors": self.motors}
+        return frozenset(name for name, is_asked in asked.items() if not is_asked)

@@ -1,7 +1,7 @@
 """What a campaign has found: pass rates, worst cases, and the failed runs by their causes."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -194,7 +194,7 @@ class _Tally:
             self.failed[row.cause].add(row)
         self.simulated_s += row.simulated_s
 
-    def summary(self, planned: int) -> Summary:
+    def summary(self, planned: int, not_asked: Container[str]) -> Summary:
         runs = self.all.runs
         ordered = sorted(self.failed.items(), key=lambda item: (-item[1].runs, item[0]))
         return Summary(
@@ -202,7 +202,7 @@ class _Tally:
             ended={kind: self.ended[kind] for kind in Ended if self.ended[kind]},
             all=self.all.rate,
             groups={what: {name: rates[name].rate for name in sorted(rates)} for what, rates in self.groups.items()},
-            invariants={name: PassRate(runs - self.broken[name], runs) for name in INVARIANTS},
+            invariants={name: PassRate(runs - self.broken[name], runs) for name in INVARIANTS if name not in not_asked},
             struck={name: self.struck[name].rate for name in sorted(self.struck)},
             worst=tuple(self.worst[name] for name in MARGINS if name in self.worst),
             causes=tuple(
@@ -222,9 +222,15 @@ class _Tally:
         )
 
 
-def summarised(rows: Iterable[Row], planned: int) -> Summary:
-    """Return what rows tell; `planned` is the number of runs of the campaign."""
+def summarised(rows: Iterable[Row], planned: int, not_asked: Container[str] = ()) -> Summary:
+    """Return what rows tell.
+
+    Args:
+        rows: a row a run.
+        planned: number of runs of the campaign.
+        not_asked: names of the invariants that the campaign does not ask for.
+    """
     tally = _Tally()
     for row in rows:
         tally.add(row)
-    return tally.summary(planned)
+    return tally.summary(planned, not_asked)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.campaign import Breach, Ended, Row, summarised
+from steptwin.host.campaign.invariants import INVARIANTS
 from steptwin.host.campaign.pictures import least_in_bins
 from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import refusal, run_json
@@ -69,6 +70,12 @@ def test_a_campaign_passes_only_if_every_scenario_struck() -> None:
     assert not summarised([Row(1, "", "", "", Ended.REFUSED, "no")], 1).passed
     crashed = Row(2, "", "", "", Ended.CRASHED, "x", breaches=(Breach("program", "x"),))
     assert not summarised([struck, crashed], 2).passed
+
+
+def test_an_invariant_that_no_run_is_asked_for_has_no_rate() -> None:
+    row = replace(ROW, breaches=())
+    assert list(summarised([row], 1, not_asked={"recovery", "motors"}).invariants) == list(INVARIANTS)[:-2]
+    assert list(summarised([row], 1).invariants) == list(INVARIANTS)
 
 
 def test_the_least_margin_is_found_in_each_bin() -> None:
