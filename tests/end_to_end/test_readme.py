@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.end_to_end.pages import blocks_of, read_page
+from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
 README = read_page("README.md")
 MOTIONS = read_page("docs/motions.md")
@@ -22,6 +22,7 @@ COMMANDS = [
 @pytest.mark.parametrize("line", COMMANDS)
 def test_command(line: str, carry_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Each exits with 0, but the run whose stream is cut with 3, and the run with slow drivers with 1."""
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line.split(">", maxsplit=1)[0], comments=True)
     if words[1] in {"trace", "plot", "verify", "replay"}:

@@ -103,7 +103,7 @@ def comes_to_rest(browser: Browser) -> None:
         places.append(browser.position(1))
         return abs(places[-1] - places[-2]) < STANDS
 
-    browser.until(stands, 5.0)
+    browser.until(stands, 10.0)
     assert stands()
 
 

@@ -100,7 +100,7 @@ def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [operation["do"] for operation in report["operations"]] == ["switch"]
     assert report["clients"] == {"served": 2, "disconnected": {}, "foreign_frames": 0}
     real_time = report["real_time"]
-    assert real_time["ticks"]["count"] >= 440  # 110 ms
+    assert real_time["ticks"]["count"] >= 300  # of 110 ms; those simulated with the last frame do not count
     for late in (real_time["ticks"], real_time["frames"]):
         assert 0 <= late["late_us_p50"] <= late["late_us_p99"] <= late["late_us_max"]
     lines = log.read_text().splitlines()

@@ -97,14 +97,17 @@ def test_a_released_button_ends_its_jog_for_ever(shared: Rig, jog: JointJog | To
 @in_time
 def test_a_jog_ends_where_the_travel_ends(shared: Rig) -> None:
     upper = ROBOT.joint(TH1).upper
-    shared.do(DeclareHere((upper - 0.5, *HERE[1:])))
-    await_true(lambda: shared.positions()[0] > upper - 1.0, "declared")
-    press = shared.pressed(JOG)
-    with pytest.raises(RefusedError, match=r"^jog th1: at the end of its travel$"):
-        shared.hold(JOG, lambda: False)
-    assert settled(shared)[0] == pytest.approx(upper, abs=0.1)
-    assert shared.beat_refusal(press, JOG) == "jog th1: at the end of its travel"
-    shared.do(DeclareHere((HERE[0] + 0.5, *HERE[1:])))  # which is true
+    shift = upper - 0.5 - HERE[0]
+    shared.do(DeclareHere((HERE[0] + shift, *HERE[1:])))
+    try:
+        await_true(lambda: shared.positions()[0] > upper - 1.0, "declared")
+        press = shared.pressed(JOG)
+        with pytest.raises(RefusedError, match=r"^jog th1: at the end of its travel$"):
+            shared.hold(JOG, lambda: False)
+        assert settled(shared)[0] == pytest.approx(upper, abs=0.1)
+        assert shared.beat_refusal(press, JOG) == "jog th1: at the end of its travel"
+    finally:  # declare what is true, or the tests after a failed one would move to a limit switch
+        shared.do(DeclareHere((settled(shared)[0] - shift, *HERE[1:])))
 
 
 @in_time
