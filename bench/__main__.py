@@ -1,6 +1,7 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
-`python -m steptwin.bench panel` prints only those of the operator's panel.
+`python -m steptwin.bench panel` prints only those of the operator's panel, `python -m steptwin.bench motors` those of
+motors.
 """
 
 import os
@@ -21,6 +22,7 @@ from steptwin.bench import (
     kinematics,
     live_tables,
     panel_tables,
+    rotors,
     timing,
     waveforms,
 )
@@ -39,6 +41,9 @@ def main() -> None:
     console = Console(highlight=False, width=110)
     if sys.argv[1:] == ["panel"]:
         panel_tables.print_panel(console)
+        return
+    if sys.argv[1:] == ["motors"]:
+        console.print(_rotor_table())
         return
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     fastest = kernels[-1]
@@ -60,6 +65,7 @@ def main() -> None:
     console.print(_driver_table())
     console.print(_waveform_table())
     console.print(_kinematics_table())
+    console.print(_rotor_table())
     panel_tables.print_panel(console)
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
@@ -104,6 +110,17 @@ def _compiled_text() -> str:
     return (
         f"Drawer pull with compiled modules {figure.compiled_s:.3f} s, with their sources {figure.sources_s:.3f} s:"
         f" {figure.sources_s / figure.compiled_s:.2f} times as long"
+    )
+
+
+def _rotor_table() -> Table:
+    return _table(
+        "Motors after a run: rotors of all axes, one core",
+        "run|axes|simulated s|s|x real time",
+        (
+            f"{row.robot} {row.job}|{row.axes}|{row.simulated_s:.1f}|{row.wall_s:.2f}|{row.simulated_per_wall:.1f}"
+            for row in rotors.figures()
+        ),
     )
 
 
