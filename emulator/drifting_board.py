@@ -24,7 +24,7 @@ def make_board(config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | Non
 class DriftingController(CanController):
     """The CAN controller of such a board: the bus speaks to it in the simulation's time, its processor in its own.
 
-    Bit timing is not concerned: a controller follows the edges of whoever sends.
+    Bit timing is not concerned: a controller follows the edges of each sender.
     """
 
     def __init__(self, clock: LocalClock, board: Board) -> None:

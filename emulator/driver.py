@@ -26,7 +26,7 @@ class Driver:
         """Level that ENABLE has for the driver if nothing is connected to its terminal."""
         self._switches: Final = module.switches
         self._turned_to: Excitation | None = None
-        """The mode to which somebody has set the module's switches."""
+        """The mode to which the module's switches are set."""
         self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
 
     @property
@@ -35,7 +35,7 @@ class Driver:
         return self._switches is not None
 
     def turn_switches(self, excitation: Excitation | None, counts: int) -> None:
-        """Let somebody set the module's switches to a mode, or as they were at first (None), at an instant."""
+        """Set the module's switches to a mode, or as they were at first (None), at an instant."""
         if self._stage is None or self._switches is None:
             raise ValueError("the driver has no switches")
         self._turned_to = excitation

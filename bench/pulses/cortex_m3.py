@@ -2,7 +2,7 @@
 
 The instructions are counted; the cycles follow from a model of the core's timings (`emulator/cortex_m3/cycles.py`), for
 code that need not wait for the flash. Only the kernel is metered: the interrupt around it, CAN and the timers' work
-come on top. The other methods are not metered, since there is no version of them for this core.
+come on top. The other methods have no version for this core, so they are not metered.
 """
 
 from bisect import bisect_right

@@ -34,7 +34,7 @@ _DOES: Final = {
     Do.BROWN_OUT: "the logic of a board, or of all boards, is without supply for a time, or until `power-up`",
     Do.WATCHDOG: "the watchdog resets a board's processor, or that of all boards, while the drivers keep their supply",
     Do.POWER_UP: "a board that is down starts again",
-    Do.STRANGER: "a station that is no part of the machine, such as a second master, sends a frame",
+    Do.STRANGER: "a foreign station, such as a second master, sends a frame",
     Do.BABBLE: "the same station sends a frame again and again",
     Do.LOSS: "frames are acknowledged and do not arrive",
     Do.CORRUPTION: "frames are disturbed: CAN sends them again",

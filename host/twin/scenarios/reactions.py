@@ -243,7 +243,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "wire of a switch broken, its contact open at rest",
         lambda harm, _: isinstance(harm, SwitchWire),
         GOES_ON,
-        "nobody notices until the switch is needed: fit contacts that are closed at rest",
+        "the board notices it only when it needs the switch: fit contacts that are closed at rest",
     ),
     Documented(
         "a switch bounces",
@@ -300,13 +300,13 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "a stranger sends frames",
         lambda harm, _: isinstance(harm, StrangerSends | Babble),
         Reaction(Motion.GOES_ON, _OF_STRANGERS, certain=False),
-        "unless it commands otherwise: a board obeys whoever sends. Babble with a low identifier keeps the points away",
+        "unless it commands otherwise: a board obeys every station. Babble with a low identifier keeps the points away",
     ),
     Documented(
         "a controller leaves the bus",
         _leaves_bus,
         Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE), certain=False),
-        "it is back after 128 x 11 bits, which a board reports; whom nobody acknowledges meanwhile is error passive",
+        "it is back after 128 x 11 bits, which a board reports; one not acknowledged meanwhile is error passive",
     ),
     Documented(
         "frames come twice",
