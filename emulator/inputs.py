@@ -112,6 +112,8 @@ class BoardInputs:
         if bounces:
             closed = bool(switches.contacts & which)
             self._bouncers[axis, which] = Bouncer(bounces, within_us, seed, closed=closed)
+        elif not self._bouncers:
+            self._bounce_tick = None
 
     def _bounce(self, tick: int) -> None:
         """Let the bouncing switches show what they show at the start of a tick."""

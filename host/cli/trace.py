@@ -41,7 +41,9 @@ def trace(
     timescale: Annotated[
         Literal["1us", "100ns", "10ns"] | None,
         typer.Option(
-            metavar="UNIT", help="Unit of time in VCD files: 1us (by default), 100ns, 10ns. A finer one slows sigrok."
+            metavar="UNIT",
+            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest in which no wire changes twice. A"
+            " finer one slows sigrok.",
         ),
     ] = None,
     from_s: Annotated[
@@ -77,7 +79,7 @@ def trace(
     signals = _chosen(_signals(folder, evidence, robot, Format(form), frames), evidence, axes)
     whole = from_s is None and to_s is None and not axes
     path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
-    write_waveform(path, signals, window, Format(form), SCALES[timescale or "1us"], robot.name)
+    write_waveform(path, signals, window, Format(form), robot.name, SCALES[timescale] if timescale else None)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
         names = [signal.name for signal in signals]

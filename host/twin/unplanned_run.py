@@ -23,7 +23,7 @@ from steptwin.host.record.folder import (
     keep_recording,
     prepare_folder,
 )
-from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
+from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps, microsteps_of
 from steptwin.host.twin.crystals import crystals_document
@@ -118,8 +118,7 @@ class UnplannedRun:
             raise recording.failure
         record = whole_record(evidence)
         if record.from_counts < record.to_counts:
-            scale = DEFAULT_SCALE
-            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, scale, self._robot.name)
+            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, self._robot.name)
 
     def _header(self, evidence: Evidence) -> Header:
         axes = tuple(

@@ -90,6 +90,20 @@ class TestBounces:
         assert 3 <= len(bouncing) <= 13
         assert bouncing[-1][0] - bouncing[0][0] <= 20 * MS + TICK_COUNTS
 
+    def test_may_end_while_the_contact_bounces(self, fast_kernel: Kernel) -> None:
+        """Nobody looks at the instants any more at which it would have fallen back."""
+        rig = Rig(fast_kernel, switches=AT_20)
+        rig.simulation.operate(BouncingSwitch(0, HOME, 6, 20_000, seed=2))
+        rig.move()
+        for _ in range(100):
+            wait(rig.simulation, 1)
+            if seen(rig) & HOME:
+                break
+        rig.simulation.operate(BouncingSwitch(0, HOME, 0))
+        assert [level for _, level in changes_of(rig, 100) if not level] == []
+        assert seen(rig) & HOME
+        assert not rig.board.moving
+
     @pytest.mark.parametrize(("bounces", "within_us"), [(-1, 5_000), (1001, 5_000), (3, 5), (0, 0)])
     def test_impossible_ones_are_refused(self, bounces: int, within_us: int) -> None:
         BouncingSwitch(0, HOME, 1000, 2000)

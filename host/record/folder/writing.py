@@ -17,7 +17,7 @@ from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import read_run
 from steptwin.host.record.folder.report import write_report
 from steptwin.host.record.folder.shelf_file import write_shelf
-from steptwin.host.record.waveforms import DEFAULT_SCALE, Format, whole_record, wires, write_waveform
+from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
 
@@ -64,7 +64,6 @@ def write_folder(
         wires(evidence),
         whole_record(evidence),
         Format.VCD,
-        DEFAULT_SCALE,
         plan.robot.name,
     )
     if not find_spec("matplotlib"):

@@ -8,10 +8,9 @@ from steptwin.host.record.waveforms.bus_states import drive_states
 from steptwin.host.record.waveforms.export import Format, write_waveform
 from steptwin.host.record.waveforms.signal import Changes, HeldValues, Pulses, Signal, SignalKind
 from steptwin.host.record.waveforms.signals import everything, phases, pins, whole_record, wires
-from steptwin.host.record.waveforms.timebase import DEFAULT_SCALE, SCALES, TimeScale, Window
+from steptwin.host.record.waveforms.timebase import SCALES, TimeScale, Window
 
 __all__ = [
-    "DEFAULT_SCALE",
     "SCALES",
     "Changes",
     "Format",

@@ -9,9 +9,10 @@ import numpy as np
 
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.record.waveforms.mcap_file import write_mcap
+from steptwin.host.record.waveforms.merging import TooFastForScaleError
 from steptwin.host.record.waveforms.signal import Signal
 from steptwin.host.record.waveforms.table import arrays, csv
-from steptwin.host.record.waveforms.timebase import TimeScale, Window
+from steptwin.host.record.waveforms.timebase import SCALES, TimeScale, Window
 from steptwin.host.record.waveforms.vcd import vcd
 
 
@@ -42,15 +43,29 @@ class Format(StrEnum):
 
 
 def write_waveform(
-    path: Path, signals: Sequence[Signal], window: Window, form: Format, scale: TimeScale, title: str
+    path: Path, signals: Sequence[Signal], window: Window, form: Format, title: str, scale: TimeScale | None = None
 ) -> None:
     """Write the file under the name given; on an error an older file of that name stays as it was.
 
+    Without a time scale, a VCD file has the coarsest one that tells all changes of each wire apart: usually 1 us, a
+    finer one where a noisy wire has shorter pulses.
+
     Raises:
-        InputError: a pulse is too short for the time scale of a VCD file, or the library for MCAP files is not
-            installed.
+        InputError: a pulse is too short for the time scale given, or the library for MCAP files is not installed.
         OSError: the file cannot be written.
     """
+    *coarser, finest = SCALES.values() if scale is None else (scale,)
+    for each in coarser:
+        try:
+            return _write(path, signals, window, form, title, each)
+        except TooFastForScaleError:
+            continue
+    return _write(path, signals, window, form, title, finest)
+
+
+def _write(
+    path: Path, signals: Sequence[Signal], window: Window, form: Format, title: str, scale: TimeScale
+) -> None:
     with whole_file(path) as file:
         if form is Format.MCAP:
             write_mcap(file, signals, window)

@@ -14,6 +14,10 @@ from steptwin.host.record.waveforms.timebase import TimeScale, Window
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
+class TooFastForScaleError(InputError):
+    """Two changes of a wire fall on the same instant of a time scale."""
+
+
 @dataclass(frozen=True, slots=True)
 class Merged:
     """Changes in order of time; changes at one instant are in the order of the signals.
@@ -33,7 +37,7 @@ def merged(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Itera
     """Yield all changes after the window's beginning up to and including its end, without empty stretches.
 
     Raises:
-        InputError: both ends of a wire's pulse or pause fall on the same instant of the scale.
+        TooFastForScaleError: both ends of a wire's pulse or pause fall on the same instant of the scale.
     """
     for after, until in stretches(signals, window, scale):
         parts = [_part(signal, window, scale, after, until) for signal in signals]
@@ -62,7 +66,7 @@ def _part(signal: Signal, window: Window, scale: TimeScale, after: int, until: i
     again = np.flatnonzero(instants[1:] == instants[:-1])
     if again.size and signal.kind is SignalKind.WIRE:
         first, second = counts[again[0] : again[0] + 2].tolist()
-        raise InputError(
+        raise TooFastForScaleError(
             f"{signal.name}: changes twice within {(second - first) / COUNTS_PER_SECOND * 1e6:.3g} us at"
             f" t = {window.time_s(first):.6f} s, too fast for a time scale of {scale.vcd}: choose a finer one"
         )

@@ -44,10 +44,8 @@ SCALES: Final = {
     "100ns": TimeScale("100 ns", 5, 36),
     "10ns": TimeScale("10 ns", 25, 18),
 }
-"""Time scales by their names on the command line. A count lasts 13.9 ns: at 10 ns no two counts share a unit."""
-
-DEFAULT_SCALE: Final = SCALES["1us"]
-"""The coarsest scale: sigrok's time and memory for a file grow with the units in it, not with the changes."""
+"""Time scales by their names on the command line, the coarsest first: sigrok's time and memory for a file grow with the
+units in it, not with the changes. A count lasts 13.9 ns: at 10 ns no two counts share a unit."""
 
 COUNTS: Final = TimeScale("", 1, 1)
 """The scale without rounding."""

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.cli.app import run
-from steptwin.host.record.waveforms import SCALES, Format, Window, write_waveform
+from steptwin.host.record.waveforms import Format, Window, write_waveform
 from tests.host.record.waveforms.made import TEXTS, Made, levels, numbers, pulses, texts
 
 SIGNALS = st.tuples(pulses("a"), levels("a", "dir"), numbers("b"), texts("b"))
@@ -26,7 +26,7 @@ class TestWithTheLibrary:
         from mcap.reader import make_reader
 
         window, path = Window(begin, begin + length, 7_200), tmp_path / "t.mcap"
-        write_waveform(path, [one.signal for one in made], window, Format.MCAP, SCALES["1us"], "")
+        write_waveform(path, [one.signal for one in made], window, Format.MCAP, "")
         read: dict[str, list[tuple[int, object]]] = {}
         with path.open("rb") as file:
             for _, channel, message in make_reader(file).iter_messages():

@@ -106,10 +106,16 @@ class TestAPulseTooShortForTheScale:
     def test_is_shown_in_a_finer_scale(self) -> None:
         assert dump_of(self.pin(1), Window(0, 1_000, 0), "10ns").changes["th1_step"] == [(50, "1"), (51, "0")]
 
+    @pytest.mark.parametrize(("width_counts", "scale"), [(72, "1 us"), (71, "100 ns"), (3, "10 ns"), (1, "10 ns")])
+    def test_makes_a_file_without_a_given_scale_finer(self, width_counts: int, scale: str, tmp_path: Path) -> None:
+        path = tmp_path / "trace.vcd"
+        write_waveform(path, self.pin(width_counts), Window(0, 1_000, 0), Format.VCD, "")
+        assert f"$timescale {scale} $end" in path.read_text()
+
     def test_leaves_no_file(self, tmp_path: Path) -> None:
         path = tmp_path / "trace.vcd"
         with pytest.raises(InputError):
-            write_waveform(path, self.pin(5), Window(0, 1_000, 0), Format.VCD, SCALES["1us"], "")
+            write_waveform(path, self.pin(5), Window(0, 1_000, 0), Format.VCD, "", SCALES["1us"])
         assert not path.exists()
 
 
