@@ -42,8 +42,8 @@ def trace(
         Literal["1us", "100ns", "10ns"] | None,
         typer.Option(
             metavar="UNIT",
-            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest in which no wire changes twice. A"
-            " finer one slows sigrok.",
+            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest in which no wire changes twice."
+            " A finer one slows sigrok.",
         ),
     ] = None,
     from_s: Annotated[

@@ -13,6 +13,7 @@ import numpy as np
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
@@ -28,7 +29,6 @@ from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.boards import axes_of, make_boards, microsteps_of
-from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.crystals import check_crystals, crystals_document
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.evidence import axis_evidence
@@ -36,8 +36,9 @@ from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.scenarios.engine import Engine
-from steptwin.host.twin.scenarios.harms import Harm, HostFault
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.report import played_document
 from steptwin.host.twin.scenarios.scenario import Scenario
@@ -172,7 +173,6 @@ class LiveBoard:
         warm_up(kernel)
         self._next_axis = 0
         """The axis whose turn it is in `record_next`."""
-        self._operations: deque[tuple[float, Harm]] = deque(maxlen=OPERATIONS_MAX)
         self._boards = make_boards(robot, configs, kernel)
         self._axes = axes_of(self._boards)
         """Board of each joint, and the number of the joint's axis on it."""
@@ -189,6 +189,7 @@ class LiveBoard:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
         self._target = Target.of(robot, simulation, start_steps)
+        self._operations = OperationLog(robot, simulation, OPERATIONS_MAX)
         self.engine = None if scenario is None else Engine(scenario, self._target, HostCondition())
         """Plays the scenario; None without one."""
         self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
@@ -217,17 +218,13 @@ class LiveBoard:
         if isinstance(harm, HostFault):
             raise InputError(f"do: {_NO_HOST}")
         self._target.harm(harm)
-        self._operations.append((self.live.simulation.now_s, harm))
+        if isinstance(harm, BusFault | BusRepair):
+            self._operations.note(harm)
 
     @property
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
         return self._target.surroundings
-
-    @property
-    def operations(self) -> list[tuple[float, Harm]]:
-        """The last operations and faults of the bus, with their instants in seconds since power-up."""
-        return list(self._operations)
 
     # --- recording
 
@@ -409,7 +406,7 @@ class LiveBoard:
             },
             "bus": self.bus_figures(),
             "real_time": self.real_time(),
-            "operations": [{"at_s": round(at_s, 6)} | request_of(self.robot, harm) for at_s, harm in self._operations],
+            "operations": self._operations.requests(),
             **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
             **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
             **({} if self.engine is None else played_document(self.engine)),

@@ -63,9 +63,7 @@ def write_waveform(
     return _write(path, signals, window, form, title, finest)
 
 
-def _write(
-    path: Path, signals: Sequence[Signal], window: Window, form: Format, title: str, scale: TimeScale
-) -> None:
+def _write(path: Path, signals: Sequence[Signal], window: Window, form: Format, title: str, scale: TimeScale) -> None:
     with whole_file(path) as file:
         if form is Format.MCAP:
             write_mcap(file, signals, window)

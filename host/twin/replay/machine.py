@@ -1,17 +1,16 @@
 """The emulated machine of a replay: boards in virtual time whose hosts speak from a recording."""
 
-from dataclasses import replace
-
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus import Bus
-from steptwin.emulator.operations import AxisOperation, Scheduled
+from steptwin.emulator.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.record.folder import REPLAY_JOB
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import axes_of, make_boards
+from steptwin.host.twin.boards import make_boards
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.operation_log import OperationLog
+from steptwin.host.twin.places import Places
 from steptwin.host.twin.replay.power_up import PowerUp
 from steptwin.host.twin.shelf import shelf_wiring
 from steptwin.host.twin.standing import standing_steps
@@ -41,8 +40,13 @@ class ReplayedMachine:
             sensors=power_up.shelf_sensors,
         )
         boards = make_boards(robot, configs, kernel, commissioned=power_up.commissioned)
-        self._numbers = [(boards.index(board), axis) for board, axis in axes_of(boards)]
-        self.simulation = Simulation(boards, Bus(power_up.bitrate), self._scheduled(power_up, len(boards)), shelf)
+        places = Places(per_board)
+        schedule = [
+            Scheduled(counts, each, number)
+            for counts, operation in power_up.operations
+            for number, each in places.on_boards(operation)
+        ]
+        self.simulation = Simulation(boards, Bus(power_up.bitrate), schedule, shelf)
         self.run = UnplannedRun(
             robot,
             self.simulation,
@@ -53,14 +57,3 @@ class ReplayedMachine:
             stock={} if shelf is None else shelf.shelf.stock,
             operations=OperationLog(robot, self.simulation),
         )
-
-    def _scheduled(self, power_up: PowerUp, boards: int) -> list[Scheduled]:
-        """Return the operations by board: one on an axis at that axis' board, any other at every board."""
-        scheduled: list[Scheduled] = []
-        for counts, operation in power_up.operations:
-            if isinstance(operation, AxisOperation):
-                number, axis = self._numbers[operation.axis]
-                scheduled.append(Scheduled(counts, replace(operation, axis=axis), number))
-            else:
-                scheduled += (Scheduled(counts, operation, number) for number in range(boards))
-        return scheduled

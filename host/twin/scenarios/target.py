@@ -1,15 +1,16 @@
 """The machine that a scenario harms: its boards on their bus, with the axes numbered as the robot's joints."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from steptwin.emulator.board import Board
 from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import BusOperation, Operation, Payload, PlacedOperation
+from steptwin.emulator.operations import Operation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps
+from steptwin.host.twin.places import Places
 from steptwin.host.twin.scenarios.harms import BusRepair, check_motors
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
@@ -23,17 +24,21 @@ class Target:
         simulation: its boards and their bus.
         start_steps: where its motors stood at power-up, in steps of the robot's file from their axes' zeros.
         axes: board of each joint, and the number of its axis there.
+        places: the same by the boards' numbers.
     """
 
     robot: Robot
     simulation: Simulation
     start_steps: Sequence[int]
     axes: tuple[tuple[Board, int], ...]
+    places: Places = field(repr=False)
 
     @classmethod
     def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
         """Return the target with the axes of all boards in order."""
-        return cls(robot, simulation, start_steps, tuple(axes_of(simulation.boards)))
+        boards = simulation.boards
+        places = Places([board.config.axis_count for board in boards])
+        return cls(robot, simulation, start_steps, tuple(axes_of(boards)), places)
 
     def harm(self, harm: Operation | BusFault | BusRepair) -> None:
         """Execute an operation now, or let a fault of the bus begin, or all of them end.
@@ -53,15 +58,8 @@ class Target:
 
     def operate(self, operation: Operation) -> None:
         """Execute an operation now: on the board of its axis, on the bus, at the tool, else on every board."""
-        simulation = self.simulation
-        if isinstance(operation, PlacedOperation) and operation.axis is not None:
-            board, axis = self.axes[operation.axis]
-            simulation.operate(replace(operation, axis=axis), simulation.boards.index(board))
-        elif isinstance(operation, BusOperation | Payload):
-            simulation.operate(operation)
-        else:
-            for number in range(len(simulation.boards)):
-                simulation.operate(operation, number)
+        for number, each in self.places.on_boards(operation):
+            self.simulation.operate(each, number)
 
     def moment(self, now_counts: int, *, counted: bool = True) -> Moment:
         """Return what all axes do now, as `moment_of`."""

@@ -5,6 +5,7 @@ from pathlib import Path
 from steptwin.controller.backend import Kernel
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 
@@ -54,6 +55,7 @@ class LiveSession:
         axes_per_board: tuple[int, ...] | None = None,
         crystals_ppm: tuple[int, ...] = (),
         drivers: str | None = None,
+        scenario: Scenario | None = None,
         *,
         motors: bool = False,
         stride_ms: int = 1,
@@ -71,6 +73,7 @@ class LiveSession:
             log=log,
             driver_profile_name=drivers,
             motors=motors,
+            scenario=scenario,
         )
         self.board.live.start(0, 0)
         self.now_ns = 0

@@ -1,18 +1,21 @@
 """What StepTwin itself has recorded is replayed: every frame at its microsecond, every edge at its count."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import EmergencyStop, Scheduled, SetInput
+from steptwin.emulator.operations import BusOff, EmergencyStop, Scheduled, SetInput, StrangerSends, WatchdogReset
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.replay import PowerUp, Replayed, replay, stored_machine
+from steptwin.host.twin.scenarios.scenario import Fault, Scenario
+from steptwin.host.twin.scenarios.triggers import AtTime
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame
 from tests.host.twin.live_session import (
@@ -49,10 +52,15 @@ def move(session: LiveSession) -> None:
 
 
 def operate(session: LiveSession) -> None:
-    """Stop it on its way by the emergency stop; close the sensor of another axis."""
+    """Let a stranger speak; stop the axis by the emergency stop; close the sensor of another axis; reset its board."""
+    for harm in (StrangerSends(Frame(0x7F0, b"\x01")), BusOff(5)):
+        session.board.live.call(partial(session.board.operate, harm), session.now_ns)
+        session.wait(2)
     session.board.live.call(lambda: session.board.operate(EmergencyStop(pressed=True)), session.now_ns + 5_001)
     session.wait(50)
     session.board.live.call(lambda: session.board.operate(SetInput(4, DigitalInput.IN1, on=True)), session.now_ns)
+    session.wait(20)
+    session.board.live.call(lambda: session.board.operate(WatchdogReset(axis=5)), session.now_ns)
     session.wait(20)
 
 
@@ -75,6 +83,23 @@ def test_a_live_board(
     assert result.against == tmp_path
     assert len(result.machine.simulation.boards) == len(axes_per_board or [6])
     assert [board.config.crystal_ppm for board in result.machine.simulation.boards if crystals_ppm] == [*crystals_ppm]
+
+
+def test_the_scenario_of_a_live_board(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """The faults come while the axis moves: two boards, of which the second is reset."""
+    faults = (
+        Fault("stop", AtTime(0.06), EmergencyStop(pressed=True), until=0.02),
+        Fault("reset", AtTime(0.07), WatchdogReset(axis=4)),
+    )
+    scenario = Scenario("a stop and a reset", faults)
+    session = LiveSession(fast_kernel, tmp_path, axes_per_board=(4, 2), scenario=scenario)
+    move(session)
+    session.end()
+    done = [(each["do"], each.get("joint")) for each in session.board.report()["operations"]]
+    assert done == [("estop", None), ("watchdog", "th2"), ("estop", None)]
+    result = replayed(tmp_path, fast_kernel)
+    assert result.frames is None
+    assert result.edges is None
 
 
 def test_a_recording_without_its_end(fast_kernel: Kernel, tmp_path: Path) -> None:
