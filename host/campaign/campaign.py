@@ -1,11 +1,22 @@
 """A campaign as data: which robots make which motions, what goes wrong meanwhile, and what varies from run to run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum
 
 from steptwin.host.campaign.values import Template
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
+
+
+class Motors(Enum):
+    """When a run's motors turn."""
+
+    NEVER = "never"
+    AFTER = "after"
+    """After the run, by its record."""
+    IN_LOOP = "loop"
+    """As it goes, so that the switches follow the rotors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +75,16 @@ class ScenarioChoice:
         table: the template; a run without a fault has an empty one.
         robots: names of the robots that meet it.
         weight: how often it is chosen, beside the others.
+        vary: templates of parameters for its runs, instead of the campaign's, by name.
+        motors: when the motors of its runs turn; None: as the campaign says.
     """
 
     name: str
     table: Template
     robots: tuple[str, ...]
     weight: float
+    vary: Mapping[str, Template] = field(default_factory=dict)
+    motors: Motors | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +99,7 @@ class Campaign:
         scenarios: the scenarios to choose from.
         vary: a template for each parameter that varies, by its name in `variations.VARIATIONS`.
         recover: True to recover every machine after its run: repair it, reset, home, move.
-        motors: True to turn the motors by every run's record.
+        motors: when the motors of its runs turn.
     """
 
     runs: int
@@ -94,15 +109,9 @@ class Campaign:
     scenarios: tuple[ScenarioChoice, ...]
     vary: Mapping[str, Template]
     recover: bool = True
-    motors: bool = False
+    motors: Motors = Motors.NEVER
 
     @property
     def seeds(self) -> range:
         """The seeds of all runs."""
         return range(self.first_seed, self.first_seed + self.runs)
-
-    @property
-    def not_asked(self) -> frozenset[str]:
-        """Names of the invariants (`invariants.INVARIANTS`) that none of its runs is asked for."""
-        asked = {"recovery": self.recover, "motors": self.motors}
-        return frozenset(name for name, is_asked in asked.items() if not is_asked)

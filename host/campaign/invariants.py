@@ -10,6 +10,7 @@ import numpy as np
 from steptwin.host.campaign.performance import Performance
 from steptwin.host.campaign.row import Breach, Ended
 from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.twin.scenarios.reactions import Motion
 from steptwin.host.verify import AxisEvidence
 
 _STEPS_OFF_MAX: Final = 0.5
@@ -18,30 +19,46 @@ _STEPS_OFF_MAX: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Invariant:
-    """Something that must hold: in words, and a function that yields what did not, with a detail."""
+    """Something that must hold.
+
+    Attributes:
+        what: it in words.
+        asked: whether a run is asked for it.
+        broken: yields what did not hold in such a run, with a detail.
+    """
 
     what: str
+    asked: Callable[[Performance], bool]
     broken: Callable[[Performance], Iterator[tuple[str, str]]]
+
+
+def _came_to_end(run: Performance) -> bool:
+    return run.ended is Ended.DONE and run.outcome is not None
+
+
+def _knowable(run: Performance) -> bool:
+    return not run.unknowable
+
+
+def _kept_current(run: Performance) -> bool:
+    """Return whether nothing has happened that may turn a motor away from its steps."""
+    return not any(fault.reaction is not None and fault.reaction.motion is Motion.CUT for fault in run.faults)
 
 
 def _silent_loss(run: Performance) -> Iterator[tuple[str, str]]:
     """A host that came to the motion's end without an error takes it for done: then every step must be there."""
-    if run.ended is Ended.DONE and run.outcome is not None and not run.unknowable:
-        for reason in run.outcome.report.reasons[:1]:
-            yield "the motion was not as planned, and nothing said so", reason
+    for reason in run.reasons[:1]:
+        yield "the motion was not as planned, and nothing said so", reason
 
 
 def _unseen_loss(run: Performance) -> Iterator[tuple[str, str]]:
     """What no board can know, the verifier must see."""
-    if run.ended is Ended.DONE and run.outcome is not None and run.outcome.report.passed:
-        for claim in run.claims:
-            if abs(claim.off_steps) > _STEPS_OFF_MAX:
-                yield "steps were lost, and the verifier has not seen it", f"{claim.joint}: {claim.off_steps:+.4g}"
+    for claim in run.claims if not run.reasons else ():
+        if abs(claim.off_steps) > _STEPS_OFF_MAX:
+            yield "steps were lost, and the verifier has not seen it", f"{claim.joint}: {claim.off_steps:+.4g}"
 
 
 def _edges_while_off(run: Performance) -> Iterator[tuple[str, str]]:
-    if run.unknowable:
-        return
     for axis in run.axes:
         off = int(np.count_nonzero(_level_at(axis, "enable", axis.clk_rise_counts) == 0))
         if off:
@@ -56,8 +73,6 @@ def _level_at(axis: AxisEvidence, pin: str, counts: Int64Array) -> Int8Array:
 
 
 def _wrong_claims(run: Performance) -> Iterator[tuple[str, str]]:
-    if run.unknowable:
-        return
     for claim in run.claims:
         if claim.known and abs(claim.off_steps) > _STEPS_OFF_MAX:
             yield "the drive claims a position at which it is not", f"{claim.joint}: {claim.off_steps:+.4g} steps off"
@@ -85,31 +100,58 @@ def _without_particulars(text: str, joints: tuple[str, ...]) -> str:
 
 
 def _not_recovered(run: Performance) -> Iterator[tuple[str, str]]:
-    if run.recovery is not None and run.recovery.failed:
+    assert run.recovery is not None
+    if run.recovery.failed:
         yield run.recovery.failed, run.recovery.detail
 
 
 def _slipped(run: Performance) -> Iterator[tuple[str, str]]:
-    if run.motors is not None and not run.motors.kept_step:
+    assert run.motors is not None
+    if not run.motors.kept_step:
         yield "a motor fell out of step", run.motors.reasons[0]
 
 
 INVARIANTS: Final[Mapping[str, Invariant]] = {
-    "program": Invariant("firmware, emulator and host raise nothing unexpected", lambda _: iter(())),
-    "steps": Invariant("no step is lost without a signal", _silent_loss),
-    "verifier": Invariant("the verifier sees every loss", _unseen_loss),
-    "power": Invariant("no pulse comes while a drive is off", _edges_while_off),
-    "position": Invariant("the position reported is the motor's, or is marked unknown", _wrong_claims),
-    "standstill": Invariant("after a fault the machine stands within the documented time", _late_standstill),
-    "answer": Invariant("each fault is answered as documented", _strange_answers),
-    "recovery": Invariant("after repair, reset and homing the machine works again", _not_recovered),
-    "motors": Invariant("no motor falls out of step, where motors are turned", _slipped),
+    "program": Invariant("firmware, emulator and host raise nothing unexpected", lambda _: True, lambda _: iter(())),
+    "steps": Invariant(
+        "no step is lost without a signal", lambda run: _came_to_end(run) and _knowable(run), _silent_loss
+    ),
+    "verifier": Invariant("the verifier sees every loss", _came_to_end, _unseen_loss),
+    "power": Invariant("no pulse comes while a drive is off", _knowable, _edges_while_off),
+    "position": Invariant(
+        "the position reported is the motor's, or is marked unknown",
+        lambda run: _knowable(run) and bool(run.claims),
+        _wrong_claims,
+    ),
+    "standstill": Invariant(
+        "after a fault the machine stands within the documented time",
+        lambda run: any(fault.standstill_ms is not None and fault.limit_ms is not None for fault in run.faults),
+        _late_standstill,
+    ),
+    "answer": Invariant(
+        "each fault is answered as documented",
+        lambda run: any(fault.struck for fault in run.faults),
+        _strange_answers,
+    ),
+    "recovery": Invariant(
+        "after repair, reset and homing the machine works again",
+        lambda run: run.recovery is not None,
+        _not_recovered,
+    ),
+    "motors": Invariant(
+        "no motor falls out of step, where motors are turned and keep their current",
+        lambda run: run.motors is not None and _knowable(run) and _kept_current(run),
+        _slipped,
+    ),
 }
 """The invariants by name, the gravest first; `program` is found where a run is made."""
 
 
+def asked_of(run: Performance) -> tuple[str, ...]:
+    """Return the names of the invariants that a run is asked for."""
+    return tuple(name for name, invariant in INVARIANTS.items() if invariant.asked(run))
+
+
 def breaches_of(run: Performance) -> tuple[Breach, ...]:
     """Return everything that did not hold in a run, the gravest first."""
-    return tuple(
-        Breach(name, what, detail) for name, invariant in INVARIANTS.items() for what, detail in invariant.broken(run)
-    )
+    return tuple(Breach(name, what, detail) for name in asked_of(run) for what, detail in INVARIANTS[name].broken(run))

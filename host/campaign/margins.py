@@ -25,9 +25,9 @@ def _least(values: Iterable[float | None]) -> float | None:
 
 def _axes(performance: Performance, of: Callable[[AxisReport], float | None]) -> float | None:
     """Return the least of all axes in a run that made what was planned: otherwise the plan tells nothing."""
-    if performance.ended is not Ended.DONE or performance.outcome is None or performance.unknowable:
+    if performance.ended is not Ended.DONE or performance.report is None or performance.unknowable:
         return None
-    return _least(of(axis) for axis in performance.outcome.report.axes)
+    return _least(of(axis) for axis in performance.report.axes)
 
 
 def _step_rate(performance: Performance) -> float | None:

@@ -8,7 +8,7 @@ from steptwin.host.campaign.trial import Trial
 from steptwin.host.twin.motors import MotorVerdict
 from steptwin.host.twin.outcome import Outcome
 from steptwin.host.twin.scenarios.report import FaultReport
-from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify import AxisEvidence, Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,7 @@ class Performance:
         ended: how it ended.
         message: why it ended before the motion's end; empty otherwise.
         outcome: its result; None if the machine could not even be set up.
+        own_time: the verdict by the time of the boards' own crystals; None if all are exact.
         claims: what each drive says after the motion; empty if the nodes did not answer.
         axes: everything at the drivers from power-up to the end, the recovery included.
         recovery: what became of the machine; None if it was not recovered.
@@ -49,6 +50,7 @@ class Performance:
     claims: tuple[Claim, ...]
     axes: tuple[AxisEvidence, ...]
     recovery: Recovery | None
+    own_time: Report | None
     motors: MotorVerdict | None
     simulated_s: float
 
@@ -58,6 +60,18 @@ class Performance:
         if self.outcome is None or self.outcome.scenario is None:
             return ()
         return self.outcome.scenario.faults
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the drivers' counts are not as planned; empty if they are."""
+        return () if self.report is None else self.report.reasons
+
+    @property
+    def report(self) -> Report | None:
+        """The verdict, by the boards' own time where a crystal is off; None if the machine could not be set up."""
+        if self.own_time is not None or self.outcome is None:
+            return self.own_time
+        return self.outcome.report
 
     @property
     def unknowable(self) -> bool:

@@ -10,6 +10,7 @@ from steptwin.host.campaign.campaign import (
     FileMotion,
     JobMotion,
     MotionChoice,
+    Motors,
     RandomMoves,
     ScenarioChoice,
 )
@@ -32,6 +33,8 @@ from steptwin.host.planning.trajectory_file import is_trajectory_file, read_traj
 from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
 from steptwin.host.robots import load_robot, load_robot_file
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.motors import check_described
+from steptwin.host.twin.scenarios.harms import check_motors
 from steptwin.host.twin.scenarios.reading import scenario_of
 
 RUNS_MAX: Final = 10_000_000
@@ -41,6 +44,8 @@ _SEED_MAX: Final = 1 << 53
 _MOVES: Final = 1
 _REACH: Final = 0.1
 """Random moves without these keys: one move, each joint by up to a tenth of its range."""
+_SCENARIO_KEYS: Final = ("name", "weight", "robots", "file", "vary", "motors")
+"""Keys of a scenario that are the campaign's, not those of a file of faults."""
 _MOTION_KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "job": ("options",),
     "moves": ("reach",),
@@ -55,6 +60,7 @@ class _Reader:
 
     sources: Sources
     robots: Mapping[str, Robot] = field(default_factory=dict)
+    motors: Motors = Motors.NEVER
     files: set[str] = field(default_factory=set)
 
     def campaign(self) -> Campaign:
@@ -66,10 +72,10 @@ class _Reader:
                 "scenario": Table.elements,
                 "vary": lambda table, key: table.values[key],
                 "recover": Table.truth,
-                "motors": Table.truth,
+                "motors": _motors,
             },
         )
-        self.robots = self._robots(values["robots"])
+        self.robots, self.motors = self._robots(values["robots"]), values["motors"] or Motors.NEVER
         scenarios = table.each("scenario", self._scenario) if "scenario" in table else ()
         names = [choice.name for choice in scenarios]
         if twice := sorted({name for name in names if names.count(name) > 1}):
@@ -82,11 +88,23 @@ class _Reader:
             scenarios=scenarios or (ScenarioChoice("nothing", {}, tuple(self.robots), 1.0),),
             vary=self._vary(values["vary"]),
             recover=values["recover"] is not False,
-            motors=values["motors"] is True,
+            motors=self.motors,
         )
         self._check_every_robot("motion", campaign.motions)
         self._check_every_robot("scenario", campaign.scenarios)
+        for choice in scenarios:
+            self._check_loop(choice, campaign)
         return campaign
+
+    def _check_loop(self, scenario: ScenarioChoice, campaign: Campaign) -> None:
+        """Raise InputError for a scenario with motors in the loop which some of its runs cannot have."""
+        if (scenario.motors or campaign.motors) is not Motors.IN_LOOP:
+            return
+        with prefixed(f"scenario {scenario.name}: "):
+            for name in scenario.robots:
+                check_described(self.robots[name])
+            if {**campaign.vary, **scenario.vary}.get("crystal_ppm", 0) != 0:
+                raise InputError("motors in the loop need exact crystals: give it vary = { crystal_ppm = 0 }")
 
     def _robots(self, names: list[object]) -> dict[str, Robot]:
         if not names:
@@ -183,7 +201,9 @@ class _Reader:
     def _scenario(self, table: Table) -> ScenarioChoice:
         robots, weight = self._chosen_robots(table), _weight(table)
         name = table.name("name", NAME_CHARS_MAX)
-        own = {key: value for key, value in table.values.items() if key not in ("name", "weight", "robots", "file")}
+        vary = self._vary(table.values.get("vary"))
+        motors = _motors(table, "motors") if "motors" in table else None
+        own = {key: value for key, value in table.values.items() if key not in _SCENARIO_KEYS}
         if "file" in table:
             if own:
                 raise InputError(f"{next(iter(own))}: the file has the scenario")
@@ -191,10 +211,10 @@ class _Reader:
             self.files.add(file)
             own = read_scenario_table(self.sources.path(file))
         template = read_template(own)
-        self._check_scenario(name, template, robots)
-        return ScenarioChoice(name, template, robots, weight)
+        self._check_scenario(name, template, robots, turning=(motors or self.motors) is Motors.IN_LOOP)
+        return ScenarioChoice(name, template, robots, weight, vary, motors)
 
-    def _check_scenario(self, name: str, template: Template, robots: tuple[str, ...]) -> None:
+    def _check_scenario(self, name: str, template: Template, robots: tuple[str, ...], *, turning: bool) -> None:
         """Read what a scenario draws, once for each robot, with instants in a motion of a second."""
         for robot_name in robots:
             robot, random = self.robots[robot_name], Random(robot_name)
@@ -203,8 +223,10 @@ class _Reader:
             if table.get("fault"):
                 findings = Findings()
                 with prefixed(f"{robot_name}: "):
-                    scenario_of(Table(table | {"name": name}, "table"), robot, findings)
+                    scenario = scenario_of(Table(table | {"name": name}, "table"), robot, findings)
                     findings.raise_first()
+                    for fault in scenario.faults:
+                        check_motors(fault.harm, turning=turning)
             elif table:
                 raise InputError(f"fault: is missing, but there is {next(iter(table))}")
 
@@ -248,6 +270,16 @@ def _runs(table: Table, key: str) -> int:
     if not 1 <= runs <= RUNS_MAX:
         raise InputError(f"{key}: {runs} is not from 1 to {RUNS_MAX}")
     return runs
+
+
+def _motors(table: Table, key: str) -> Motors:
+    """Read when motors turn: true stands for after the run."""
+    if isinstance(table.values[key], bool):
+        return Motors.AFTER if table.truth(key) else Motors.NEVER
+    text = table.text(key)
+    if text != Motors.IN_LOOP.value:
+        raise InputError(f'{key}: {text!r} is none of true, false and "{Motors.IN_LOOP.value}"')
+    return Motors.IN_LOOP
 
 
 def _first_seed(table: Table, key: str) -> int:

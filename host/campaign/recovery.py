@@ -22,6 +22,8 @@ _LONGER: Final = 10
 _STEPS_OFF_MAX: Final = 1.0
 """Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two
 servo ticks, a rotor that was put back by part of a step is found up to a step away."""
+_LAG_MAX_FULL_STEPS: Final = 1.0
+"""Full steps by which a rotor may lag behind its steps while it finds a switch: a load angle of 90 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,10 @@ def _compared(board: EmbeddedBoard, reported_units: list[int]) -> Recovery:
     """Compare where the drives say they are with where the motors are."""
     off = steps_off(board.robot, board.motor_positions(), reported_units)
     worst = max(range(len(off)), key=lambda axis: abs(off[axis]))
-    if abs(off[worst]) <= _STEPS_OFF_MAX:
+    most = [_STEPS_OFF_MAX] * len(off)
+    if board.motors_turn:  # a switch sees the rotor, which lags behind its steps
+        most = [_LAG_MAX_FULL_STEPS * joint.transmission.microsteps for joint in board.robot.joints]
+    if abs(off[worst]) <= most[worst]:
         return Recovery()
     return Recovery("homing found another position", f"{board.robot.joint_names[worst]}: {off[worst]:+.4g} steps")
 

@@ -45,7 +45,7 @@ def write_report(
     place.mkdir(exist_ok=True)
     for stale in (*place.glob("*.png"), *place.glob("cause-*.toml")):
         stale.unlink()
-    summary = summarised(results.rows(), campaign.runs, campaign.not_asked)
+    summary = summarised(results.rows(), campaign.runs)
     files = ["report.json"]
     _write(place / files[0], json.dumps(summary.to_dict(), indent=2) + "\n")
     pictures = find_spec("matplotlib") is not None

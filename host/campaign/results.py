@@ -49,6 +49,7 @@ def schema() -> "pa.Schema":
             pa.field("faults", texts),
             pa.field("struck", pa.list_(pa.int64())),
             pa.field("met", texts),
+            pa.field("asked", texts),
             pa.field("breaches", pa.list_(pa.struct([("invariant", text), ("what", text), ("detail", text)]))),
             pa.field("parameters", pa.map_(pa.string(), pa.float64())),
             pa.field("choices", pa.map_(pa.string(), pa.string())),
@@ -56,6 +57,7 @@ def schema() -> "pa.Schema":
             pa.field("duration_s", pa.float64()),
             pa.field("simulated_s", pa.float64()),
             pa.field("wall_s", pa.float64()),
+            pa.field("version", text),
             pa.field("cause", text),
         ]
     )
@@ -144,7 +146,7 @@ def _row(document: dict[str, Any]) -> Row:
     values = {key: value for key, value in document.items() if key != "cause"}
     for name in ("parameters", "choices", "margins"):
         values[name] = dict(values[name])
-    for name in ("codes", "faults", "struck", "met"):
+    for name in ("codes", "faults", "struck", "met", "asked"):
         values[name] = tuple(values[name])
     values["breaches"] = tuple(Breach(**breach) for breach in values["breaches"])
     return Row(**values | {"ended": Ended(values["ended"])})

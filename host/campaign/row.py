@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from steptwin import __version__
+
 
 class Ended(StrEnum):
     """How a run ended."""
@@ -51,13 +53,15 @@ class Row:
         faults: the scenario's faults by name.
         struck: how often each has struck, 0 for one that did not.
         met: what the faults were that struck, in the words of docs/faults.md, each once, sorted.
-        breaches: the invariants that did not hold, the gravest first.
+        asked: names of the invariants (`invariants.INVARIANTS`) that the run was asked for.
+        breaches: those that did not hold, the gravest first.
         parameters: every number that was drawn, by name.
         choices: every other value that was drawn, by name.
         margins: what was left to each limit, 1 all of it and 0 nothing, by the names in `margins.MARGINS`.
         duration_s: duration of the planned motion.
         simulated_s: simulated time of the whole run.
         wall_s: time that it took.
+        version: the version of StepTwin that made the run.
     """
 
     seed: int
@@ -70,6 +74,7 @@ class Row:
     faults: tuple[str, ...] = ()
     struck: tuple[int, ...] = ()
     met: tuple[str, ...] = ()
+    asked: tuple[str, ...] = ()
     breaches: tuple[Breach, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -77,6 +82,7 @@ class Row:
     duration_s: float = 0.0
     simulated_s: float = 0.0
     wall_s: float = field(default=0.0, compare=False)
+    version: str = field(default=__version__, compare=False)
 
     @property
     def passed(self) -> bool:

@@ -5,8 +5,8 @@ import time
 import traceback
 from functools import cache
 
-from steptwin.host.campaign.campaign import Campaign
-from steptwin.host.campaign.invariants import breaches_of
+from steptwin.host.campaign.campaign import Campaign, Motors
+from steptwin.host.campaign.invariants import asked_of, breaches_of
 from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim, Performance
 from steptwin.host.campaign.recovery import recover, steps_off
@@ -19,6 +19,7 @@ from steptwin.host.twin.execution import execute
 from steptwin.host.twin.kernels import Kernel, fastest_kernel
 from steptwin.host.twin.motors import MotorVerdict, motors_of_run
 from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import Report, verify
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 
@@ -60,6 +61,7 @@ def _bare_row(trial: Trial, ended: Ended, message: str, wall_s: float, *breaches
         trial.scenario,
         ended,
         message,
+        asked=tuple(breach.invariant for breach in breaches),
         breaches=breaches,
         parameters=parameters,
         choices=choices,
@@ -84,6 +86,9 @@ def perform(trial: Trial) -> Performance:
             _kernel(),
             driver_profile=trial.setup.driver_profile,
             scenario=scenario,
+            motors=trial.motors is Motors.IN_LOOP,
+            axes_per_board=trial.setup.axes_per_board,
+            crystal_ppm=trial.setup.crystals_ppm,
             on_board=boards.append,
         )
         message = outcome.fault.message if outcome.fault else ""
@@ -91,7 +96,7 @@ def perform(trial: Trial) -> Performance:
         message = str(error)
     (board,) = boards
     board.repair()  # and another host, if the first has died
-    claims = _claims(board)
+    claims, own_time = _claims(board), _by_own_clocks(trial, board, outcome)
     recovery = recover(board) if trial.recover else None
     return Performance(
         trial=trial,
@@ -101,6 +106,7 @@ def perform(trial: Trial) -> Performance:
         claims=claims,
         axes=board.evidence().axes,
         recovery=recovery,
+        own_time=own_time,
         motors=_motors(trial, outcome),
         simulated_s=board.now_s(),
     )
@@ -126,9 +132,16 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
 
 
 def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
-    if not trial.motors or outcome is None:
+    if trial.motors is Motors.NEVER or outcome is None:
         return None
-    return motors_of_run(trial.setup.robot, outcome.comparison).verdict
+    return motors_of_run(trial.setup.robot, outcome.comparison, trace=outcome.rotors).verdict
+
+
+def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) -> Report | None:
+    """Verify a run of boards whose crystals are off by their own time; return None if all are exact."""
+    if outcome is None or not any(trial.setup.crystals_ppm):
+        return None
+    return verify(outcome.comparison.expected, board.evidence_by_own_clocks(), outcome.report.run)
 
 
 def row_of(run: Performance, wall_s: float = 0.0) -> Row:
@@ -147,6 +160,7 @@ def row_of(run: Performance, wall_s: float = 0.0) -> Row:
         faults=tuple(fault.name for fault in run.faults),
         struck=tuple(fault.strikes for fault in run.faults),
         met=tuple(sorted({fault.what for fault in run.faults if fault.struck})),
+        asked=asked_of(run),
         breaches=breaches_of(run),
         parameters=parameters,
         choices=choices,

@@ -1,7 +1,7 @@
 """What a campaign has found: pass rates, worst cases, and the failed runs by their causes."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -51,7 +51,7 @@ class Summary:
         ended: how many runs ended in which way.
         all: the runs that passed, of all that were made.
         groups: the same for each robot, motion and scenario, by these words and by name.
-        invariants: the runs in which each invariant held, by its name.
+        invariants: of the runs that were asked for each invariant, those in which it held, by its name.
         struck: of the runs with each scenario, those in which all its faults struck.
         worst: the run nearest to each limit, by the name of the margin.
         causes: the failed runs, the most frequent cause first.
@@ -59,6 +59,7 @@ class Summary:
         codes: in how many runs each error code was sent.
         simulated_s: simulated time of all runs.
         work_s: time that they took, added over all workers.
+        versions: how many runs each version of StepTwin has made.
     """
 
     planned: int
@@ -73,6 +74,7 @@ class Summary:
     codes: Mapping[str, int]
     simulated_s: float
     work_s: float
+    versions: Mapping[str, int]
 
     @property
     def made(self) -> int:
@@ -115,6 +117,7 @@ class Summary:
             "codes": dict(self.codes),
             "simulated_s": self.simulated_s,
             "work_s": self.work_s,
+            "versions": dict(self.versions),
         }
 
 
@@ -165,24 +168,28 @@ class _Tally:
     ended: Counter[Ended] = field(default_factory=Counter)
     all: _Count = field(default_factory=_Count)
     groups: dict[str, dict[str, _Count]] = field(default_factory=lambda: {what: defaultdict(_Count) for what in _BY})
+    asked: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     struck: dict[str, _Count] = field(default_factory=lambda: defaultdict(_Count))
     worst: dict[str, Worst] = field(default_factory=dict)
     failed: dict[str, _Failed] = field(default_factory=lambda: defaultdict(_Failed))
     refused: Counter[str] = field(default_factory=Counter)
     codes: Counter[str] = field(default_factory=Counter)
+    versions: Counter[str] = field(default_factory=Counter)
     simulated_s: float = 0.0
     work_s: float = 0.0
 
     def add(self, row: Row) -> None:
         self.ended[row.ended] += 1
         self.work_s += row.wall_s
+        self.versions[row.version] += 1
         if row.ended is Ended.REFUSED:
             self.refused[row.message] += 1
             return
         self.all.add(row.passed)
         for what, of in _BY.items():
             self.groups[what][of(row)].add(row.passed)
+        self.asked.update(row.asked)
         self.broken.update({breach.invariant for breach in row.breaches})
         self.codes.update(row.codes)
         if row.faults:
@@ -194,15 +201,18 @@ class _Tally:
             self.failed[row.cause].add(row)
         self.simulated_s += row.simulated_s
 
-    def summary(self, planned: int, not_asked: Container[str]) -> Summary:
-        runs = self.all.runs
+    def summary(self, planned: int) -> Summary:
         ordered = sorted(self.failed.items(), key=lambda item: (-item[1].runs, item[0]))
         return Summary(
             planned=planned,
             ended={kind: self.ended[kind] for kind in Ended if self.ended[kind]},
             all=self.all.rate,
             groups={what: {name: rates[name].rate for name in sorted(rates)} for what, rates in self.groups.items()},
-            invariants={name: PassRate(runs - self.broken[name], runs) for name in INVARIANTS if name not in not_asked},
+            invariants={
+                name: PassRate(self.asked[name] - self.broken[name], self.asked[name])
+                for name in INVARIANTS
+                if self.asked[name]
+            },
             struck={name: self.struck[name].rate for name in sorted(self.struck)},
             worst=tuple(self.worst[name] for name in MARGINS if name in self.worst),
             causes=tuple(
@@ -219,18 +229,13 @@ class _Tally:
             codes=dict(sorted(self.codes.items())),
             simulated_s=self.simulated_s,
             work_s=self.work_s,
+            versions=dict(sorted(self.versions.items())),
         )
 
 
-def summarised(rows: Iterable[Row], planned: int, not_asked: Container[str] = ()) -> Summary:
-    """Return what rows tell.
-
-    Args:
-        rows: a row a run.
-        planned: number of runs of the campaign.
-        not_asked: names of the invariants that the campaign does not ask for.
-    """
+def summarised(rows: Iterable[Row], planned: int) -> Summary:
+    """Return what rows tell, a row a run, of a campaign with a planned number of runs."""
     tally = _Tally()
     for row in rows:
         tally.add(row)
-    return tally.summary(planned, not_asked)
+    return tally.summary(planned)

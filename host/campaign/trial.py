@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
-from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, RandomMoves
+from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, Motors, RandomMoves
 from steptwin.host.campaign.values import AtPart, PlannedAt, drawn
 from steptwin.host.campaign.variations import VARIATIONS, Setup
 from steptwin.host.common.arrays import FloatArray
@@ -57,7 +57,7 @@ class Trial:
         trajectory: the motion.
         slowable: whether it may be slower than drawn.
         recover: True to recover the machine afterwards.
-        motors: True to turn the motors by the run's record.
+        motors: when its motors turn.
     """
 
     seed: int
@@ -71,7 +71,7 @@ class Trial:
     trajectory: Trajectory = field(repr=False)
     slowable: bool = False
     recover: bool = True
-    motors: bool = False
+    motors: Motors = Motors.NEVER
 
     def plan(self) -> Plan:
         """Plan the motion; raise InputError if the robot, as varied, cannot make it.
@@ -127,7 +127,7 @@ def draw(campaign: Campaign, seed: int) -> Trial:
     motion = _weighted([each for each in campaign.motions if name in each.robots], _stream(seed, "motion")).motion
     scenario = _weighted([each for each in campaign.scenarios if name in each.robots], _stream(seed, "scenario"))
     setup, varied = Setup(robot), {}
-    for parameter, template in campaign.vary.items():
+    for parameter, template in {**campaign.vary, **scenario.vary}.items():
         varied[parameter] = drawn(template, _stream(seed, f"vary.{parameter}"), robot)
         with prefixed(f"vary.{parameter}: "):
             setup = VARIATIONS[parameter](setup, varied[parameter])
@@ -146,7 +146,7 @@ def draw(campaign: Campaign, seed: int) -> Trial:
         trajectory=trajectory,
         slowable=isinstance(motion, RandomMoves),
         recover=campaign.recover,
-        motors=campaign.motors,
+        motors=campaign.motors if scenario.motors is None else scenario.motors,
     )
 
 

@@ -11,17 +11,36 @@ from steptwin.host.planning.motions.stretched import STRETCH_MAX
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
 from steptwin.host.robots.board_settings import DRIVER_PROFILES
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.axes_per_board import check_axes_per_board
+from steptwin.host.twin.crystals import check_crystals
 from steptwin.protocol.pvt import DURATION_MAX_MS
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """How a run is made: the robot as it is, the length of PVT records, the motion's slowness and other drivers."""
+    """How a run is made.
+
+    Attributes:
+        robot: the robot as it is.
+        record_ms: length of the PVT records.
+        stretch: the motion's slowness.
+        driver_profile: other drivers than the robot file's; None: those.
+        crystals_ppm: how fast the crystal of each board is, in parts per million.
+    """
 
     robot: Robot
     record_ms: int = DEFAULT_POINT_MS
     stretch: float = 1.0
     driver_profile: str | None = None
+    crystals_ppm: tuple[int, ...] = (0,)
+
+    @property
+    def axes_per_board(self) -> tuple[int, ...] | None:
+        """Number of axes on each of several boards, about as many on each; None: one board has all."""
+        boards, axes = len(self.crystals_ppm), len(self.robot.joints)
+        if boards == 1:
+            return None
+        return tuple(axes * (number + 1) // boards - axes * number // boards for number in range(boards))
 
 
 def _payload(setup: Setup, value: object) -> Setup:
@@ -77,6 +96,15 @@ def _stretch(setup: Setup, value: object) -> Setup:
     return replace(setup, stretch=factor)
 
 
+def _crystal_ppm(setup: Setup, value: object) -> Setup:
+    crystals_ppm = [_whole(each) for each in (value if isinstance(value, list) else [value])]
+    check_crystals(crystals_ppm, len(crystals_ppm), motors=False)
+    made = replace(setup, crystals_ppm=tuple(crystals_ppm))
+    if made.axes_per_board is not None:
+        check_axes_per_board(made.axes_per_board, len(setup.robot.joints))
+    return made
+
+
 def _whole(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{value!r} is not a whole number")
@@ -91,6 +119,8 @@ VARIATIONS: Final[Mapping[str, Callable[[Setup, Any], Setup]]] = {
     "record_ms": _record_ms,
     "bitrate": _bitrate,
     "stretch": _stretch,
+    "crystal_ppm": _crystal_ppm,
 }
 """What each parameter of [vary] does: payload at the tool in kg, a factor of all motors' friction, microsteps of all
-axes, drivers that neither plan nor firmware know of, length of PVT records in ms, bit rate, a factor of slowness."""
+axes, drivers that neither plan nor firmware know of, length of PVT records in ms, bit rate, a factor of slowness, how
+fast the board's crystal is in parts per million, or a list of it: one for each of so many boards."""

@@ -148,7 +148,7 @@ def _tell(results: "Results", campaign: "Campaign", folder: Path, *, as_json: bo
     """Print what the rows tell; end with exit code 1 if something failed in silence."""
     from steptwin.host.campaign import summarised
 
-    summary = summarised(results.rows(), campaign.runs, campaign.not_asked)
+    summary = summarised(results.rows(), campaign.runs)
     if as_json:
         print_json({"folder": str(folder), **summary.to_dict()})
     else:

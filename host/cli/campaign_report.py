@@ -25,6 +25,8 @@ def print_summary(summary: "Summary") -> None:
             for each in summary.worst
         ]
         print_table(["nearest to the limit", "left %", "seed", "robot", "scenario"], worst)
+    if len(summary.versions) > 1:
+        say("made by several versions: " + ", ".join(f"{name} {runs} runs" for name, runs in summary.versions.items()))
     for reason, runs in summary.refused.items():
         say(f"not made: {runs} runs: {reason}")
     for name in summary.never_struck:

@@ -13,30 +13,6 @@ from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import FIRST_NODE_ID
 
 
-def board_config(
-    robot: Robot,
-    joints: Sequence[float],
-    driver_profile_name: str | None = None,
-    dip_microsteps: Mapping[str, int] | None = None,
-    crystal_ppm: int = 0,
-) -> BoardConfig:
-    """Return the board that drives all axes of a robot.
-
-    Args:
-        robot: the machine.
-        joints: positions at which it stands, mm and degrees.
-        driver_profile_name: drivers other than the robot file's; the file's driver settings do not apply to them.
-        dip_microsteps: microsteps other than the robot file's to which modules' switches are set, by joint.
-        crystal_ppm: how fast the board's crystal is, in parts per million.
-
-    Raises:
-        InputError: the drivers do not exist, or cannot be set as the robot needs them.
-    """
-    one = [len(robot.joints)]
-    (config,) = board_configs(robot, joints, one, driver_profile_name, dip_microsteps, [crystal_ppm])
-    return config
-
-
 def board_configs(
     robot: Robot,
     joints: Sequence[float],
@@ -45,12 +21,18 @@ def board_configs(
     dip_microsteps: Mapping[str, int] | None = None,
     crystals_ppm: Sequence[int] = (),
 ) -> list[BoardConfig]:
-    """Return several boards on one bus, each with its number of axes; node ids continue from board to board.
+    """Return the boards that drive the axes of a robot, on one bus; node ids continue from board to board.
 
-    `crystals_ppm` says how fast each board's crystal is, in parts per million; empty: all are exact.
+    Args:
+        robot: the machine.
+        joints: positions at which it stands, mm and degrees.
+        axes_per_board: number of axes on each board, in the order of the joints.
+        driver_profile_name: drivers other than the robot file's; the file's driver settings do not apply to them.
+        dip_microsteps: microsteps other than the robot file's to which modules' switches are set, by joint.
+        crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
 
     Raises:
-        InputError: as `board_config` does.
+        InputError: the drivers do not exist, or cannot be set as the robot needs them.
         ValueError: the boards do not have as many axes as the robot.
     """
     if sum(axes_per_board) != len(robot.joints):

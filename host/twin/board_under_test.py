@@ -116,7 +116,7 @@ class BoardUnderTest(EmbeddedBoard):
             dip_microsteps,
             motors=motors,
             scenario=scenario,
-            crystal_ppm=crystal_ppm,
+            crystals_ppm=[crystal_ppm],
         )
         self._run = UnplannedRun(
             robot,

@@ -5,22 +5,20 @@ from dataclasses import replace
 from math import floor
 
 from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.drifting_board import make_board
 from steptwin.emulator.operations import Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.rotors import RotorRecord
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.board_config import board_config
-from steptwin.host.twin.boards import axes_of, microsteps_of
-from steptwin.host.twin.commissioning import commissioned_flash
+from steptwin.host.twin.axes_per_board import check_axes_per_board
+from steptwin.host.twin.board_config import board_configs
+from steptwin.host.twin.boards import make_boards, microsteps_of
 from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from steptwin.host.twin.evidence import axes_evidence
+from steptwin.host.twin.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.input_changes import InputChange, set_input
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
@@ -36,7 +34,7 @@ from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.standing import standing_steps
-from steptwin.host.verify import BusReport, Evidence, ShelfEvidence
+from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -46,7 +44,7 @@ _BOOT_S = 0.01
 
 
 class EmbeddedBoard:
-    """A robot's board on a bus of its own; fulfils the client's Link."""
+    """A robot's board, or several, on a bus of their own; fulfils the client's Link."""
 
     def __init__(
         self,
@@ -64,9 +62,10 @@ class EmbeddedBoard:
         shelf_sensors: bool = True,
         scenario: Scenario | None = None,
         motors: bool = False,
-        crystal_ppm: int = 0,
+        axes_per_board: Sequence[int] | None = None,
+        crystals_ppm: Sequence[int] = (),
     ) -> None:
-        """Switch the board on.
+        """Switch the board on, or the boards.
 
         Args:
             robot: the machine.
@@ -82,28 +81,32 @@ class EmbeddedBoard:
             shelf_sensors: False if the shelf's sensors are not connected.
             scenario: faults that happen to it.
             motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
-            crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000; no motors turn then.
+            axes_per_board: number of axes on each of several boards, in the order of the joints; None: one board has
+                all.
+            crystals_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000, with which no
+                motors turn; empty: all are exact.
 
         Raises:
             InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
                 the shelf has no such place, or the scenario names a joint that the robot does not have, or the robot's
-                file does not describe its motors and masses, or the crystal is too far off or motors turn with it.
+                file does not describe its motors and masses, or the boards have not as many axes as the robot, or a
+                crystal is too far off or motors turn with it.
         """
         schedule = tuple(schedule)
         for each in schedule:
             check_motors(each.operation, turning=motors)
-        check_crystals([crystal_ppm], 1, motors=motors)
+        per_board = [len(robot.joints)] if axes_per_board is None else list(axes_per_board)
+        check_axes_per_board(per_board, len(robot.joints))
+        check_crystals(crystals_ppm, len(per_board), motors=motors)
         self.robot = robot
         self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._start_steps = standing_steps(robot, start_joints)
-        config = board_config(robot, start_joints, driver_profile_name, dip_microsteps, crystal_ppm)
-        self._board = make_board(config, kernel, commissioned_flash(robot, robot.joints) if commissioned else None)
-        shelf = shelf_wiring(
-            robot, start_joints, [len(robot.joints)], stock=stock, locked=locked_drawers, sensors=shelf_sensors
-        )
+        configs = board_configs(robot, start_joints, per_board, driver_profile_name, dip_microsteps, crystals_ppm)
+        boards = make_boards(robot, configs, kernel, commissioned=commissioned)
+        shelf = shelf_wiring(robot, start_joints, per_board, stock=stock, locked=locked_drawers, sensors=shelf_sensors)
         self._stock = {} if shelf is None else dict(shelf.shelf.stock)
-        wiring = motor_wiring(robot, start_joints, [len(robot.joints)]) if motors else None
-        self._simulation = Simulation([self._board], Bus(robot.board.bitrate, bus_faults), schedule, shelf, wiring)
+        wiring = motor_wiring(robot, start_joints, per_board) if motors else None
+        self._simulation = Simulation(boards, Bus(robot.board.bitrate, bus_faults), schedule, shelf, wiring)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
         if watch := self._simulation.rotor_watch:
@@ -158,7 +161,7 @@ class EmbeddedBoard:
     def wait(self, dt_s: float) -> None:
         """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
         if self._changes and (sync_counts := self._last_sync_counts(self._changes_after)) is not None:
-            begin_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+            begin_counts = tick_after(sync_counts)
             self._simulation.schedule(
                 Scheduled(begin_counts + round(change.at_s * COUNTS_PER_SECOND), self._input_operation(change))
                 for change in self._changes
@@ -202,7 +205,7 @@ class EmbeddedBoard:
         Raises:
             InputError: only motors that turn with the board would feel it, and there are none.
         """
-        check_motors(operation, turning=self._simulation.rotor_watch is not None)
+        check_motors(operation, turning=self.motors_turn)
         self._simulation.operate(operation)
 
     def repair(self) -> None:
@@ -238,8 +241,7 @@ class EmbeddedBoard:
 
     def counted_units(self) -> list[int]:
         """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
-        motion = self._board.firmware.motion
-        return [motion.counter_units(axis) for axis in range(motion.axis_count)]
+        return [board.firmware.motion.counter_units(axis) for board, axis in self._target.axes]
 
     def rotor_positions(self) -> list[float]:
         """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""
@@ -258,13 +260,18 @@ class EmbeddedBoard:
         trace = rotor_trace(self.robot, self._rotor_records, watch.rotors)
         return replace(trace, other_payloads_kg=tuple(watch.other_payloads_kg))
 
+    @property
+    def motors_turn(self) -> bool:
+        """True if the robot's motors turn with the board."""
+        return self._simulation.rotor_watch is not None
+
     def slipped_full_steps(self) -> list[int]:
         """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
-        return [self._board.shaft(axis).slipped_full_steps for axis in range(len(self._start_steps))]
+        return [board.shaft(axis).slipped_full_steps for board, axis in self._target.axes]
 
     def microsteps(self) -> list[Microsteps]:
         """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
-        return microsteps_of(self.robot, axes_of([self._board]))
+        return microsteps_of(self.robot, self._target.axes)
 
     @property
     def started(self) -> bool:
@@ -273,9 +280,15 @@ class EmbeddedBoard:
 
     def evidence(self) -> Evidence:
         """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""
+        return self._evidence(axes_evidence(self.robot, self._start_steps, self._target.axes))
+
+    def evidence_by_own_clocks(self) -> Evidence:
+        """Return every edge as the boards themselves count time: exactly as planned, however far crystals are off."""
         sync_counts = self._last_sync_counts() or 0
-        axes = axes_evidence(self.robot, self._start_steps, axes_of([self._board]))
-        start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
+        return self._evidence(axes_by_own_clocks(self.robot, self._start_steps, self._target.axes, sync_counts))
+
+    def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:
+        start_counts = tick_after(self._last_sync_counts() or 0)
         return Evidence(start_counts, axes, output_changes(self.robot, axes), self._shelf_evidence())
 
     def _shelf_evidence(self) -> ShelfEvidence | None:

@@ -1,12 +1,14 @@
 """Convert the emulator's traces into the verifier's evidence."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.controller.pins import Pin, PinChange
 from steptwin.emulator.board import Board
 from steptwin.emulator.driver_bank import AxisTrace
@@ -34,6 +36,29 @@ def axes_evidence(
         axis_evidence(name, start, board.trace(axis), axis, board.pin_changes, board.own_clock)
         for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)
     )
+
+
+def axes_by_own_clocks(
+    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]], sync_counts: int
+) -> tuple[AxisEvidence, ...]:
+    """Return the evidence of all axes by the crystals of their own boards instead of the bus' time.
+
+    Each board's instants are shifted so that its first servo tick after the SYNC is where that of a board with an exact
+    crystal is: whatever their crystals, boards without a fault then show exactly what is planned.
+    """
+    made = []
+    for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True):
+        evidence = axis_evidence(name, start, board.trace(axis), axis, board.pin_changes)
+        if board.own_clock is not None:
+            ahead_counts = tick_after(board.own_clock.local_counts(sync_counts)) - tick_after(sync_counts)
+            evidence = _with_instants(evidence, partial(np.add, -ahead_counts))
+        made.append(evidence)
+    return tuple(made)
+
+
+def tick_after(counts: int) -> int:
+    """Return the instant of the first servo tick at or after an instant."""
+    return -(-counts // TICK_COUNTS) * TICK_COUNTS
 
 
 def axis_evidence(
@@ -64,12 +89,11 @@ def axis_evidence(
         pins=_level_edges(axis, changes),
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
-    return evidence if clock is None else _in_bus_time(evidence, clock)
+    return evidence if clock is None else _with_instants(evidence, clock.instants)
 
 
-def _in_bus_time(axis: AxisEvidence, clock: LocalClock) -> AxisEvidence:
-    """Return evidence whose instants are a board's own as the bus has them."""
-    instants = clock.instants
+def _with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Array]) -> AxisEvidence:
+    """Return evidence whose instants are those that a function makes of the present ones."""
     return replace(
         axis,
         clk_rise_counts=instants(axis.clk_rise_counts),

@@ -46,7 +46,8 @@ def execute(
     locked_drawers: Collection[str] = (),
     scenario: Scenario | None = None,
     motors: bool = False,
-    crystal_ppm: int = 0,
+    axes_per_board: Sequence[int] | None = None,
+    crystal_ppm: int | Sequence[int] = 0,
     progress: Progress = lambda _: None,
     on_board: Callable[[EmbeddedBoard], None] = lambda _: None,
 ) -> Outcome:
@@ -70,15 +71,17 @@ def execute(
         locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
         scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
         motors: let the robot's motors turn with the board, so that its switches follow the rotors.
-        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000; neither plan nor host is
-            told.
+        axes_per_board: number of axes on each of several boards, in the order of the joints; by default one board has
+            all.
+        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000, or of several boards each
+            one's; neither plan nor host is told.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
             drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done, or the
-            crystal is too far off.
+            boards have not as many axes as the robot, or a crystal is too far off.
         DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
@@ -91,6 +94,7 @@ def execute(
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
     shelf = plan.robot.shelf
+    crystals_ppm = (crystal_ppm,) if isinstance(crystal_ppm, int) else tuple(crystal_ppm)
     planned = errand.planned(shelf) if errand and shelf else None
     if stock is None and errand is not None:
         stock = errand.stock
@@ -107,7 +111,8 @@ def execute(
         shelf_sensors=_looks_at_sensors(plan),
         scenario=scenario,
         motors=motors,
-        crystal_ppm=crystal_ppm,
+        axes_per_board=axes_per_board,
+        crystals_ppm=crystals_ppm,
     )
     on_board(board)
     board.change_inputs(inputs)
@@ -138,7 +143,18 @@ def execute(
     profile = board.driver_profile.name
     operations = tuple(board.operations.requests())
     return Outcome(
-        made, comparison, report, board.bus_log, fault, profile, waits_made, played, rotors, operations, crystal_ppm
+        made,
+        comparison,
+        report,
+        board.bus_log,
+        fault,
+        profile,
+        waits_made,
+        played,
+        rotors,
+        operations,
+        axes_per_board=tuple(axes_per_board or ()),
+        crystals_ppm=crystals_ppm,
     )
 
 

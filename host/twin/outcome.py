@@ -59,7 +59,8 @@ class Outcome:
         scenario: the faults that happened on purpose, and whether they were answered as documented; None without any.
         operations: what was done to the machine beside its bus, as requests of the control port, each with its instant
             `at_s` since power-up.
-        crystal_ppm: how fast the board's crystal was, in parts per million.
+        axes_per_board: number of axes on each of several boards; empty: one board had all.
+        crystals_ppm: how fast each board's crystal was, in parts per million; empty: all were exact.
         rotors: what the rotors did if the motors turned with the board; None without motors.
     """
 
@@ -73,7 +74,8 @@ class Outcome:
     scenario: ScenarioReport | None = None
     rotors: RotorTrace | None = None
     operations: tuple[Mapping[str, Any], ...] = ()
-    crystal_ppm: int = 0
+    axes_per_board: tuple[int, ...] = ()
+    crystals_ppm: tuple[int, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -83,7 +85,9 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""
         document = self.report.to_dict() | {"driver_profile": self.driver_profile, "simulated": True}
-        document |= waits_document(self.waits) | crystals_document([self.crystal_ppm])
+        document |= waits_document(self.waits) | crystals_document(self.crystals_ppm)
+        if self.axes_per_board:
+            document["boards"] = list(self.axes_per_board)
         if self.operations:
             document["operations"] = list(self.operations)
         if self.fault:

@@ -14,7 +14,7 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.board_config import board_config
+from steptwin.host.twin.board_config import board_configs
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
 from tests.end_to_end.command_line import refusal, run_json
@@ -151,7 +151,7 @@ class TestThreeAmpModule:
         """The file's 2 A and falling edge apply exactly where the drivers are the file's, by whatever name."""
         osc_pf = None if own else 330
         robot = with_board("lab-scara", osc_pf=osc_pf, driver_profile=own, current_a=2.0, active_edge="falling")
-        for module in board_config(robot, robot.home, named).modules:
+        for module in board_configs(robot, robot.home, [len(robot.joints)], named)[0].modules:
             assert module.sense_ohm == 0.5 / sense_a
             assert module.active_edge == edge
             assert module.switches is None or module.switches.current.printed_a == sense_a

@@ -305,8 +305,13 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "a controller leaves the bus",
         _leaves_bus,
-        Reaction(Motion.GOES_ON, (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE), certain=False),
-        "it is back after 128 x 11 bits, which a board reports; one not acknowledged meanwhile is error passive",
+        Reaction(
+            Motion.GOES_ON,
+            (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN),
+            certain=False,
+        ),
+        "it is back after 128 x 11 bits, which a board reports; one not acknowledged meanwhile is error passive; newer"
+        " reports replace those that wait",
     ),
     Documented(
         "frames come twice",

@@ -252,6 +252,8 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     stopped = end.stopped and (_stops_within([*emcys, *late]) or (reaction.stops and not reaction.codes))
     standstill_ms = _standstill_ms(end.evidence, began.counts) if stopped else None
     limit_ms = standstill_limit_ms(robot, played.harm, reaction, began) if reaction.stops else None
+    if limit_ms is not None:
+        limit_ms *= 1 + _slow_ppm(engine) / 1e6  # a board keeps its limits by its own crystal
     joints = _joints(robot, engine.counted_from(began), end.moment)
     told = reaction.verified or bool(end.reasons) or end.stopped  # a stopped run says whether the drivers agree
     others = {code for each in engine.played if each is not played for code in _codes(each)}
@@ -371,13 +373,17 @@ class _Judge:
                 codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
                 found.append(f"{self._names[axis]}: no EMCY {codes}")
             joint = self._joints[axis]
-            if reaction.state is not None and joint.state is not reaction.state:
+            if reaction.state is not None and joint.state is not reaction.state and not self._switched_off(joint):
                 found.append(f"{self._names[axis]}: in {state_text(joint.state)}, not in {state_text(reaction.state)}")
             if reaction.motion is Motion.CUT and _fast(self._axes[axis]) and joint.position_known:
                 found.append(f"{self._names[axis]}: was cut off in motion and claims to know its position")
         if limit_ms is not None and standstill_ms > limit_ms:
             found.append(f"stood after {standstill_ms:.2f} ms, later than {limit_ms:.2f} ms")
         return found
+
+    def _switched_off(self, joint: JointAnswer) -> bool:
+        """Return whether the host has switched a drive off at the motion's end, before the fault stopped the others."""
+        return not self._reaction.certain and joint.state is State.SWITCH_ON_DISABLED and joint.position_known
 
     def _losses(self) -> list[str]:
         """Return what was lost in silence: an axis that claims to know its position has another one."""
@@ -436,6 +442,11 @@ def standstill_limit_ms(robot: Robot, harm: Harm, reaction: Reaction, began: Mom
     if reaction.begins_ms <= TICK_MS:
         return reaction.begins_ms + min(_ramp_ms(began) + TICK_MS, longest_ramp_ms(robot))
     return reaction.begins_ms + longest_ramp_ms(robot)
+
+
+def _slow_ppm(engine: Engine) -> int:
+    """Return by how many parts per million the slowest crystal of the boards is slow."""
+    return max(0, *(-board.config.crystal_ppm for board in engine.target.simulation.boards))
 
 
 def _ramp_ms(moment: Moment) -> float:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from steptwin.host.campaign import Breach, Ended, Row, summarised
-from steptwin.host.campaign.invariants import INVARIANTS
 from steptwin.host.campaign.pictures import least_in_bins
 from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import refusal, run_json
@@ -73,9 +72,13 @@ def test_a_campaign_passes_only_if_every_scenario_struck() -> None:
 
 
 def test_an_invariant_that_no_run_is_asked_for_has_no_rate() -> None:
-    row = replace(ROW, breaches=())
-    assert list(summarised([row], 1, not_asked={"recovery", "motors"}).invariants) == list(INVARIANTS)[:-2]
-    assert list(summarised([row], 1).invariants) == list(INVARIANTS)
+    rows = [replace(ROW, breaches=(), asked=asked) for asked in (("steps", "power"), ("power",))]
+    assert summarised(rows, 2).invariants == {"steps": (1, 1), "power": (2, 2)}
+
+
+def test_rows_of_several_versions_are_told_apart() -> None:
+    rows = [replace(ROW, seed=seed, version=version) for seed, version in enumerate(("1.0", "1.1", "1.0"))]
+    assert summarised(rows, 3).to_dict()["versions"] == {"1.0": 2, "1.1": 1}
 
 
 def test_the_least_margin_is_found_in_each_bin() -> None:

@@ -22,6 +22,7 @@ ROW = Row(
     faults=("1 estop", "2 supply"),
     struck=(1, 0),
     met=("emergency stop pressed",),
+    asked=("steps", "power", "answer"),
     breaches=(Breach("steps", "lost", "th1: 3"), Breach("answer", "none")),
     parameters={"record_ms": 5.0, "reach": 0.04},
     choices={"joint": "th1"},

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.campaign import Campaign, Ended, Performance, draw, perform, run_seed, running
+from steptwin.host.campaign.campaign import Motors
 from steptwin.host.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim
@@ -42,8 +43,8 @@ def _motors(**changes: Any) -> MotorVerdict:
 def healthy(small: Campaign, seeds: dict[str, int]) -> Iterator[Performance]:
     """A run without a fault, the recovery after it, and motors that kept step: turning them has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "motors_of_run", lambda *_: SimpleNamespace(verdict=_motors()))
-        yield perform(replace(draw(small, seeds["nothing"]), recover=True, motors=True))
+        patch.setattr(running, "motors_of_run", lambda *_, **__: SimpleNamespace(verdict=_motors()))
+        yield perform(replace(draw(small, seeds["nothing"]), recover=True, motors=Motors.AFTER))
 
 
 @pytest.fixture(scope="module")

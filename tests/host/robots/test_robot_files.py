@@ -30,7 +30,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.transmission import MICROSTEPS, Transmission
-from steptwin.host.twin.board_config import board_config
+from steptwin.host.twin.board_config import board_configs
 from tests.emulator.pins import POWER_UP, pins
 from tests.host.complaints import complaint_of
 
@@ -495,7 +495,7 @@ class TestDrivers:
         settings = f"idle_percent = {idle_percent}\nfast_decay_percent = {fast_decay_percent}"
         text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
         robot = parse_robot(text, "mine.toml")
-        config = board_config(robot, robot.home)
+        (config,) = board_configs(robot, robot.home, [len(robot.joints)])
         driver = Driver(config.osc_pf[0], config.modules[0])
         driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
         currents = np.abs(driver.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)

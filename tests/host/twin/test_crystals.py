@@ -13,31 +13,47 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.crystals import check_crystals, read_crystals
+from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import Report, verify
 
 ROBOT = load_robot("teaching-scara")
 
 
-def carried(kernel: Kernel, ppm: int) -> Outcome:
-    return execute(plan(ROBOT, make_job(ROBOT, "carry")), "carry", kernel, crystal_ppm=ppm)
+def carried(kernel: Kernel, *ppm: int) -> tuple[Outcome, Report]:
+    """Return the outcome on one board or two, and the verdict by the boards' own time."""
+    boards: list[EmbeddedBoard] = []
+    motion = plan(ROBOT, make_job(ROBOT, "carry"))
+    per_board = None if len(ppm) == 1 else [2, 2]
+    outcome = execute(motion, "carry", kernel, axes_per_board=per_board, crystal_ppm=ppm, on_board=boards.append)
+    own = boards[0].evidence_by_own_clocks()
+    return outcome, verify(outcome.comparison.expected, own, outcome.report.run)
 
 
 @pytest.fixture(scope="module")
 def exact(fast_kernel: Kernel) -> Outcome:
-    return carried(fast_kernel, 0)
+    outcome, own_time = carried(fast_kernel, 0)
+    assert outcome.passed
+    assert own_time == outcome.report
+    assert not {"crystal_ppm", "boards"} & outcome.to_dict().keys()
+    return outcome
 
 
-@pytest.mark.parametrize("ppm", [100, -100])
-def test_a_motion_goes_on_and_the_verdict_tells_its_timing(ppm: int, exact: Outcome, fast_kernel: Kernel) -> None:
-    assert exact.passed
-    assert "crystal_ppm" not in exact.to_dict()
-    off = carried(fast_kernel, ppm)
+@pytest.mark.parametrize("crystals", [(100,), (-100,), (100, -100)])
+def test_a_motion_goes_on_and_the_verdict_tells_its_timing(
+    crystals: tuple[int, ...], exact: Outcome, fast_kernel: Kernel
+) -> None:
+    """By the boards' own time every step is as planned."""
+    off, own_time = carried(fast_kernel, *crystals)
     assert off.fault is None
     assert off.report.reasons
-    assert off.to_dict()["crystal_ppm"] == [ppm]
+    assert own_time.reasons == ()
+    assert off.to_dict()["crystal_ppm"] == [*crystals]
+    assert off.to_dict().get("boards", []) == [2] * (len(crystals) - 1) * 2
     evidence, other = exact.comparison.evidence, off.comparison.evidence
-    for axis, drifted in zip(evidence.axes, other.axes, strict=True):
+    for number, (axis, drifted) in enumerate(zip(evidence.axes, other.axes, strict=True)):
+        ppm = crystals[number * len(crystals) // len(evidence.axes)]
         assert drifted.step_signs.tolist() == axis.step_signs.tolist()
         for name in ("clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "step_counts"):
             since = getattr(axis, name) - evidence.start_counts

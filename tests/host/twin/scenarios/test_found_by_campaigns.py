@@ -4,6 +4,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.twin.scenarios.short_runs import played
 
@@ -70,4 +71,19 @@ def test_short_records_run_dry_before_the_host_is_missed(fast_kernel: Kernel, ho
     """At the motion's end fewer points are queued: the queue runs dry, or holds all that is left of the motion."""
     text = f'[[fault]]\nat_s = 0.05\ndo = "host"\nhow = "{how}"\n' + ("by_s = 0.9\n" if how == "restart" else "")
     _, scenario = played(fast_kernel, text)
+    assert scenario.passed, scenario.reasons
+
+
+def test_a_drive_that_its_host_has_switched_off_need_not_fail(fast_kernel: Kernel) -> None:
+    """Requests to th2 are lost: at the motion's end th1 is switched off, then the host gives up and is missed."""
+    _, scenario = played(fast_kernel, '[[fault]]\nat_s = 0.3\ndo = "loss"\nframes = "requests"\njoint = "th2"\n')
+    states = [joint.state for joint in scenario.faults[0].joints.values()]
+    assert states == [State.SWITCH_ON_DISABLED, State.FAULT, State.FAULT, State.FAULT]
+    assert scenario.passed, scenario.reasons
+
+
+def test_a_board_off_the_bus_may_replace_its_reports(fast_kernel: Kernel) -> None:
+    """Back on the bus it tells that newer reports have taken the places of those that waited."""
+    _, scenario = played(fast_kernel, '[[fault]]\nat_s = 0.9\ndo = "bus-off"\njoint = "th2"\n')
+    assert {told.code for told in scenario.faults[0].emcys} == {0x8110, 0x8140}
     assert scenario.passed, scenario.reasons
