@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
-from typing import Final
+from typing import Final, TypeGuard
 
 from steptwin.emulator.bus_faults import BusFault, BusFaultKind
 from steptwin.emulator.operations import (
@@ -175,10 +175,20 @@ def _silent_host(harm: Harm, moment: Moment) -> bool:
     return alone and isinstance(harm, BusFault) and harm.rate == 1 and not harm.skip
 
 
-def _towards(harm: Harm, moment: Moment) -> bool:
-    """Return whether a limit switch sticks closed towards which its axis moves."""
-    if not isinstance(harm, StuckSwitch) or not harm.closed or harm.switch is DigitalInput.HOME:
+def _closed(harm: Harm) -> TypeGuard[StuckSwitch]:
+    """Return whether a limit switch sticks closed."""
+    return isinstance(harm, StuckSwitch) and bool(harm.closed) and harm.switch is not DigitalInput.HOME
+
+
+def _seems_closed(harm: Harm) -> TypeGuard[SwitchWire]:
+    """Return whether the broken wire of a limit switch looks as if that were closed."""
+    if not isinstance(harm, SwitchWire) or harm.switch is DigitalInput.HOME:
         return False
+    return harm.broken is Contact.NORMALLY_CLOSED
+
+
+def _towards(harm: StuckSwitch | SwitchWire, moment: Moment) -> bool:
+    """Return whether its axis moves towards a limit switch."""
     velocity = moment.axes[harm.axis].velocity
     return velocity > 0 if harm.switch is DigitalInput.POSITIVE_LIMIT else velocity < 0
 
@@ -216,10 +226,14 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "this driver has switched itself off; the other axes stop by a ramp",
     ),
     Documented("Protect of a driver free", lambda harm, _: isinstance(harm, DriverProtect), GOES_ON),
-    Documented("limit switch stuck closed, the axis moves towards it", _towards, _stops(ErrorCode.LIMIT_SWITCH)),
+    Documented(
+        "limit switch stuck closed, the axis moves towards it",
+        lambda harm, moment: _closed(harm) and _towards(harm, moment),
+        _stops(ErrorCode.LIMIT_SWITCH),
+    ),
     Documented(
         "limit switch stuck closed, the axis rests or moves away",
-        lambda harm, _: isinstance(harm, StuckSwitch) and bool(harm.closed) and harm.switch is not DigitalInput.HOME,
+        lambda harm, _: _closed(harm),
         _stops(ErrorCode.LIMIT_SWITCH, begins_ms=inf, certain=False),
         "once it moves towards the switch",
     ),
@@ -230,14 +244,16 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "a planned motion stays between its limit switches; homing fails (EMCY 0xFF05)",
     ),
     Documented(
-        "wire of a limit switch broken, its contact closed at rest",
-        lambda harm, _: (
-            isinstance(harm, SwitchWire)
-            and harm.broken is Contact.NORMALLY_CLOSED
-            and harm.switch is not DigitalInput.HOME
-        ),
-        _stops(ErrorCode.LIMIT_SWITCH, certain=False),
+        "wire of a limit switch broken, its contact closed at rest, the axis moves towards it",
+        lambda harm, moment: _seems_closed(harm) and _towards(harm, moment),
+        _stops(ErrorCode.LIMIT_SWITCH),
         "as a switch that is stuck closed",
+    ),
+    Documented(
+        "wire of a limit switch broken, its contact closed at rest, the axis rests or moves away",
+        lambda harm, _: _seems_closed(harm),
+        _stops(ErrorCode.LIMIT_SWITCH, begins_ms=inf, certain=False),
+        "once it moves towards the switch",
     ),
     Documented(
         "wire of a switch broken, its contact open at rest",

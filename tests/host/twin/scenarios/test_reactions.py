@@ -70,10 +70,15 @@ CASES = [
         GOES,
     ),
     Case(
-        "wire of a limit switch broken, its contact closed at rest",
+        "wire of a limit switch broken, its contact closed at rest, the axis moves towards it",
         'do = "switch-wire"\njoint = "th1"\nswitch = "-"\nbroken = "normally-closed"',
         STOPS,
         (100, 110),
+    ),
+    Case(
+        "wire of a limit switch broken, its contact closed at rest, the axis rests or moves away",
+        'do = "switch-wire"\njoint = "th1"\nswitch = "+"\nbroken = "normally-closed"',
+        GOES,
     ),
     Case(
         "wire of a switch broken, its contact open at rest",
