@@ -200,12 +200,14 @@ class Engine:
             each.undo = opposite(harm, self.target.surroundings)
         self.target.harm(harm)
 
-    def counted_from(self, began: Moment) -> Moment:
+    def counted_from(self, began: Moment) -> Moment | None:
         """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.
 
-        Until then the host may give an axis another position.
+        Until then the host may give an axis another position. None: there was no motion in which steps could be lost.
         """
-        return began if self._start is None or began.counts >= self._start.counts else self._start
+        if self._start is None:
+            return None
+        return began if began.counts >= self._start.counts else self._start
 
     def repair(self) -> None:
         """End every fault that lasts; none begins any more."""

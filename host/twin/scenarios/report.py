@@ -255,9 +255,10 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     if limit_ms is not None:
         limit_ms *= 1 + _slow_ppm(engine) / 1e6  # a board keeps its limits by its own crystal
     joints = _joints(robot, engine.counted_from(began), end.moment)
-    told = reaction.verified or bool(end.reasons) or end.stopped  # a stopped run says whether the drivers agree
+    unknowable = not reaction.verified or any(map(_unknowable, engine.played))
+    told = bool(end.reasons) or end.stopped  # a stopped run says whether the drivers agree
     others = {code for each in engine.played if each is not played for code in _codes(each)}
-    judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=told)
+    judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=unknowable and told)
     differences = judge.differences(standstill_ms, limit_ms)
     return FaultReport(
         *named,
@@ -281,6 +282,13 @@ def _codes(played: Played) -> set[ErrorCode]:
     reaction = played.fault.expected or documented(played.harm, played.began).reaction
     # Reports that change again before they are sent are replaced, which the board tells.
     return {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else []), ErrorCode.CAN_OVERRUN}
+
+
+def _unknowable(played: Played) -> bool:
+    """Return whether a fault has struck that makes steps go missing of which no board can know."""
+    if played.began is None:
+        return False
+    return not (played.fault.expected or documented(played.harm, played.began).reaction).verified
 
 
 def _stops_within(emcys: Sequence[Emergency]) -> bool:
@@ -320,7 +328,7 @@ class _Judge:
             late: answers to it that came after the next fault had begun.
             others: codes that answer other faults of the scenario.
             stopped: whether the motion ended before its time because of the fault.
-            told: False if steps that the reaction lets go missing are told by nothing, not even by the run's verdict.
+            told: True if steps may go missing by this fault or another one, and the run's verdict tells it.
         """
         self._told = told
         self._of_bus = isinstance(played.harm, BusFault)
@@ -387,7 +395,7 @@ class _Judge:
 
     def _losses(self) -> list[str]:
         """Return what was lost in silence: an axis that claims to know its position has another one."""
-        if not self._reaction.verified and self._told:
+        if self._told:
             return []
         return [
             f"{name}: {joint.lost_steps:g} steps lost in silence"
@@ -413,9 +421,9 @@ def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
     return f"{trigger}: {why}"
 
 
-def _joints(robot: Robot, began: Moment, end: Moment) -> dict[str, JointAnswer]:
+def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointAnswer]:
     answers = {}
-    for joint, before, after in zip(robot.joints, began.axes, end.axes, strict=True):
+    for joint, before, after in zip(robot.joints, (began or end).axes, end.axes, strict=True):
         lost_sixteenths = 0
         if before.lag_sixteenths is not None and after.lag_sixteenths is not None:  # a reset begins to count anew
             lost_sixteenths = after.lag_sixteenths - before.lag_sixteenths

@@ -82,8 +82,32 @@ def test_a_drive_that_its_host_has_switched_off_need_not_fail(fast_kernel: Kerne
     assert scenario.passed, scenario.reasons
 
 
-def test_a_board_off_the_bus_may_replace_its_reports(fast_kernel: Kernel) -> None:
-    """Back on the bus it tells that newer reports have taken the places of those that waited."""
-    _, scenario = played(fast_kernel, '[[fault]]\nat_s = 0.9\ndo = "bus-off"\njoint = "th2"\n')
-    assert {told.code for told in scenario.faults[0].emcys} == {0x8110, 0x8140}
+def test_positions_given_before_a_motion_that_never_begins_are_no_lost_steps(fast_kernel: Kernel) -> None:
+    """The only SYNC is lost: the host, which has told each axis where it stands, gives up."""
+    _, scenario = played(fast_kernel, '[[fault]]\npower_up_s = 0.0\ndo = "loss"\nframes = "sync"\n')
+    assert scenario.passed, scenario.reasons
+
+
+def test_a_fault_is_not_blamed_for_steps_that_another_one_loses(fast_kernel: Kernel) -> None:
+    """While a wire of th2 is broken, that of th1 is whole: the verdict tells what th2 has lost, and only that."""
+    outcome, scenario = played(
+        fast_kernel,
+        """
+        [[fault]]
+        name = "broken"
+        at_s = 0.3
+        do = "wire"
+        joint = "th2"
+        wire = "step"
+        condition = "broken"
+        [[fault]]
+        name = "mended"
+        at_s = 0.5
+        do = "wire"
+        joint = "th1"
+        wire = "step"
+        condition = "whole"
+        """,
+    )
+    assert any("th2" in reason for reason in outcome.report.reasons)
     assert scenario.passed, scenario.reasons
