@@ -256,9 +256,9 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
         limit_ms *= 1 + _slow_ppm(engine) / 1e6  # a board keeps its limits by its own crystal
     joints = _joints(robot, engine.counted_from(began), end.moment)
     unknowable = not reaction.verified or any(map(_unknowable, engine.played))
-    told = bool(end.reasons) or end.stopped  # a stopped run says whether the drivers agree
+    told = unknowable and (bool(end.reasons) or end.stopped)  # a stopped run says whether the drivers agree
     others = {code for each in engine.played if each is not played for code in _codes(each)}
-    judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=unknowable and told)
+    judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=told)
     differences = judge.differences(standstill_ms, limit_ms)
     return FaultReport(
         *named,
