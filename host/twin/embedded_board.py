@@ -162,10 +162,10 @@ class EmbeddedBoard:
         """Let `dt_s` seconds of simulated time pass, and the rest of a periodic frame that is on the bus then."""
         if self._changes and (sync_counts := self._last_sync_counts(self._changes_after)) is not None:
             begin_counts = tick_after(sync_counts)
-            self._simulation.schedule(
-                Scheduled(begin_counts + round(change.at_s * COUNTS_PER_SECOND), self._input_operation(change))
-                for change in self._changes
-            )
+            for change in self._changes:
+                at_counts = begin_counts + round(change.at_s * COUNTS_PER_SECOND)
+                placed = self._target.places.on_boards(self._input_operation(change))
+                self._simulation.schedule(Scheduled(at_counts, each, number) for number, each in placed)
             self._changes = []
         self.network.wait(dt_s)
 
@@ -206,7 +206,7 @@ class EmbeddedBoard:
             InputError: only motors that turn with the board would feel it, and there are none.
         """
         check_motors(operation, turning=self.motors_turn)
-        self._simulation.operate(operation)
+        self._target.operate(operation)
 
     def repair(self) -> None:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
