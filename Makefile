@@ -20,8 +20,8 @@ panel: $(VENV)/.installed-panel
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
 # Tests start some hundred processes: keep bytecode, even where the environment says not to, and a core for each.
-test test-live coverage: export PYTHONDONTWRITEBYTECODE =
-test test-live coverage: export OPENBLAS_NUM_THREADS = 1
+test test-live test-compiled coverage: export PYTHONDONTWRITEBYTECODE =
+test test-live test-compiled coverage: export OPENBLAS_NUM_THREADS = 1
 
 # Tests that start processes, a browser or servers: they wait as long as they compute.
 LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
@@ -42,14 +42,17 @@ wheel-compiled: $(BIN)/python
 	HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 # The tests of what is compiled, and the bytes of 16 runs, on a compiled wheel instead of the checkout: some 10 minutes.
+# `steptwin` is the wheel's; `tests` is the checkout's, before any library's.
+ON_WHEEL := PYTHONPATH=$(CURDIR)/$(COMPILED)/site:$(CURDIR) $(BIN)/python -P
+
 test-compiled: $(VENV)/.installed-dev
 	rm -rf $(COMPILED)
 	HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir $(COMPILED)/wheel .
 	$(BIN)/python -m pip install --quiet --no-deps --target $(COMPILED)/site $(COMPILED)/wheel/*.whl
-	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -c 'from tests.compiled import COMPILED; assert COMPILED'
-	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m pytest --import-mode importlib --numprocesses auto \
+	$(ON_WHEEL) -c 'from tests.compiled import COMPILED; assert COMPILED'
+	$(ON_WHEEL) -m pytest --import-mode importlib --numprocesses auto \
 		tests/protocol tests/controller tests/emulator tests/host/client
-	PYTHONPATH=$(COMPILED)/site $(BIN)/python -P -m tests.end_to_end.fingerprints
+	$(ON_WHEEL) -m tests.end_to_end.fingerprints
 
 check: lint test test-live
 
