@@ -1,5 +1,6 @@
 """Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form."""
 
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -31,6 +32,12 @@ def load_robot(name: str) -> Robot:
         if Path(f"{name}{SUFFIX}").is_file():
             raise InputError(f"robot {name!r} is unknown: did you mean {name}{SUFFIX}, the file here?")
         raise unknown("robot", name, robot_names())
+    return _brought(name)
+
+
+@cache
+def _brought(name: str) -> Robot:
+    """Return a robot that StepTwin brings; it is read once."""
     file = files(__name__) / f"{name}{SUFFIX}"
     return parse_robot(file.read_text(encoding="utf-8"), file.name)
 
