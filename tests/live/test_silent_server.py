@@ -88,6 +88,7 @@ class Deaf:
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+@in_real_time
 def test_it_greets_and_never_answers(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with Deaf() as deaf:
         assert run([*words, "--connect", f"127.0.0.1:{deaf.port}"]) == 4

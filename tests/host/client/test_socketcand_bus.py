@@ -102,14 +102,17 @@ class TestGreeting:
             (b"< hi >< error could not open bus >", "could not open bus"),
         ],
     )
+    @in_real_time
     def test_a_server_that_says_something_else(self, said: bytes, told: str) -> None:
         with serving(lambda client: client.sendall(said)) as port:
             assert complaint(port) == told
 
+    @in_real_time
     def test_a_server_that_hangs_up(self) -> None:
         with serving(socket.socket.close) as port:
             assert complaint(port) in ("the server has closed the connection", "Connection reset by peer")
 
+    @in_real_time
     def test_in_pieces_and_with_the_first_frame(self) -> None:
         def slowly(client: socket.socket) -> None:
             for piece in (b"<", b" hi >"):
@@ -152,10 +155,12 @@ def flood(bus: SocketcandBus) -> None:
 
 
 class TestAnOpenBus:
+    @in_real_time
     def test_a_server_that_hangs_up(self) -> None:
         with serving(greet_and(lambda client: client.shutdown(socket.SHUT_RDWR))) as port:
             assert until_it_fails(opened(port)) == "the server has closed the connection"
 
+    @in_real_time
     def test_a_server_that_says_why(self) -> None:
         def end(client: socket.socket) -> None:
             client.sendall(b"< error too slow >")
@@ -176,6 +181,7 @@ class TestAnOpenBus:
             with pytest.raises(can.CanOperationError):
                 bus.send(MESSAGE)
 
+    @in_real_time
     def test_a_quiet_bus_is_not_a_dead_one(self) -> None:
         """The server answers an echo after a second of silence, so the link stays open."""
         echoes = []
@@ -192,6 +198,7 @@ class TestAnOpenBus:
         assert message.arbitration_id == 0x123
         assert echoes == [b"< echo >"] * 2
 
+    @in_real_time
     def test_junk_is_dropped_and_counted(self) -> None:
         junk = (b"nonsense", b"< frame 12 1.0 >", b"< frame 123 x 00 >", b"< " + b"x" * 600, b"< stat 1 2 3 4 >")
 

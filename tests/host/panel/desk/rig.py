@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import ParamSpec
 
 from steptwin.controller.backend import Kernel
+from steptwin.emulator.operations import EmergencyStop
 from steptwin.host.client.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
 from steptwin.host.panel.desk.presses import BEAT_S
@@ -41,6 +42,7 @@ class Rig:
     def ready(self) -> None:
         """Bring the machine to HERE, enabled, whatever a test has left behind."""
         desk = self.desk
+        self.served.operate(EmergencyStop(pressed=False))
         self.idle()
         desk.operators.take_over(ANN, "Ann")
         if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
