@@ -18,11 +18,12 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.kernels import KERNELS
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
+from tests.shared_folders import made_once
 
 __all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
 
-YOUNG_OBJECTS: Final = 50_000
-"""Number of new objects between two collections of garbage, as in `steptwin` itself: the usual 700 take much longer."""
+YOUNG_OBJECTS: Final = 200_000
+"""Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""
 TESTS: Final = Path(__file__).resolve().parent
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
@@ -120,26 +121,29 @@ def fast_kernel(request: pytest.FixtureRequest) -> Kernel:
 @pytest.fixture(scope="session")
 def stored_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
     """Return the folder of `run warehouse-scara store`: 31 s with pauses, in which outputs switch."""
-    return _written(tmp_path_factory.mktemp("store"), fast_kernel, "warehouse-scara", "store")
+    return _written(tmp_path_factory, "store", fast_kernel, ["warehouse-scara", "store"])
 
 
 @pytest.fixture(scope="session")
 def carry_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
     """Return the folder of `run teaching-scara carry`: a fast motion of 1 s."""
-    return _written(tmp_path_factory.mktemp("carry"), fast_kernel, "teaching-scara", "carry")
+    return _written(tmp_path_factory, "carry", fast_kernel, ["teaching-scara", "carry"])
 
 
 @pytest.fixture(scope="session")
 def cut_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
     """Return the folder of `carry` with a host that hangs after half of its points: a run that ends in fault."""
-    options = ["--cut-stream", "0.5"]
-    return _written(tmp_path_factory.mktemp("cut"), fast_kernel, "teaching-scara", "carry", options, exit_code=3)
+    words = ["teaching-scara", "carry", "--cut-stream", "0.5"]
+    return _written(tmp_path_factory, "cut", fast_kernel, words, exit_code=3)
 
 
 def _written(
-    folder: Path, kernel: Kernel, robot: str, job: str, options: Sequence[str] = (), exit_code: int = 0
+    factory: pytest.TempPathFactory, name: str, kernel: Kernel, words: Sequence[str], exit_code: int = 0
 ) -> Path:
     """Run a job and write its folder without pictures, which would take longest."""
-    with without_pictures():
-        assert run(["run", robot, job, "--kernel", kernel.name, "--out", str(folder), *options]) == exit_code
-    return folder
+
+    def write(folder: Path) -> None:
+        with without_pictures():
+            assert run(["run", *words, "--kernel", kernel.name, "--out", str(folder)]) == exit_code
+
+    return made_once(factory, name, write)

@@ -25,7 +25,7 @@ def method(kernel: Kernel, key: str) -> Method:
 def motion(request: pytest.FixtureRequest) -> PlannedMotion:
     """Three axes of several sine cycles, and a job whose arms turn in both directions."""
     if request.param == "sines":
-        return sines("sines", Sines((1, 2, 3), 3000.0, 1.0), BOARD)
+        return sines("sines", Sines((1, 2, 3), 3000.0, 0.4), BOARD)
     return motion_of_job(load_robot("teaching-scara"), "carry")
 
 

@@ -87,7 +87,7 @@ class BenchBoard:
         data = value.to_bytes(size, "little", signed=value < 0)
         request = struct.pack("<BHB", 0x23 | (4 - size) << 2, *od.index_and_subindex(address)) + data.ljust(4, b"\0")
         self.send(0x600 + node.node_id, request)
-        answer = self.frames(0x580 + node.node_id)[-1]
+        answer = self.last(0x580 + node.node_id)
         return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
     def value(self, address: int, axis: int = 0) -> int:
@@ -97,6 +97,10 @@ class BenchBoard:
     def frames(self, cob_id: int) -> list[bytes]:
         """Return the data of all frames sent with a COB-ID."""
         return [frame.data for _, frame in self.sent if frame.cob_id == cob_id]
+
+    def last(self, cob_id: int) -> bytes:
+        """Return the data of the last frame sent with a COB-ID; raise StopIteration if there is none."""
+        return next(frame.data for _, frame in reversed(self.sent) if frame.cob_id == cob_id)
 
     def enable(self, mode: int = 7) -> None:
         """Bring every axis to OPERATION ENABLED in a mode."""

@@ -421,7 +421,7 @@ class TestHoming:
         for address in (od.POSITION_DEMAND, od.POSITION_ACTUAL, od.FOLLOWING_ERROR_ACTUAL):
             index, _ = od.index_and_subindex(address)
             board.send(0x610, bytes((0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0)))
-            answer = board.frames(0x590)[-1]
+            answer = board.last(0x590)
             assert answer[0] == 0x43
             if address != od.FOLLOWING_ERROR_ACTUAL:
                 assert int.from_bytes(answer[4:], "little", signed=True) == units

@@ -24,7 +24,7 @@ from tests.controller.homing_bench import (
 from tests.controller.units import STEP
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
-LEFT, RIGHT = -600, 600
+LEFT, RIGHT = -400, 400
 """The limit switches are closed at these positions and beyond."""
 FIRST, LAST = -20, 30
 """The home switch of methods 23 to 30 is closed between these; that is less than the distance of a stop from fast."""
@@ -50,8 +50,8 @@ FIGURES: dict[int, tuple[int, int]] = {
 """The step on which a method's edge is seen, and in which direction the axis crosses it."""
 
 FIRST_MOVES = {
-    17: {-620: 1, 0: -1, 620: -1},
-    18: {-620: 1, 0: 1, 620: -1},
+    17: {-420: 1, 0: -1, 420: -1},
+    18: {-420: 1, 0: 1, 420: -1},
     19: {-300: 1, 300: -1},
     20: {-300: 1, 300: -1},
     21: {-300: 1, 300: -1},
@@ -67,7 +67,7 @@ FIRST_MOVES = {
 }
 """The direction in which a method moves first, by its start."""
 
-STARTS = (-640, -600, -599, -300, -21, -20, 9, 10, 11, 30, 31, 300, 599, 600, 640)
+STARTS = (-440, -400, -399, -200, -21, -20, 9, 10, 11, 30, 31, 200, 399, 400, 440)
 
 SPEED_SLACK = 26
 """Most that the profile's rounding to whole units may add to a speed, in 1/64 unit per ms."""
@@ -182,9 +182,9 @@ class Sticky:
 @settings(max_examples=40)
 @given(
     method=st.sampled_from(sorted(FIGURES)),
-    starts=st.lists(st.integers(-2_000, 2_000), min_size=2, max_size=2, unique=True),
-    first=st.integers(-500, 500),
-    width=st.integers(30, 800),
+    starts=st.lists(st.integers(-1_300, 1_300), min_size=2, max_size=2, unique=True),
+    first=st.integers(-300, 300),
+    width=st.integers(30, 400),
     hysteresis=st.integers(0, 20),
     fast=st.integers(1_000, 10_000),
     slow=st.integers(300, 3_900),
@@ -207,8 +207,8 @@ def test_home_repeats_within_one_step(
         closed = {19: (first, 10**6), 20: (first, 10**6), 21: (-(10**6), first), 22: (-(10**6), first)}
         bounds = closed.get(method, (first, first + width))
         switches: dict[DigitalInput, Callable[[int], bool]] = {
-            NEGATIVE: Sticky(-(10**6), -1_500, hysteresis),
-            POSITIVE: Sticky(1_500, 10**6, hysteresis),
+            NEGATIVE: Sticky(-(10**6), -1_000, hysteresis),
+            POSITIVE: Sticky(1_000, 10**6, hysteresis),
             HOME: Sticky(*bounds, hysteresis),
         }
         bench = HomingBench(fast_kernel, Slider(start, switches))
@@ -218,7 +218,7 @@ def test_home_repeats_within_one_step(
         bench.home(method, timeout_ms=60_000)
         zeros.append(bench.zero_steps)
     assert abs(zeros[0] - zeros[1]) <= 1
-    edge = {17: -1_500, 18: 1_500, **dict.fromkeys((25, 26, 27, 28), first + width)}.get(method, first)
+    edge = {17: -1_000, 18: 1_000, **dict.fromkeys((25, 26, 27, 28), first + width)}.get(method, first)
     assert abs(zeros[0] - edge) <= hysteresis + 1
 
 
@@ -285,7 +285,7 @@ class TestResult:
         assert bench.bits == (1, 0, 0)
 
     def test_limit_switches_are_faults_again_afterwards(self, fast_kernel: Kernel) -> None:
-        bench = bench_for(fast_kernel, 18, 500)
+        bench = bench_for(fast_kernel, 18, 300)
         bench.home(18)
         assert bench.state() is State.OPERATION_ENABLED
         bench.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
@@ -344,7 +344,7 @@ class TestErrors:
             "NEGATIVE_LIMIT": lambda p: p >= RIGHT,
             "POSITIVE_LIMIT": lambda p: p <= LEFT,
         }
-        bench = bench_for(fast_kernel, method, 400 if method in (18, 23) else -400, **exchanged)
+        bench = bench_for(fast_kernel, method, 200 if method in (18, 23) else -200, **exchanged)
         self.failed(bench, method, HomingError.WRONG_SWITCH)
         assert abs(bench.machine.position) in range(RIGHT, RIGHT + 140)
 

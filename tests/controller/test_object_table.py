@@ -57,7 +57,7 @@ walk = pytest.mark.parametrize(("index", "subindex", "entry"), TABLE, ids=named)
 
 def request(board: BenchBoard, data: bytes) -> bytes:
     board.send(0x610, data)
-    return board.frames(0x590)[-1]
+    return board.last(0x590)
 
 
 def head(index: int, subindex: int) -> bytes:

@@ -423,7 +423,7 @@ def test_time_stamp_counts_on_from_what_is_written(board: BenchBoard) -> None:
     board.write(od.TIME_STAMP, 5_000_000)
     board.wait(3)
     board.send(0x610, bytes.fromhex("4013100000000000"))
-    answer = board.frames(0x590)[-1]
+    answer = board.last(0x590)
     assert int.from_bytes(answer[4:], "little") == 5_003_000
 
 

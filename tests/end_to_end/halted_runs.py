@@ -15,7 +15,7 @@ from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.planner import plan
+from steptwin.host.planning.planner import DEFAULT_POINT_MS, plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
@@ -91,7 +91,13 @@ class HaltedRun:
         return warped
 
 
-def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[str, str] | None = None) -> HaltedRun:
+def run_with(
+    kernel: Kernel,
+    job: str,
+    breaks: Sequence[Break],
+    options: dict[str, str] | None = None,
+    point_ms: int = DEFAULT_POINT_MS,
+) -> HaltedRun:
     """Run a job of the warehouse robot; the client that streams it makes the breaks."""
     halted: list[bool] = []
     ramps: list[Ramp] = []
@@ -130,5 +136,5 @@ def run_with(kernel: Kernel, job: str, breaks: Sequence[Break], options: dict[st
         patch.setattr("steptwin.host.twin.execution.Machine", BreakingMachine)
         patch.setattr(GroupTime, "ramp", ramp)
         robot = load_robot("warehouse-scara")
-        outcome = execute(plan(robot, make_job(robot, job, options or {})), job, kernel)
+        outcome = execute(plan(robot, make_job(robot, job, options or {}), point_ms), job, kernel)
     return HaltedRun(outcome, tuple(halted), tuple(ramps))

@@ -19,7 +19,14 @@ from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome
 from tests.end_to_end.command_line import refusal, run_json
 
-DRAWER_PULL = ["run", "warehouse-scara", "drawer-pull"]
+QUICK = {"duration_s": "2", "ramp_s": "0.5"}
+"""Options of a drawer pull: the same steps as in the usual 10 s."""
+DRAWER_PULL = [
+    "run",
+    "warehouse-scara",
+    "drawer-pull",
+    *(word for pair in QUICK.items() for word in ("-o", "=".join(pair))),
+]
 SPIRAL = ["run", "lab-scara", "spiral"]
 
 
@@ -54,12 +61,12 @@ class TestSlowBlueBoard:
             assert axis["position_error_steps_max"] > 700
             assert (group["axis"], group["rule"], group["unit"]) == (axis["name"], "clk_low", "us")
             assert (group["worst"], group["limit"]) == (33, 150)
-            assert 0 < group["first_s"] < 10
+            assert 0 < group["first_s"] < 2
             assert "step missed" in group["broken"]
             assert "LinuxCNC" in group["source"]
             assert axis["active_edge"] == "falling"
             assert axis["clk_low_us_min"] == group["worst"]
-            assert axis["clk_high_us_min"] > 3000
+            assert axis["clk_high_us_min"] > 600
         assert document["tool"]["position_error_mm_max"] > 100
 
     def test_the_report_for_people_names_the_broken_limit(self, capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,7 +74,7 @@ class TestSlowBlueBoard:
         lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
         (heading,) = [i for i, line in enumerate(lines) if line.startswith("CLK low too short before its rise")]
         assert "drivers: slow-blue-board" in lines
-        assert lines[heading - 1] == "CLK: high at least 3662.14 us, low at least 33.00 us, low while STEP is high"
+        assert lines[heading - 1] == "CLK: high at least 671.17 us, low at least 33.00 us, low while STEP is high"
         assert lines[heading].endswith("(LinuxCNC settings passed on for blue TB6560 boards: 150 us, falling edge)")
         assert lines[heading + 1].split() == ["axis", "times", "worst", "us", "limit", "us", "first", "s"]
         assert lines[heading + 3].split()[:4] == ["th1", "1846", "33.00", "150.00"]
@@ -96,7 +103,7 @@ class TestSlowBlueBoard:
             dirhold_ns=320_000,
             step_rate_max_hz=3_000,
         )
-        outcome = executed(robot, "drawer-pull", fast_kernel)
+        outcome = executed(robot, "drawer-pull", fast_kernel, **QUICK)
         assert outcome.report.passed, outcome.report.reasons
         assert outcome.driver_profile == "slow-blue-board"
         assert outcome.report.axes[4].reversals == 1
@@ -183,7 +190,7 @@ def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -
 def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
     """Then the bare chip counts falling edges, including the last one, which no pulse follows."""
     robot = with_board("warehouse-scara", active_edge="falling")
-    assert executed(robot, "drawer-pull", fast_kernel).report.passed
+    assert executed(robot, "drawer-pull", fast_kernel, **QUICK).report.passed
 
 
 class TestModulesSwitches:

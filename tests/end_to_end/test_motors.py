@@ -1,6 +1,7 @@
 """`steptwin run --motors` and `steptwin motors`: whether a robot's motors keep step, from the command line."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,11 +14,9 @@ ROBOT = "teaching-scara"
 JOINTS = ["th1", "th2", "d3", "th4"]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("motors") / "carry"
-    assert run(["run", ROBOT, "carry", "--out", str(path)]) == 0
-    return path
+@pytest.fixture
+def folder(carry_run: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(carry_run, tmp_path / "carry")
 
 
 def test_a_stored_run_keeps_step_until_the_payload_is_too_large(

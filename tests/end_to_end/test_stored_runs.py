@@ -203,7 +203,7 @@ class TestPlot:
         self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         """The folder is one of a served board that does not know its plan."""
-        live, words = tmp_path / "live", ["--what", "joints,timing", "--format", "svg"]
+        live, words = tmp_path / "live", ["--what", "tool-path,edges", "--format", "svg"]
         shutil.copytree(carry_run, live)
         (live / "trajectory.csv").unlink()
         document = json.loads((live / "report.json").read_text())
@@ -211,7 +211,7 @@ class TestPlot:
         assert refusal(capsys, "plot", str(live)).endswith("--plan DIR takes that of another run")
         assert run(["plot", str(live), *words, "--plan", str(carry_run)]) == 0
         assert run(["plot", str(carry_run), *words, "--out", str(tmp_path)]) == 0
-        for name in ("joints.svg", "timing.svg"):
+        for name in ("tool-path.svg", "edges.svg"):
             assert (live / name).read_bytes() == (tmp_path / name).read_bytes()
         own = refusal(capsys, "plot", str(carry_run), "--plan", str(carry_run))
         assert own.endswith(" has its own plan; only a live board's folder takes another")

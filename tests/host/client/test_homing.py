@@ -76,7 +76,7 @@ def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
     """Homing works from within the limits and from on the switches; a second homing gives the same position."""
     joints = WAREHOUSE.joints
     start = [data.draw(st.floats(joint.lower - 8, joint.upper + 8), label=joint.name) for joint in joints]
-    start[0], start[1] = min(start[0], 60.0), min(start[1], 40.0)  # the slides are long and slow
+    start[0], start[1] = min(start[0], 30.0), min(start[1], 20.0)  # the slides are long and slow
     board, machine = machine_of(WAREHOUSE, start, fast_kernel)
     for _ in range(2):
         machine.home_axes(how(WAREHOUSE), together=True)

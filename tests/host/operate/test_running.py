@@ -26,7 +26,7 @@ from tests.host.operate.sessions import HALF_STEPS, ROBOT, CommandLine
 
 @pytest.fixture(scope="module")
 def pull() -> Plan:
-    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}))
 
 
 def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Plan) -> None:
