@@ -38,7 +38,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
+from steptwin.host.record.plots import CLOSE_UPS, DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
 from tests.host.record.plots.drawn import drawn_points
 from tests.host.record.plots.png import pixels
@@ -107,12 +107,17 @@ def dense() -> Comparison:
 RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, unheard, dense)}
 
 
+@cache
+def drawn(picture: str, run: str = "swinging", view: View = VIEW) -> Figure:
+    """Return a picture for tests that only look at it."""
+    return PICTURES[picture](RUNS[run](), RUN, view)
+
+
 @pytest.mark.parametrize("run", RUNS)
 def test_every_picture_is_drawn_of_every_run(run: str) -> None:
     """They are not written here, which would take ten times as long."""
-    comparison = RUNS[run]()
-    for draw in PICTURES.values():
-        assert draw(comparison, RUN, View()).axes
+    for picture in PICTURES:
+        assert drawn(picture, run, View() if picture in CLOSE_UPS else VIEW).axes
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +146,7 @@ def test_all_pictures_of_a_run_are_written(written: list[Path]) -> None:
 
 @pytest.mark.parametrize("picture", PICTURES)
 def test_a_picture_says_what_it_shows(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN, VIEW)
+    figure = drawn(picture)
     assert figure.get_suptitle().startswith("test-arm · test · ")
     assert figure.get_suptitle().endswith("(SIMULATED)")
     for axes in figure.axes:
@@ -154,7 +159,7 @@ def test_a_picture_says_what_it_shows(picture: str) -> None:
 
 @pytest.mark.parametrize("picture", ["joints", "step-rates", "error", "timing", "jitter", "widths", "phases"])
 def test_joints_without_motion_are_named_in_a_note(picture: str) -> None:
-    figure = PICTURES[picture](swinging(), RUN, VIEW)
+    figure = drawn(picture)
     assert figure.get_supxlabel() == "Not shown, because without motion: c at 7.5 deg"
     names = {axes.get_ylabel().split(" ")[0] for axes in figure.axes}
     assert {"a", "b"} <= names
@@ -162,8 +167,7 @@ def test_joints_without_motion_are_named_in_a_note(picture: str) -> None:
 
 
 def test_each_moving_joint_has_a_row() -> None:
-    comparison = swinging()
-    rows = {name: len(draw(comparison, RUN, VIEW).axes) for name, draw in PICTURES.items()}
+    rows = {name: len(drawn(name).axes) for name in PICTURES}
     assert rows == {
         "joints": 6, "step-rates": 4, "tool-path": 3, "tool-pose": 8, "error": 8, "timing": 2, "jitter": 4, "widths": 2,
         "edges": 1, "phases": 4,
@@ -275,24 +279,24 @@ class TestAToolThatStandsStill:
 
     def test_has_no_limits_of_joints_in_its_error_picture(self) -> None:
         assert PICTURES["error"](self.comparison(), RUN, VIEW).axes[0].get_title(loc="left") == "whole motion"
-        of_joints = PICTURES["error"](swinging(), RUN, VIEW).axes[0]
+        of_joints = drawn("error").axes[0]
         assert of_joints.get_title(loc="left") == "whole motion; dashed: limit of 0.57 steps"
 
 
 def test_pictures_of_a_short_time_say_around_which_instant() -> None:
     for picture in ("error", "edges", "phases"):
-        labels = [axes.get_xlabel() for axes in PICTURES[picture](swinging(), RUN, VIEW).axes]
+        labels = [axes.get_xlabel() for axes in drawn(picture).axes]
         assert [label for label in labels if re.match(r"around t = \d+\.\d{4,6} s, in ms", label)], (picture, labels)
 
 
 def test_many_edges_are_drawn_as_an_envelope() -> None:
     """A band between two lines; few edges are one line."""
-    many, few = (PICTURES["error"](run(), RUN, VIEW).axes[0] for run in (dense, single_step))
+    many, few = (drawn("error", run).axes[0] for run in ("dense", "single_step"))
     assert (len(many.collections), len(few.collections)) == (1, 0)
 
 
 def test_an_error_that_is_visible_is_not_magnified() -> None:
-    titles = {run: PICTURES["tool-path"](RUNS[run](), RUN, VIEW).axes[1].get_title(loc="left") for run in RUNS}
+    titles = {run: drawn("tool-path", run).axes[1].get_title(loc="left") for run in RUNS}
     assert titles["silent"] == titles["unheard"] == "error not magnified"
     assert titles["swinging"].startswith("error magnified ")
 
