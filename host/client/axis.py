@@ -18,7 +18,7 @@ from steptwin.host.client.words import error_text, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
-from steptwin.protocol.frame import COB_RPDO, COB_TPDO
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_RPDO, COB_TPDO
 from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
@@ -32,6 +32,8 @@ _NO_ANSWER: Final = "No SDO response received"
 """Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
 """Abort codes caused by another client: its request came between the segments of a string that this one reads."""
+_BOOT_UP: Final = b"\0"
+"""The boot-up message: a heartbeat whose state is initialising (CiA 301, 7.2.8.3.2.2)."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -56,10 +58,13 @@ class AxisClient:
         """The last report by TPDO1; None before the first."""
         self.pvt_status: PvtStatus | None = None
         """The last report by TPDO3; None before the first."""
+        self.restarted = False
+        """True once the node has announced that it has started, since this was set to False."""
         self._link = link
         self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary, patience))
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
+        link.network.subscribe(COB_HEARTBEAT + node_id, self._on_heartbeat)
 
     def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         with suppress(ValueError):
@@ -68,6 +73,9 @@ class AxisClient:
     def _on_pvt_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         with suppress(ValueError):
             self.pvt_status = PvtStatus.decode(bytes(data))
+
+    def _on_heartbeat(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
+        self.restarted = self.restarted or data[:1] == _BOOT_UP
 
     # --- what the node reports by itself
 

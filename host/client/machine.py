@@ -12,6 +12,7 @@ from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.input_wait import InputWait
 from steptwin.host.client.link import Link
+from steptwin.host.client.lost_boards import check_restarts, stop_the_rest
 from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.shared_node import Patience
@@ -20,7 +21,7 @@ from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
 from steptwin.host.client.waits import Waits
 from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import BusError
+from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -223,7 +224,14 @@ class Machine:
         """Tend the stream; one that has ended or failed is tended no more."""
         stream, self._stream = self._stream, None
         if stream is not None:
-            stream.tend()
+            try:
+                check_restarts(self.axes)
+                stream.tend()
+            except WaitTimeoutError:  # the machine stands
+                raise
+            except (BusError, DeviceFaultError):
+                stop_the_rest(self.axes)
+                raise
             self._stream = None if stream.ended else stream
 
 

@@ -6,13 +6,14 @@ from typing import Final
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.input_wait import InputWait, divide
 from steptwin.host.client.link import Link
+from steptwin.host.client.lost_boards import stop_the_rest
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.queue_feed import QueueFeed, fill
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, require
 from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.axis_records import AxisRecords
-from steptwin.host.common.errors import DeviceFaultError
+from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
@@ -91,8 +92,13 @@ class StreamStarter:
         for axis in self._axes:
             axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
             axis.pvt_status = None  # a report from before the start says nothing about it
+            axis.restarted = False
         self._link.network.send_message(COB_SYNC, b"")
-        require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
+        try:
+            require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
+        except BusError:
+            stop_the_rest([axis for axis in self._axes if _started(axis)])
+            raise
 
 
 def _prepare(axis: AxisClient, start_units: int) -> None:

@@ -20,6 +20,7 @@ class AxisMoment:
         position_known: whether the firmware says that it knows the position.
         lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
             only its change means anything. None if nobody asked.
+        board: number of its board.
     """
 
     state: State
@@ -28,6 +29,7 @@ class AxisMoment:
     deceleration: int
     position_known: bool
     lag_sixteenths: int | None
+    board: int = 0
 
     @property
     def moving(self) -> bool:
@@ -47,6 +49,11 @@ class Moment:
         """True while any axis is to move."""
         return any(axis.moving for axis in self.axes)
 
+    @property
+    def boards(self) -> int:
+        """Number of boards."""
+        return len({axis.board for axis in self.axes})
+
 
 def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, *, counted: bool = True) -> Moment:
     """Look at axes, each given by its board and its number there.
@@ -54,10 +61,13 @@ def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, *, counted: bo
     Unless `counted`, the drivers are not asked: to answer they process the pulses of the whole servo tick, which a
     reset within it must still be able to take back.
     """
-    return Moment(now_counts, tuple(_axis_moment(board, axis, counted=counted) for board, axis in axes))
+    numbers = {id(board): number for number, board in enumerate(dict.fromkeys(board for board, _ in axes))}
+    return Moment(
+        now_counts, tuple(_axis_moment(board, axis, numbers[id(board)], counted=counted) for board, axis in axes)
+    )
 
 
-def _axis_moment(board: Board, axis: int, *, counted: bool) -> AxisMoment:
+def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
     node, motion = board.firmware.nodes[axis], board.firmware.motion
     return AxisMoment(
         state=node.drive.state,
@@ -66,6 +76,7 @@ def _axis_moment(board: Board, axis: int, *, counted: bool) -> AxisMoment:
         deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
         lag_sixteenths=_lag_sixteenths(board, axis) if counted else None,
+        board=number,
     )
 
 

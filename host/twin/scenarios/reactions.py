@@ -36,6 +36,7 @@ from steptwin.emulator.operations import (
 )
 from steptwin.emulator.wires import WireState
 from steptwin.host.client.heartbeat import TIMEOUT_MS
+from steptwin.host.client.waiting import REPLY_TIMEOUT_S, SILENCE_S
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, HostFaultKind, on_axis
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
@@ -50,6 +51,12 @@ RECORD_MS: Final = 10
 """Longest record of a planned motion."""
 QUEUE_MS: Final = (QUEUE_DEPTH + 1) * RECORD_MS + TICK_MS
 """A full queue and the record in execution last so long."""
+
+HOST_NOTICES_MS: Final = 40.0
+"""What a host needs to stop the other boards after a fault on one: the inhibit time of its report and two looks of the
+host, 10 ms each, and frames that wait for the bus."""
+LOST_BOARD_MS: Final = 1000 * SILENCE_S + 100 + HOST_NOTICES_MS
+"""Until a host notices that a board is silent, whose last report may be one period of its event timer, 100 ms, old."""
 
 SUPPLY_RANGE_10MV: Final = range(1000, 3401)
 """Motor supply at which drives stay on: 0x2002:03 and :04 after power-up."""
@@ -77,6 +84,7 @@ class Reaction:
         begins_ms: time from the fault's beginning within which the ramp begins or the pulses end.
         certain: whether it must come; else none is right as well.
         verified: whether the drivers' counts are as planned as long as the motion goes on; False: `verify` tells.
+        others: error codes that axes may report which the fault does not concern.
     """
 
     motion: Motion
@@ -85,6 +93,7 @@ class Reaction:
     begins_ms: float = 0.0
     certain: bool = True
     verified: bool = True
+    others: tuple[ErrorCode, ...] = ()
 
     @property
     def stops(self) -> bool:
@@ -167,6 +176,17 @@ def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment]
 def _leaves_bus(harm: Harm, _moment: Moment) -> bool:
     """Return whether a CAN controller goes into bus-off, now or with a frame that it sends."""
     return isinstance(harm, BusOff) or (isinstance(harm, BusFault) and harm.kind is BusFaultKind.BUS_OFF)
+
+
+def _one_of_several(harm: Harm, moment: Moment) -> bool:
+    """Return whether one of several boards is reset."""
+    return isinstance(harm, BrownOut | WatchdogReset) and harm.axis is not None and moment.boards > 1
+
+
+def _deaf_board(harm: Harm, moment: Moment) -> bool:
+    """Return whether SYNC is lost for one of several boards."""
+    alone = _bus(BusFaultKind.LOSS, COB_SYNC)(harm, moment)
+    return alone and isinstance(harm, BusFault) and harm.receiver is not None and moment.boards > 1
 
 
 def _silent_host(harm: Harm, moment: Moment) -> bool:
@@ -306,6 +326,13 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     ),
     Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
     Documented(
+        "one of several boards browns out, or its watchdog resets it",
+        _one_of_several,
+        Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, LOST_BOARD_MS, others=_HOST_LOST),
+        "its own axes stop at once, and are to be homed; the host stops those of the other boards when this board"
+        " announces itself again, or after 1 s of silence",
+    ),
+    Documented(
         "a board's logic browns out, or its watchdog resets it",
         lambda harm, _: isinstance(harm, BrownOut | WatchdogReset),
         Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
@@ -340,6 +367,12 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         _silent_host,
         _stops(ErrorCode.HEARTBEAT_LOST, begins_ms=HEARTBEAT_MS, certain=False),
         "unless it comes again in time",
+    ),
+    Documented(
+        "SYNC lost for one of several boards",
+        _deaf_board,
+        _stops(*_HOST_LOST, begins_ms=1000 * REPLY_TIMEOUT_S + HOST_NOTICES_MS, certain=False),
+        "the host notices after 1 s that not all axes start, stops those that did, and gives up",
     ),
     Documented(
         "SYNC lost",
@@ -404,7 +437,10 @@ def documented(harm: Harm, moment: Moment) -> Documented:
     return next(row for row in DOCUMENTED if row.applies(harm, moment))
 
 
-def concerned(harm: Harm, axes: int) -> range:
-    """Return the axes, of so many, that answer a harm; those of their group stop with them."""
+def concerned(harm: Harm, moment: Moment) -> tuple[int, ...]:
+    """Return the axes that answer a harm; those of their group stop with them."""
+    axes = range(len(moment.axes))
+    if isinstance(harm, BrownOut | WatchdogReset) and harm.axis is not None:
+        return tuple(axis for axis in axes if moment.axes[axis].board == moment.axes[harm.axis].board)
     axis = on_axis(harm)
-    return range(axes) if axis is None else range(axis, axis + 1)
+    return tuple(axes) if axis is None else (axis,)

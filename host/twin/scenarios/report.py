@@ -14,7 +14,7 @@ from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.scenarios.engine import Emergency, Engine, Played
 from steptwin.host.twin.scenarios.harms import Harm
 from steptwin.host.twin.scenarios.moment import AxisMoment, Moment
-from steptwin.host.twin.scenarios.reactions import TICK_MS, Motion, Reaction, concerned, documented
+from steptwin.host.twin.scenarios.reactions import HOST_NOTICES_MS, TICK_MS, Motion, Reaction, concerned, documented
 from steptwin.host.twin.scenarios.triggers import AtTime
 from steptwin.host.verify import Evidence
 from steptwin.protocol.cia402 import ErrorCode, State
@@ -342,7 +342,9 @@ class _Judge:
         self._stopped = stopped
         self._joints = list(joints.values())
         on = [axis for axis, each in enumerate(self._axes) if each.energised]
-        self._concerned = [axis for axis in concerned(played.harm, len(self._names)) if axis in on]
+        self._concerned = [
+            axis for axis in (concerned(played.harm, played.began) if played.began else ()) if axis in on
+        ]
         """The axes that must answer: a drive that is off does not."""
 
     @property
@@ -353,7 +355,7 @@ class _Judge:
         """Return what is not as it should be."""
         reaction = self._reaction
         allowed = {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else []), *self._of_reports}
-        allowed |= {*self._others}
+        allowed |= {*self._others, *reaction.others}
         strange = sorted({each.code for each in self._emcys} - allowed)
         found = [f"EMCY 0x{code:04X} is not documented" for code in strange]
         if reaction.stops and self._concerned and (self._stopped or reaction.certain):
@@ -390,7 +392,7 @@ class _Judge:
         return found
 
     def _switched_off(self, joint: JointAnswer) -> bool:
-        """Return whether the host has switched a drive off at the motion's end, before the fault stopped the others."""
+        """Return whether the host has switched a drive off: at the motion's end, or to stop it with others."""
         return not self._reaction.certain and joint.state is State.SWITCH_ON_DISABLED and joint.position_known
 
     def _losses(self) -> list[str]:
@@ -442,11 +444,13 @@ def standstill_limit_ms(robot: Robot, harm: Harm, reaction: Reaction, began: Mom
     """Return the longest time from a harm's beginning to the last step.
 
     Axes that stop with one whose pulses end at once do so by a ramp as well. A ramp that begins at once is that from
-    the present speeds, which may rise for a tick.
+    the present speeds, which may rise for a tick. Axes on other boards are stopped by the host.
     """
-    axes = len(robot.joints)
-    if reaction.motion is Motion.CUT and len(concerned(harm, axes)) == axes:
+    axes = concerned(harm, began)
+    if reaction.motion is Motion.CUT and len(axes) == len(began.axes):
         return reaction.begins_ms
+    if reaction.begins_ms <= TICK_MS and began.boards > 1 and len(axes) < len(began.axes):
+        return HOST_NOTICES_MS + longest_ramp_ms(robot)
     if reaction.begins_ms <= TICK_MS:
         return reaction.begins_ms + min(_ramp_ms(began) + TICK_MS, longest_ramp_ms(robot))
     return reaction.begins_ms + longest_ramp_ms(robot)

@@ -61,8 +61,8 @@ def test_the_nightly_campaign_can_be_drawn(nightly: Campaign) -> None:
         trial.scenario_in(trial.plan())
 
 
-def _harms(campaign: Campaign) -> Iterator[tuple[Robot, Harm]]:
-    """Yield the harms of every scenario, drawn some times."""
+def _harms(campaign: Campaign) -> Iterator[tuple[Robot, int, Harm]]:
+    """Yield the harms of every scenario, drawn some times, with the number of boards."""
     for choice in campaign.scenarios:
         for number in range(8 if choice.table else 0):
             robot = campaign.robots[choice.robots[number % len(choice.robots)]]
@@ -70,7 +70,7 @@ def _harms(campaign: Campaign) -> Iterator[tuple[Robot, Harm]]:
             for fault in table["fault"]:
                 harm = read_request(robot, {key: value for key, value in fault.items() if key not in {"name", *WHEN}})
                 assert harm is not None
-                yield robot, harm
+                yield robot, len(choice.vary["crystal_ppm"]) if "two boards" in choice.name else 1, harm
 
 
 def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
@@ -78,10 +78,11 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
     asked = {fault["do"] for choice in nightly.scenarios if choice.table for fault in choice.table["fault"]}
     assert asked == set(Do) - {Do.STATE}
     rows, hosts = set(), set()
-    for number, (robot, harm) in enumerate(_harms(nightly)):
+    for number, (robot, boards, harm) in enumerate(_harms(nightly)):
         velocity = 100 if number % 2 else -100
         axis = AxisMoment(State.OPERATION_ENABLED, True, velocity, 100, position_known=True, lag_sixteenths=0)
-        rows.add(documented(harm, Moment(0, (axis,) * len(robot.joints))).what)
+        axes = tuple(replace(axis, board=joint % boards) for joint in range(len(robot.joints)))
+        rows.add(documented(harm, Moment(0, axes)).what)
         if isinstance(harm, HostFault):
             hosts.add(harm.kind)
     assert hosts == set(HostFaultKind)

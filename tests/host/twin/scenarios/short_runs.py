@@ -32,8 +32,13 @@ def scenario(text: str) -> Scenario:
     return read
 
 
-def played(kernel: Kernel, text: str, *, motors: bool = False) -> tuple[Outcome, ScenarioReport]:
-    """Carry while a scenario happens, perhaps with motors that turn with the board."""
-    outcome = execute(carry(), "carry", kernel, scenario=scenario(text), motors=motors)
+def played(
+    kernel: Kernel, text: str, *, motors: bool = False, boards: tuple[int, ...] | None = None
+) -> tuple[Outcome, ScenarioReport]:
+    """Carry while a scenario happens, perhaps with motors that turn with the board, or on several boards."""
+    crystals = [0] * len(boards or (1,))
+    outcome = execute(
+        carry(), "carry", kernel, scenario=scenario(text), motors=motors, axes_per_board=boards, crystal_ppm=crystals
+    )
     assert outcome.scenario is not None
     return outcome, outcome.scenario

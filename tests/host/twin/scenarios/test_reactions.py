@@ -21,6 +21,8 @@ RAMP_END_MS = 9
 
 
 DOWN = "a board's logic browns out, or its watchdog resets it"
+ONE_DOWN = "one of several boards browns out, or its watchdog resets it"
+TWO = (2, 2)
 
 
 class Case(NamedTuple):
@@ -35,6 +37,7 @@ class Case(NamedTuple):
     stood_ms: tuple[float, float] | None = None
     when: str = "at_s = 0.3"
     motors: bool = False
+    boards: tuple[int, ...] | None = None
 
 
 CASES = [
@@ -115,6 +118,10 @@ CASES = [
     Case("wire to a driver whole", 'do = "wire"\njoint = "th2"\nwire = "step"\ncondition = "whole"', GOES),
     Case(DOWN, 'do = "watchdog"', STOPS, (0, 0)),
     Case(DOWN, 'do = "brown-out"\nfor_ms = 20', STOPS, (0, 0.25)),
+    Case(DOWN, 'do = "watchdog"\njoint = "th1"', STOPS, (0, 0)),
+    Case(DOWN, 'do = "watchdog"', STOPS, (0, 0), boards=TWO),
+    Case(ONE_DOWN, 'do = "watchdog"\njoint = "th1"', STOPS, (40, 150), boards=TWO),
+    Case("Protect of a driver low", 'do = "protect"\njoint = "th1"\nheld = true', STOPS, (25, 140), boards=TWO),
     Case("a board without power gets it", 'do = "power-up"', GOES),
     *(
         Case("a stranger sends frames", fault, verdict)
@@ -151,6 +158,14 @@ CASES = [
     Case("host dies and starts again", 'do = "host"\nhow = "restart"\nby_s = 1', STOPS, (300, 550.25)),
     Case("host is late", 'do = "host"\nhow = "late"\nby_s = 0.05', GOES),
     Case("host is late", 'do = "host"\nhow = "late"\nby_s = 0.7', STOPS, None, "at_s = 0"),
+    Case(
+        "SYNC lost for one of several boards",
+        'do = "loss"\nframes = "sync"\nreceiver = 1',
+        STOPS,
+        (700, 1240),
+        "power_up_s = 0",
+        boards=TWO,
+    ),
     Case("host sends points out of order", 'do = "host"\nhow = "disorder"\nfor_s = 0.1', GOES, None, "at_s = 0.1"),
     Case("host sends points out of order", 'do = "host"\nhow = "disorder"', STOPS, None, "power_up_s = 0"),
 ]
@@ -164,7 +179,8 @@ def test_every_documented_reaction_has_a_case() -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.what}: {case.fault}".replace("\n", ", "))
 def test_the_machine_answers_as_documented(fast_kernel: Kernel, case: Case) -> None:
-    outcome, report = played(fast_kernel, f"[[fault]]\n{case.when}\n{case.fault}\n", motors=case.motors)
+    text = f"[[fault]]\n{case.when}\n{case.fault}\n"
+    outcome, report = played(fast_kernel, text, motors=case.motors, boards=case.boards)
     assert report.passed, report.reasons
     (fault,) = report.faults
     assert fault.what == case.what
