@@ -2,7 +2,7 @@
 
 from steptwin.host.campaign.campaign import Campaign
 from steptwin.host.campaign.performance import Performance
-from steptwin.host.campaign.reader import read_campaign, read_scenario_table
+from steptwin.host.campaign.reader import parse_campaign, read_campaign, read_scenario_table
 from steptwin.host.campaign.report import write_report
 from steptwin.host.campaign.results import Results
 from steptwin.host.campaign.row import Breach, Ended, Row
@@ -24,6 +24,7 @@ __all__ = [
     "Trial",
     "cluster",
     "draw",
+    "parse_campaign",
     "perform",
     "read_campaign",
     "read_scenario_table",

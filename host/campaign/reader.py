@@ -64,7 +64,8 @@ class _Reader:
     files: set[str] = field(default_factory=set)
 
     def campaign(self) -> Campaign:
-        table = toml_table(self.sources.text)
+        """Return the campaign; raise InputError with everything that is wrong in it."""
+        table, findings = toml_table(self.sources.text), Findings()
         values = table.read(
             {"runs": _runs, "robots": Table.elements, "motion": Table.elements},
             {
@@ -76,24 +77,30 @@ class _Reader:
             },
         )
         self.robots, self.motors = self._robots(values["robots"]), values["motors"] or Motors.NEVER
-        scenarios = table.each("scenario", self._scenario) if "scenario" in table else ()
+        motions = table.each("motion", self._motion, findings)
+        scenarios = table.each("scenario", self._scenario, findings) if "scenario" in table else ()
         names = [choice.name for choice in scenarios]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise InputError(f"scenario: two are called {twice[0]!r}")
+            findings.add(f"scenario: two are called {twice[0]!r}")
+        vary: Mapping[str, Template] = {}
+        with findings.collecting():
+            vary = self._vary(values["vary"])
         campaign = Campaign(
             runs=values["runs"],
             first_seed=values["first_seed"] or 0,
             robots=self.robots,
-            motions=table.each("motion", self._motion),
+            motions=motions,
             scenarios=scenarios or (ScenarioChoice("nothing", {}, tuple(self.robots), 1.0),),
-            vary=self._vary(values["vary"]),
+            vary=vary,
             recover=values["recover"] is not False,
             motors=self.motors,
         )
+        for choice in scenarios:
+            with findings.collecting():
+                self._check_loop(choice, campaign)
+        findings.raise_first()
         self._check_every_robot("motion", campaign.motions)
         self._check_every_robot("scenario", campaign.scenarios)
-        for choice in scenarios:
-            self._check_loop(choice, campaign)
         return campaign
 
     def _check_loop(self, scenario: ScenarioChoice, campaign: Campaign) -> None:
@@ -250,11 +257,16 @@ def read_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
     """Return a campaign and the names of the files that it names.
 
     Raises:
-        InputError: something in it is wrong; the message names file and key.
+        InputError: something in it is wrong; the messages name file and key.
     """
-    reader = _Reader(sources)
     with prefixed(f"{sources.name}: "):
-        return reader.campaign(), reader.files
+        return parse_campaign(sources)
+
+
+def parse_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
+    """Do the same as `read_campaign`; its messages do not name the file."""
+    reader = _Reader(sources)
+    return reader.campaign(), reader.files
 
 
 def read_scenario_table(path: str) -> dict[str, Any]:

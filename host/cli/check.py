@@ -9,6 +9,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson
+from steptwin.host.cli.check_campaign import check_campaign
 from steptwin.host.cli.check_program import check_program
 from steptwin.host.cli.check_robot import check_robot
 from steptwin.host.cli.check_scenario import check_scenario
@@ -25,7 +26,8 @@ from steptwin.host.common.text_file import read_text
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
 def check(
     file: Annotated[
-        str, typer.Argument(metavar="FILE", help="A robot file, a program or a scenario of faults, in TOML.")
+        str,
+        typer.Argument(metavar="FILE", help="A robot, a program, a scenario of faults or a campaign, in TOML."),
     ],
     robot: Annotated[
         str | None,
@@ -36,8 +38,9 @@ def check(
     """Say everything that is wrong in a file at once; otherwise print what it amounts to.
 
     Of a robot: joints, ranges, steps and highest speeds, and how far the tool reaches. Of a program: its steps, with
-    durations and peaks in percent of the joints' limits. Of a scenario: its faults, with the random times drawn. A file
-    with something wrong ends with exit code 2.
+    durations and peaks in percent of the joints' limits. Of a scenario: its faults, with the random times drawn. Of a
+    campaign: motions and scenarios, with the number of runs that are to have them. A file with something wrong ends
+    with exit code 2.
     """
     with prefixed(f"{file}: "):
         text = read_text(file, PROGRAM_BYTES_MAX)
@@ -50,6 +53,7 @@ def check(
     checks: Mapping[str, _Check] = {
         "program": partial(check_program, Path(file).parent),
         "scenario": check_scenario,
+        "campaign": partial(check_campaign, file),
         "robot": check_robot,
     }
     checked = checks[kind](text, robot, findings)
@@ -69,6 +73,7 @@ _Check = Callable[[str, str | None, Findings], CheckedFile]
 _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "program": ("step", "steps", "sequences"),
     "scenario": ("fault",),
+    "campaign": ("runs", "motion", "scenario"),
     "robot": ("kinematics", "joints", "board"),
 }
 """Kinds of files, each with the keys by which it is known: any of them."""

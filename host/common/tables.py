@@ -150,11 +150,11 @@ class Table:
             raise InputError(f"{key}: {short(value)} is not a list")
         return value
 
-    def each(self, key: str, make: Callable[["Table"], Made]) -> tuple[Made, ...]:
-        """Return `make(table)` for every table in a list."""
+    def each(self, key: str, make: Callable[["Table"], Made], findings: Findings | None = None) -> tuple[Made, ...]:
+        """Return `make(table)` for every table in a list; with findings, of those in which nothing is wrong."""
         made = []
         for i, value in enumerate(self.elements(key)):
-            with prefixed(f"{key}[{i}]: "):
+            with prefixed(f"{key}[{i}]: ") if findings is None else findings.collecting(f"{key}[{i}]: "):
                 made.append(make(Table(value, self._kind)))
         return tuple(made)
 

@@ -1,0 +1,80 @@
+"""`steptwin check evening.toml`: what a campaign draws its runs from, and how often."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from steptwin.host.cli.checked_file import CheckedFile
+from steptwin.host.cli.output import print_table, say
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+
+if TYPE_CHECKING:
+    from steptwin.host.campaign import Campaign
+    from steptwin.host.campaign.campaign import MotionChoice, ScenarioChoice
+
+
+def check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a campaign, which names its robots itself, and the files that it names."""
+    from steptwin.host.campaign import Sources, parse_campaign
+
+    with findings.collecting():
+        if robot_name is not None:
+            raise InputError(f"is a campaign, which names its robots: leave {robot_name} out")
+        campaign, _ = parse_campaign(Sources(file, text, folder=Path(file).parent))
+        document = _document(campaign)
+        return CheckedFile(document, lambda: _print(document))
+    return CheckedFile({})
+
+
+def _document(campaign: "Campaign") -> dict[str, Any]:
+    motions, scenarios = campaign.motions, campaign.scenarios
+    return {
+        "runs": campaign.runs,
+        "first_seed": campaign.first_seed,
+        "robots": list(campaign.robots),
+        "motions": [_choice(campaign, str(choice.motion), choice, motions) for choice in motions],
+        "scenarios": [
+            _choice(campaign, choice.name, choice, scenarios) | {"faults": _faults(choice)} for choice in scenarios
+        ],
+        "vary": list(campaign.vary),
+        "recover": campaign.recover,
+        "motors": campaign.motors.value,
+    }
+
+
+def _choice(
+    campaign: "Campaign",
+    name: str,
+    choice: "MotionChoice | ScenarioChoice",
+    choices: "Sequence[MotionChoice | ScenarioChoice]",
+) -> dict[str, Any]:
+    """Return the name of a choice, its robots, and the part of all runs that are to have it."""
+    share = 0.0
+    for robot in choice.robots:
+        share += choice.weight / sum(each.weight for each in choices if robot in each.robots)
+    return {"name": name, "robots": list(choice.robots), "share": round(share / len(campaign.robots), 6)}
+
+
+def _faults(choice: "ScenarioChoice") -> list[str]:
+    """Return what the faults of a scenario do."""
+    return [fault["do"] for fault in choice.table.get("fault", ())]
+
+
+def _print(document: dict[str, Any]) -> None:
+    rows = [["motion", each["name"], "", *_whose(document, each)] for each in document["motions"]]
+    rows += [
+        ["scenario", each["name"], ", ".join(each["faults"]), *_whose(document, each)] for each in document["scenarios"]
+    ]
+    print_table(["", "", "faults", "robots", "runs"], rows, text_columns=4)
+    say(f"varies: {', '.join(document['vary']) or 'nothing'}")
+    after = "recovered after each run" if document["recover"] else "not recovered"
+    motors = {"never": "", "after": ", motors turn after each run", "loop": ", motors turn as runs go"}
+    robots = f"{len(document['robots'])} robots, {after}{motors[document['motors']]}"
+    say(f"campaign of {document['runs']} runs from seed {document['first_seed']}: {robots}")
+
+
+def _whose(document: dict[str, Any], choice: dict[str, Any]) -> list[str]:
+    """Return the robots of a choice, and how many runs are to have it."""
+    whose = "all" if choice["robots"] == document["robots"] else ", ".join(choice["robots"])
+    return [whose, f"{choice['share'] * document['runs']:.0f}"]
