@@ -1,9 +1,9 @@
 """The canopen library's own CiA 402 nodes: masters that share no code with the client."""
 
 import io
+from functools import cache
 
 import canopen
-from canopen.objectdictionary import eds
 from canopen.profiles.p402 import BaseNode402
 from canopen.sdo.base import SdoVariable
 
@@ -34,9 +34,21 @@ class Node402(BaseNode402):
         return found if isinstance(found, SdoVariable) else found[subindex]
 
 
+class _Sheet(io.StringIO):
+    """The EDS as a file, whose name tells the library its form."""
+
+    name = "axis.eds"
+
+
+@cache
+def dictionary(node_id: int) -> canopen.ObjectDictionary:
+    """Read a node's object dictionary from the EDS; the library's nodes leave it as it is."""
+    return canopen.import_od(_Sheet(render_eds()), node_id)
+
+
 def node402(network: canopen.Network, node_id: int) -> Node402:
     """Add a node whose object dictionary is read from the EDS."""
-    node = Node402(node_id, eds.import_eds(io.StringIO(render_eds()), node_id))  # type: ignore[no-untyped-call]
+    node = Node402(node_id, dictionary(node_id))  # type: ignore[no-untyped-call]
     network.add_node(node)
     return node
 
