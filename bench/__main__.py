@@ -1,7 +1,7 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
 `python -m steptwin.bench panel` prints only those of the operator's panel, `python -m steptwin.bench motors` those of
-motors.
+motors after a run, `python -m steptwin.bench live-motors [PAIRS]` those of motors that turn with a live board.
 """
 
 import os
@@ -20,6 +20,7 @@ from steptwin.bench import (
     driver,
     kernel,
     kinematics,
+    live_motors,
     live_tables,
     panel_tables,
     rotors,
@@ -44,6 +45,9 @@ def main() -> None:
         return
     if sys.argv[1:] == ["motors"]:
         console.print(_rotor_table())
+        return
+    if sys.argv[1:2] == ["live-motors"]:
+        console.print(_live_motors_table(*map(int, sys.argv[2:3])))
         return
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     fastest = kernels[-1]
@@ -120,6 +124,26 @@ def _rotor_table() -> Table:
         (
             f"{row.robot} {row.job}|{row.axes}|{row.simulated_s:.1f}|{row.wall_s:.2f}|{row.simulated_per_wall:.1f}"
             for row in rotors.figures()
+        ),
+    )
+
+
+def _live_motors_table(pairs: int = live_motors.PAIRS) -> Table:
+    found = live_motors.measure(pairs)
+    quantities = {
+        "ticks_us_p50": "lateness of ticks, p50, us",
+        "ticks_us_p99": "lateness of ticks, p99, us",
+        "frames_us_p99": "lateness of frames, p99, us",
+        "cores": "cores that the server uses",
+    }
+    return _table(
+        f"A live board without and with motors, in turns, six axes at 1000 steps/s: medians of {pairs}",
+        "quantity|without|with|without, from to",
+        (
+            f"{words}|{without:.4g}|{turning:.4g}|{least:.4g} to {most:.4g}"
+            for figure, words in quantities.items()
+            for without, turning in (found.medians(figure),)
+            for least, most in (found.range_without(figure),)
         ),
     )
 

@@ -65,8 +65,8 @@ def _write(bus: can.BusABC, axis: int, address: int, value: int) -> None:
     _await(bus, COB_SDO_RESPONSE + FIRST_NODE_ID + axis)
 
 
-def move_all(bus: can.BusABC) -> None:
-    """Move all axes at 1000 steps/s for MOTION_S in profile velocity; their TPDOs report ten times a second."""
+def move_all(bus: can.BusABC, motion_s: float = MOTION_S) -> None:
+    """Move all axes at 1000 steps/s for some time in profile velocity; their TPDOs report ten times a second."""
     axes = range(len(load_robot(ROBOT).joints))
     for axis in axes:
         _write(bus, axis, od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
@@ -74,7 +74,7 @@ def move_all(bus: can.BusABC) -> None:
             _write(bus, axis, od.CONTROLWORD, word)
         _write(bus, axis, od.TARGET_VELOCITY, 1000 * UNITS_PER_STEP)
     _send(bus, Frame(COB_NMT, bytes((NmtCommand.START, 0))))  # node 0: all nodes
-    time.sleep(MOTION_S)
+    time.sleep(motion_s)
     for axis in axes:
         _write(bus, axis, od.TARGET_VELOCITY, 0)
 

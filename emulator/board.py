@@ -407,7 +407,7 @@ class Board:
         self._take_pins()
         self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
-    def _drain_axis(self, axis: int) -> None:
+    def drain_axis(self, axis: int) -> None:
         """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
         self._take_pins()
         motion = self.firmware.motion
@@ -415,7 +415,7 @@ class Board:
 
     def _monitor(self, axis: int) -> DriverMonitor:
         """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         counted, before = self._drivers.count(axis), self._monitored[axis]
         return DriverMonitor(
             counted.rotor_steps - before.rotor_steps,
@@ -428,7 +428,7 @@ class Board:
         """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
         if self.rotor_of is not None:
             return self.rotor_of(axis)
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         sixteenths = self._drivers.rotor_sixteenths(axis)
         slipped = self._drivers.slipped_sixteenths[axis]
         return Shaft(sixteenths * UNITS_PER_FULL_STEP // FULL_STEP_SIXTEENTHS, slipped // FULL_STEP_SIXTEENTHS)
@@ -470,12 +470,12 @@ class Board:
 
     def position_steps(self, axis: int) -> int:
         """Return the steps that an axis' driver has counted since power-up."""
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         return self._drivers.drivers[axis].position_steps
 
     def position_sixteenths(self, axis: int) -> int:
         """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         return self._drivers.rotor_sixteenths(axis)
 
     def positions_sixteenths(self) -> list[int]:
@@ -485,7 +485,7 @@ class Board:
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         return int(self._drivers.drivers[axis].excitation)
 
     def take_trace(self, axis: int) -> AxisTrace:
@@ -496,5 +496,5 @@ class Board:
 
     def trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis since power-up, or since it was taken last."""
-        self._drain_axis(axis)
+        self.drain_axis(axis)
         return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)

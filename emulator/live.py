@@ -30,6 +30,10 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
 """Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
+PIECE_NS: Final = 100_000
+"""Longest time that a piece of work on the rotors takes, about: a piece begins only if so much is left until a tick."""
+WORK_NS: Final = 100_000
+"""Time for which such work goes on without a look at the sockets."""
 _FAR_COUNTS: Final = 1 << 62
 
 Sender = Hashable
@@ -157,6 +161,30 @@ class LiveSimulation:
             self.frames.add(now_ns - self.pacer.ns_at(counts))
         self._ticks = range(0)
         self._due_counts.clear()
+
+    def work(self, clock_ns: Callable[[], int]) -> None:
+        """Let the motors' rotors follow the boards while time is left until the next tick; then sockets have a look.
+
+        A stretch of rotors that is turned at once takes longer than a tick, and would make some ticks after it late.
+        """
+        watch = self.simulation.rotor_watch
+        if watch is None:
+            return
+        end_ns = min(self.due_ns - PIECE_NS, clock_ns() + WORK_NS)
+        while watch.work_counts <= self.simulation.now_counts:
+            if clock_ns() > end_ns and not watch.pressing:
+                return
+            watch.work()
+            if clock_ns() > end_ns:
+                return
+
+    def wake_ns(self, now_ns: int) -> int:
+        """Return the instant at which `advance` or `work` next has work, as far as it is known."""
+        due_ns, watch = self.due_ns, self.simulation.rotor_watch
+        if watch is None:
+            return due_ns
+        work_ns = max(self.pacer.ns_at(watch.work_counts), now_ns)
+        return work_ns if work_ns <= due_ns - PIECE_NS else due_ns
 
     @property
     def moving(self) -> bool:

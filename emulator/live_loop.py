@@ -133,10 +133,12 @@ class LiveLoop:
             live.settle(now_ns)
             while self._timers and self._timers[0][0] <= now_ns:
                 heappop(self._timers)[2]()
+            live.work(self.now_ns)
 
     def _wake_ns(self) -> int:
         """Return the instant at which the loop next has work, as far as it is known."""
-        wake_ns = min(self.live.due_ns, self.now_ns() + _SLEEP_MAX_NS)
+        now_ns = self.now_ns()
+        wake_ns = min(self.live.wake_ns(now_ns), now_ns + _SLEEP_MAX_NS)
         return min(wake_ns, self._timers[0][0]) if self._timers else wake_ns
 
     def _sleep_s(self, wake_ns: int) -> float:

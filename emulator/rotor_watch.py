@@ -2,12 +2,14 @@
 
 The rotors stand at the start of a servo tick and go on in stretches of whole ticks. The boards have then computed all
 pulses before the stretch's end, and no pin can change before it any more. A stretch is so short that no rotor can reach
-a switch unseen; near a switch it is a tick. How time is divided changes no result.
+a switch unseen; near a switch it is a tick. How time is divided changes no result. So a live board lets the rotors
+follow in small pieces, in the time that it has left (`work`), before a stretch must be turned at once.
 
 Rotor and field have a common electrical angle when the outputs come on for the first time: the rotor is mounted so.
 """
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import floor, inf, pi, sqrt
@@ -32,6 +34,13 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 REST_TICKS: Final = 40
 """Greatest stretch while no axis moves, 10 ms: nothing waits for the rotors then."""
+PIECEMEAL_TICKS: Final = 20
+"""Ticks, 5 ms, by which the rotors are behind when it is worth while to let them follow in pieces: much of the work is
+the same for each stretch, however short."""
+_LEAST_TICKS: Final = 4
+"""Length of the shortest stretch that is begun before it must end."""
+_PIECES: Final = 16
+"""Number of pieces of such a stretch, about."""
 
 _STILL_TICKS: Final = 40
 _STILL_RAD_S: Final = 0.01
@@ -76,6 +85,8 @@ class RotorWatch:
         self._wiring, self._boards, self._now = wiring, boards, now
         self.on_record: Callable[[RotorRecord], None] = lambda _: None
         """Called with the state of all rotors at the end of each ms."""
+        self._axes = [(board, axis) for board in boards for axis in range(board.config.axis_count)]
+        """Board of each axis, and the number of the axis on it."""
         self._followers = [follower for board in boards for follower in board.follow_outputs()]
         drives = [
             replace(drive, mounting_rad=-drive.motor.teeth * angle)
@@ -113,6 +124,8 @@ class RotorWatch:
             first += board.config.axis_count
         if wiring.held_by is not None:
             boards[wiring.held_by.board].watch_outputs()
+        self._pieces: Iterator[None] | None = None
+        """What is left of a stretch that `work` has begun."""
         self._end_tick = 1
         self.next_counts = TICK_COUNTS - 1
         """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
@@ -142,7 +155,9 @@ class RotorWatch:
         if any(board.slipped_sixteenths != known for board, known in zip(self._boards, self._slipped, strict=True)):
             self._see_slips()
         if self._now() >= self.next_counts:
-            self._turn(self._end_tick)
+            self._complete()
+            while self._now() >= self.next_counts:
+                self._turn(self._end_tick)
         elif self._still and any(board.moving for board in self._boards):
             self._turn_to_now()
             self._still_ticks = 0
@@ -187,22 +202,73 @@ class RotorWatch:
         if TICKS_PER_MS * milliseconds > self._tick:
             self._turn(TICKS_PER_MS * milliseconds)
 
-    def _turn_to_now(self) -> None:
+    @property
+    def work_counts(self) -> int:
+        """Instant from which there is something to `work` on."""
+        ticks = self._end_tick - self._tick
+        if self._pieces is not None:
+            ticks = 0
+        elif ticks >= 2 * _LEAST_TICKS:
+            ticks = min(ticks // 2, PIECEMEAL_TICKS)
+        return (self._tick + ticks) * TICK_COUNTS
+
+    @property
+    def pressing(self) -> bool:
+        """True if work is better done at once, a piece a tick, than when the stretch has ended."""
+        return self._now() >= (self._end_tick - _PIECES) * TICK_COUNTS
+
+    def work(self) -> None:
+        """Do one piece of what lets the rotors follow up to now, some 50 us long; after the last the switches follow.
+
+        Whatever asks for the rotors between two pieces completes the stretch first.
+        """
+        if self._pieces is None:
+            self._pieces = self._turning(min(self._now_tick, self._end_tick), at_once=False)
+        try:
+            next(self._pieces)
+        except StopIteration:
+            self._pieces = None
+
+    def _complete(self) -> None:
+        """Do the pieces that are left of a stretch."""
+        if self._pieces is not None:
+            pieces, self._pieces = self._pieces, None
+            deque(pieces, maxlen=0)
+
+    @property
+    def _now_tick(self) -> int:
+        """The last tick that has begun, up to whose start all boards have computed their pulses."""
         computed = min(board.firmware.motion.tick for board in self._boards)
-        tick = min(self._now() // TICK_COUNTS, computed)
+        return min(self._now() // TICK_COUNTS, computed)
+
+    def _turn_to_now(self) -> None:
+        self._complete()
+        tick = self._now_tick
         while self._tick < tick:
             self._turn(min(tick, self._end_tick))
 
     def _turn(self, tick: int) -> None:
         """Turn the rotors up to the start of a tick, and let the switches follow."""
-        for board in self._boards:
-            board.drain()
+        deque(self._turning(tick, at_once=True), maxlen=0)
+
+    def _turning(self, tick: int, *, at_once: bool) -> Iterator[None]:
+        """Turn the rotors up to the start of a tick, with a pause after each piece of it."""
         until_counts = tick * TICK_COUNTS
-        rows = [self._rows(axis, follower.look(until_counts)) for axis, follower in enumerate(self._followers)]
+        rows = []
+        if at_once:
+            for board in self._boards:
+                board.drain()
+        for number, (board, axis) in enumerate(self._axes):
+            if not at_once:
+                board.drain_axis(axis)
+            rows.append(self._rows(number, self._followers[number].look(until_counts)))
+            yield
         if any(len(each) for each in rows):
             self.rotors.feed_rows(rows)
-        self._still_ticks += tick - self._tick
-        record = self.rotors.advance_ticks(tick - self._tick)
+            yield
+        ticks = tick - self._tick
+        record = self.rotors.advance_ticks(ticks) if at_once else (yield from self.rotors.advancing(ticks))
+        self._still_ticks += ticks
         self._tick = tick
         changed = False
         while self._changes and self._changes[0][0] <= tick:
@@ -212,8 +278,10 @@ class RotorWatch:
             self.on_record(record)
         if max(map(abs, self.rotors.rates_rad_s())) > _STILL_RAD_S:
             self._still_ticks = 0
-        if changed or tick >= self._free_tick:
+        yield
+        if changed or tick >= self._free_tick or not at_once:
             self._place()
+            yield
             # After a change the masses by which a rotor may be accelerated are known a step later.
             self._free_tick = tick if changed else tick + self._free_ticks()
         self._plan()

@@ -4,7 +4,7 @@ A driver counts steps whether or not the rotor follows. This model turns the rot
 and by the masses that hang on them, and tells how far each lags behind its field, and when it slips.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from math import exp, inf, pi, sqrt
@@ -264,6 +264,20 @@ class Rotors:
 
     def advance_ticks(self, ticks: int) -> RotorRecord:
         """Turn the rotors for some servo ticks; return their state at the end of each ms among them."""
+        return self._record(self._advanced(ticks))
+
+    def advancing(self, ticks: int) -> Generator[None, None, RotorRecord]:
+        """Do the same in pieces that end where a ms ends, with a pause after each; return the same."""
+        parts = []
+        while ticks:
+            part = min(TICKS_PER_MS - self._steps // TICK_STEPS % TICKS_PER_MS, ticks)
+            parts.append(self._advanced(part))
+            ticks -= part
+            yield
+        return self._record(np.concatenate(parts))
+
+    def _advanced(self, ticks: int) -> FloatArray:
+        """Turn the rotors; return their state at the end of each ms, shape (n, axes, STATE_FIELDS)."""
         steps, size = TICK_STEPS * ticks, len(self._state)
         into = self._steps % REFRESH_STEPS
         rows = (into + steps) // REFRESH_STEPS
@@ -283,7 +297,7 @@ class Rotors:
                 if into + part == REFRESH_STEPS:
                     kept[row * size : (row + 1) * size] = ended
                     row += 1
-        return self._record(np.array(kept, dtype=np.float64).reshape(rows, self._axes, rk.STATE_FIELDS))
+        return np.array(kept, dtype=np.float64).reshape(rows, self._axes, rk.STATE_FIELDS)
 
     def _run(self, kept: Numbers, steps: int) -> None:
         storage = self._storage

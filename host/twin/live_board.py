@@ -57,9 +57,9 @@ _NO_HOST: Final = "'host' is for runs in virtual time; hosts of a live board are
 OPERATIONS_MAX: Final = 1000
 """Number of operations on the machine that are remembered, so that memory stays bounded."""
 
-_STRETCH_TICKS: Final = 20
-"""Ticks that rotors turn at once in a motion, 5 ms: longer stretches make the ticks after them later, shorter ones take
-more of the computer's time, most of which is the same for each."""
+_STRETCH_TICKS: Final = 80
+"""Ticks, 20 ms, by which rotors may be behind in a motion before they turn at once, which makes the ticks after them
+late: before that they follow in pieces, while the board has nothing else to do."""
 
 _OPEN_TICKS: Final = 4
 """Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
