@@ -200,8 +200,8 @@ class Board:
 
     def place(self, rotors_sixteenths: Sequence[int]) -> None:
         """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
-        self._inputs.place(rotors_sixteenths)
-        self._note_inputs()
+        if self._inputs.place(rotors_sixteenths):
+            self._note_inputs()
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
         """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""

@@ -71,12 +71,14 @@ class BoardInputs:
         self._placed = True
         self._followed = set()
 
-    def place(self, rotors_sixteenths: Sequence[int]) -> None:
-        """Let the switches follow the rotors to where they are."""
+    def place(self, rotors_sixteenths: Sequence[int]) -> bool:
+        """Let the switches follow the rotors to where they are; return True if one has changed."""
         self._rotors_sixteenths = list(rotors_sixteenths)
+        changed = False
         for axis in self._switched:
             position = self._travels[axis].position_sixteenths(rotors_sixteenths)
-            self._axes[axis].move(position - self._axes[axis].position_sixteenths)
+            changed |= self._axes[axis].move(position - self._axes[axis].position_sixteenths)
+        return changed
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
         """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""

@@ -31,9 +31,9 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
 """Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
 PIECE_NS: Final = 100_000
-"""Longest time that a piece of work on the rotors takes, about: a piece begins only if so much is left until a tick."""
+"""Time that a piece of work on the rotors takes at most, as a rule: it takes 60 us on a slow computer."""
 WORK_NS: Final = 100_000
-"""Time for which such work goes on without a look at the sockets."""
+"""Time for which this work goes on until there is a look at the sockets."""
 _FAR_COUNTS: Final = 1 << 62
 
 Sender = Hashable
@@ -163,20 +163,20 @@ class LiveSimulation:
         self._due_counts.clear()
 
     def work(self, clock_ns: Callable[[], int]) -> None:
-        """Let the motors' rotors follow the boards while time is left until the next tick; then sockets have a look.
+        """Let the motors' rotors follow the boards while nothing else is to do.
 
-        A stretch of rotors that is turned at once takes longer than a tick, and would make some ticks after it late.
+        A piece of this work begins if there is time for it until the next tick; one of them in any case where the work
+        would else be left until it must be done at once, which takes longer than a tick.
         """
         watch = self.simulation.rotor_watch
-        if watch is None:
+        if watch is None or watch.work_counts > self.simulation.now_counts:
             return
-        end_ns = min(self.due_ns - PIECE_NS, clock_ns() + WORK_NS)
-        while watch.work_counts <= self.simulation.now_counts:
-            if clock_ns() > end_ns and not watch.pressing:
-                return
+        now_ns = clock_ns()
+        end_ns = min(self.due_ns - PIECE_NS, now_ns + WORK_NS)
+        if now_ns <= end_ns or watch.pressing:
             watch.work()
-            if clock_ns() > end_ns:
-                return
+        while watch.work_counts <= self.simulation.now_counts and clock_ns() <= end_ns:
+            watch.work()
 
     def wake_ns(self, now_ns: int) -> int:
         """Return the instant at which `advance` or `work` next has work, as far as it is known."""

@@ -267,7 +267,10 @@ class RotorWatch:
             self.rotors.feed_rows(rows)
             yield
         ticks = tick - self._tick
-        record = self.rotors.advance_ticks(ticks) if at_once else (yield from self.rotors.advancing(ticks))
+        if at_once:
+            record = self.rotors.advance_ticks(ticks)
+        else:
+            record = yield from self.rotors.advancing(ticks)
         self._still_ticks += ticks
         self._tick = tick
         changed = False
@@ -279,7 +282,7 @@ class RotorWatch:
         if max(map(abs, self.rotors.rates_rad_s())) > _STILL_RAD_S:
             self._still_ticks = 0
         yield
-        if changed or tick >= self._free_tick or not at_once:
+        if changed or tick >= self._free_tick - (0 if at_once else 2 * PIECEMEAL_TICKS):
             self._place()
             yield
             # After a change the masses by which a rotor may be accelerated are known a step later.

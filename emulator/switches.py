@@ -124,11 +124,18 @@ class AxisSwitches:
     def __bool__(self) -> bool:
         return bool(self._closed)
 
-    def move(self, sixteenths: int) -> None:
-        """Move the axis and let the switches follow; switches that it passed completely do not change."""
+    def move(self, sixteenths: int) -> bool:
+        """Move the axis and let the switches follow; switches that it passed completely do not change.
+
+        Returns:
+            True if a switch has changed.
+        """
         self.position_sixteenths += sixteenths
-        for switch, closed in self._closed.items():
-            self._closed[switch] = switch.closed_at(self.position_sixteenths, before=closed)
+        changed = False
+        for switch, before in self._closed.items():
+            closed = self._closed[switch] = switch.closed_at(self.position_sixteenths, before=before)
+            changed |= closed != before
+        return changed
 
     def stick(self, which: DigitalInput, *, closed: bool | None) -> None:
         """Hold an input closed or open, or let it follow the position again (None)."""

@@ -1,6 +1,7 @@
 """Real time without a clock: whatever the wall clock does, the board does the same."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from hypothesis import strategies as st
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.board import Board, BoardConfig
 from steptwin.emulator.bus import Bus
-from steptwin.emulator.live import SLICE_COUNTS, LiveSimulation, Sender, warm_up
+from steptwin.emulator.live import PIECE_NS, SLICE_COUNTS, WORK_NS, LiveSimulation, Sender, warm_up
 from steptwin.emulator.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_US
+from tests.compiled import on_sources_only
 
 MS_NS = 1_000_000
 TICK_NS = 250_000
@@ -211,3 +213,74 @@ def test_warming_up_calls_every_function_of_the_kernel(kernel: Kernel) -> None:
     names = ("push", "next_segment", "advance", "demand_rate")
     warm_up(replace(kernel, **{name: noting(name) for name in names}))  # type: ignore[arg-type]
     assert called == set(names)
+
+
+PIECE_US = 60
+
+
+class Computer:
+    """A wall clock on which a piece of work takes its time, and rotors that have some pieces to do."""
+
+    def __init__(self, live: LiveSimulation, pieces: int, *, pressing: bool) -> None:
+        self._live, self._waiting = live, pieces
+        self.now_ns, self.done = 0, 0
+        self.pressing, self.next_counts = pressing, 1 << 62
+
+    def clock_ns(self) -> int:
+        return self.now_ns
+
+    @property
+    def work_counts(self) -> int:
+        """Now, or never."""
+        return self._live.simulation.now_counts if self.done < self._waiting else 1 << 62
+
+    def work(self) -> None:
+        self.done += 1
+        self.now_ns += PIECE_US * 1000
+
+    def look(self) -> None:
+        """Nothing is asked of the rotors."""
+
+
+def pieces_done(kernel: Kernel, *, into_tick_us: int, moving: bool, pieces: int = 9, pressing: bool = False) -> int:
+    """Return how many pieces are done from an instant in a servo tick on until the sockets are looked at."""
+    live = live_board(kernel)
+    now_ns = 0
+    for frame in motion() if moving else []:
+        now_ns += MS_NS
+        live.send(frame, "a client", now_ns)
+    now_ns += MS_NS + into_tick_us * 1000
+    catch_up(live, now_ns)
+    assert live.moving == moving
+    computer = Computer(live, pieces, pressing=pressing)
+    computer.now_ns = now_ns
+    with patch.object(live.simulation, "rotor_watch", computer):
+        waits = live.wake_ns(now_ns) <= now_ns
+        live.work(computer.clock_ns)
+    assert waits == (computer.done > 0) or pressing
+    return computer.done
+
+
+@on_sources_only
+@pytest.mark.parametrize(
+    ("into_tick_us", "done"),
+    [(20, 2), (250 - PIECE_NS // 1000 - PIECE_US + 1, 2), (250 - PIECE_NS // 1000, 1), (160, 0), (249, 0)],
+)
+def test_work_begins_while_a_piece_ends_before_the_next_tick(into_tick_us: int, done: int, fast_kernel: Kernel) -> None:
+    assert pieces_done(fast_kernel, into_tick_us=into_tick_us, moving=True) == done
+
+
+@on_sources_only
+def test_work_that_presses_makes_a_tick_late_by_a_piece(fast_kernel: Kernel) -> None:
+    assert pieces_done(fast_kernel, into_tick_us=249, moving=True, pressing=True) == 1
+
+
+@on_sources_only
+def test_work_at_rest_leaves_the_sockets_their_turn(fast_kernel: Kernel) -> None:
+    assert pieces_done(fast_kernel, into_tick_us=0, moving=False) == WORK_NS // (PIECE_US * 1000) + 1
+
+
+@on_sources_only
+def test_work_ends_when_there_is_no_more(fast_kernel: Kernel) -> None:
+    assert pieces_done(fast_kernel, into_tick_us=0, moving=False, pieces=1) == 1
+    assert pieces_done(fast_kernel, into_tick_us=0, moving=False, pieces=0) == 0

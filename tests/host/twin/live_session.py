@@ -59,8 +59,11 @@ class LiveSession:
         *,
         motors: bool = False,
         stride_ms: int = 1,
+        pieces: int = 0,
     ) -> None:
         self._stride_ms = stride_ms
+        self._pieces = pieces
+        """Pieces of a stretch by which rotors may follow after each stride."""
         self.board = LiveBoard(
             ROBOT,
             list(ROBOT.home),
@@ -85,8 +88,16 @@ class LiveSession:
         while self.now_ns < end_ns:
             self.now_ns = min(self.now_ns + self._stride_ms * _MS_IN_NS, end_ns)
             self.board.live.advance(self.now_ns)
+            self._let_rotors_follow()
             if self.now_ns % _RECORD_EVERY_NS == 0:
                 self.board.record_next()
+
+    def _let_rotors_follow(self) -> None:
+        simulation = self.board.live.simulation
+        watch = simulation.rotor_watch
+        for _ in range(self._pieces if watch else 0):
+            if watch and watch.work_counts <= simulation.now_counts:
+                watch.work()
 
     def send(self, *frames: Frame) -> None:
         """Send frames, one in a millisecond."""
@@ -94,11 +105,11 @@ class LiveSession:
             self.board.live.send(frame, "a client", self.now_ns)
             self.wait(1)
 
-    def move(self, sequence: int) -> None:
-        """Move there and back by PVT, started by a SYNC; the records are numbered from `sequence` on."""
+    def move(self, sequence: int, wait_ms: int = 120) -> None:
+        """Begin to move there and back by PVT, with a SYNC, and wait; the records are numbered from `sequence` on."""
         records = [record._replace(sequence=sequence + i) for i, record in enumerate(THERE_AND_BACK)]
         self.send(*enable(), *queue(*records), start_at_sync(), SYNC)
-        self.wait(120)
+        self.wait(wait_ms)
 
     def end(self) -> None:
         """End the session; its files are complete."""

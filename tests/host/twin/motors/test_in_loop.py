@@ -7,6 +7,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.operations import Payload, Scheduled, Slip
+from steptwin.emulator.rotor_watch import RotorWatch
 from steptwin.host.cli.motor_report import print_motors
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
@@ -184,23 +185,53 @@ def test_homing_finds_the_same_place_after_a_slip(places: list[tuple[float, floa
     assert again[1] == pytest.approx(before[1], abs=step)
 
 
+class BoardInPieces(BoardUnderTest):
+    """Its rotors follow as those of a live board do, up to two pieces of a stretch each ms."""
+
+    pieces = 0
+    """Pieces done so far."""
+
+    def wait(self, dt_s: float) -> None:
+        watch = self._simulation.rotor_watch
+        assert watch is not None
+        for ms in range(round(1000 * dt_s)):
+            super().wait(0.001)
+            for _ in range(ms % 3):
+                if watch.work_counts <= self._simulation.now_counts:
+                    watch.work()
+                    self.pieces += 1
+
+
+def homed(board: BoardUnderTest) -> tuple[list[object], list[float]]:
+    """Meet the switch, and slip on the way; return all frames, and where the rotors are."""
+    master = Master(board, "d1")
+    master.enable()
+    board.operate(Slip(0, 4))
+    master.home(LIMIT_METHOD, -5.0)
+    return list(board.bus_log), board.rotor_positions()
+
+
+@pytest.fixture(scope="module")
+def usual_homing(fast_kernel: Kernel) -> tuple[list[object], list[float]]:
+    return homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True))
+
+
 @pytest.mark.parametrize("ticks", [1, 7])
 def test_the_length_of_stretches_changes_nothing(
-    ticks: int, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+    ticks: int,
+    usual_homing: tuple[list[object], list[float]],
+    fast_kernel: Kernel,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A homing that meets the switch, and a slip on the way: the same frames, the same rotors."""
-
-    def homed() -> tuple[list[object], list[float]]:
-        board = BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)
-        master = Master(board, "d1")
-        master.enable()
-        board.operate(Slip(0, 4))
-        master.home(LIMIT_METHOD, -5.0)
-        return list(board.bus_log), board.rotor_positions()
-
-    usual = homed()
+    """The same frames, the same rotors."""
     monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", ticks)
-    assert homed() == usual
+    assert homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)) == usual_homing
+
+
+def test_nor_do_pieces_of_stretches(usual_homing: tuple[list[object], list[float]], fast_kernel: Kernel) -> None:
+    board = BoardInPieces(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)
+    assert homed(board) == usual_homing
+    assert board.pieces > 20
 
 
 def test_a_slip_on_purpose_is_one_of_the_rotor(fast_kernel: Kernel) -> None:
@@ -221,7 +252,9 @@ STOP_DEG = 131.0
 """An end stop of the teaching robot's shoulder, whose limits end at 130 degrees."""
 
 
-def driven_into_its_stop(kernel: Kernel) -> tuple[RotorTrace, RotorTrace, float, float, int]:
+def driven_into_its_stop(
+    kernel: Kernel, kind: type[BoardUnderTest] = BoardUnderTest
+) -> tuple[RotorTrace, RotorTrace, float, float, int]:
     """Move a shoulder to its limit that stands 8 degrees farther than it believes, and has no switches.
 
     Return what the rotors did, the same found after the run, where the shoulder believes to be and is, and its slips.
@@ -230,7 +263,7 @@ def driven_into_its_stop(kernel: Kernel) -> tuple[RotorTrace, RotorTrace, float,
     assert shoulder.link is not None
     stopped = replace(shoulder, switches=JointSwitches(), homing=None, link=replace(shoulder.link, stop_upper=STOP_DEG))
     robot = replace(TEACHING, joints=(stopped, *TEACHING.joints[1:]))
-    board = BoardUnderTest(robot, stand_at={"th1": 128.0}, kernel=kernel, motors=True)
+    board = kind(robot, stand_at={"th1": 128.0}, kernel=kernel, motors=True)
     master = Master(board, "th1")
     master.enable()
     master.home(37, 120.0)
@@ -257,6 +290,9 @@ def test_a_motor_driven_into_its_stop_slips_and_never_goes_beyond(
     monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", 1)
     tick_by_tick, *_ = driven_into_its_stop(fast_kernel)
     assert_same(tick_by_tick, ours, len(after.counts))
+    monkeypatch.undo()
+    in_pieces, *_ = driven_into_its_stop(fast_kernel, BoardInPieces)
+    assert_same(in_pieces, ours, len(after.counts))
 
 
 def test_without_motors_the_rotor_is_where_the_driver_has_counted(fast_kernel: Kernel) -> None:
@@ -276,20 +312,39 @@ def test_a_robot_whose_masses_are_unknown_has_no_motors_in_the_loop(fast_kernel:
 
 
 class TestALiveBoard:
-    def test_strides_of_its_clock_change_nothing(self, fast_kernel: Kernel) -> None:
+    def test_strides_and_pieces_change_nothing(self, fast_kernel: Kernel) -> None:
         """The rotors of a board in real time are those of any other, however late its process looks."""
         found = []
-        for stride_ms in (1, 7):
-            session = LiveSession(fast_kernel, motors=True, stride_ms=stride_ms)
+        for stride_ms, pieces in ((1, 0), (7, 0), (1, 1), (1, 4)):
+            session = LiveSession(fast_kernel, motors=True, stride_ms=stride_ms, pieces=pieces)
             session.send(NMT_START)
             session.move(0)
             session.wait(60)
             assert session.board.rotors
             found.append((session.board.live.simulation.rotors_sixteenths(), session.board.rotors.to_dict()))
-        assert found[0] == found[1]
+        assert all(each == found[0] for each in found)
         joints = found[0][1]["joints"]
         assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
         assert all(joint["first_slip_s"] is None for joint in joints)
+
+    def test_turns_rotors_while_it_has_nothing_else_to_do(
+        self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """In a motion no stretch is left until it must be turned at once, which would make the ticks after it late."""
+        at_once_ticks: list[int] = []
+        turn = RotorWatch._turn  # noqa: SLF001
+
+        def noted(watch: RotorWatch, tick: int) -> None:
+            at_once_ticks.append(tick)
+            turn(watch, tick)
+
+        session = LiveSession(fast_kernel, motors=True, pieces=4)
+        session.send(NMT_START)
+        session.move(0, 60)
+        monkeypatch.setattr(RotorWatch, "_turn", noted)
+        session.wait(30)
+        assert session.board.live.moving
+        assert not at_once_ticks
 
     def test_takes_another_payload(self, fast_kernel: Kernel) -> None:
         board = LiveSession(fast_kernel, motors=True, axes_per_board=(4, 2)).board
