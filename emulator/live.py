@@ -10,6 +10,9 @@ it is handed on.
 
 A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
 its clock stands instead (`stand`), and the frames enter before it goes on.
+
+Where motors turn with the boards, their rotors may lag behind the boards as long as nothing asks for them. They follow
+in small pieces in the time that is left between ticks (`work`).
 """
 
 from collections import deque
