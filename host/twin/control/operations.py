@@ -304,7 +304,7 @@ _KINDS: Final[Mapping[Do, _Kind]] = {
     Do.BUS_OK: _Kind({}, lambda _, __: BusRepair()),
     Do.HOST: _Kind(
         {"how": lambda table, key: table.choice(key, HostFaultKind)},
-        lambda _, values: HostFault(values["how"], values["by_s"] or 0.0),
+        lambda _, values: _host_fault(**values),
         {"by_s": _number(0, _FOREVER_S, "s")},
     ),
     Do.STATE: _Kind({}, lambda _, __: None),
@@ -418,6 +418,13 @@ def _bouncing(
         raise InputError(str(error)) from error
 
 
+def _host_fault(how: HostFaultKind, by_s: float | None) -> HostFault:
+    try:
+        return HostFault(how, by_s or 0.0)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
 def _down(for_ms: int | None) -> dict[str, int]:
     return {} if for_ms is None else {"for_ms": for_ms}
 
@@ -442,7 +449,9 @@ def _by_fields(_robot: Robot, harm: Any) -> dict[str, Any]:
 
 def _input_request(robot: Robot, operation: SetInput) -> dict[str, Any]:
     place = operation.axis, operation.input
-    name = next(name for name, wired in wired_inputs(robot).items() if wired == place)
+    name = next((name for name, wired in wired_inputs(robot).items() if wired == place), None)
+    if name is None:  # the robot's file does not know of the sensor
+        return _by_fields(robot, operation)
     return {"do": Do.INPUT, "input": name, "on": operation.on}
 
 

@@ -9,7 +9,15 @@ from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import BrownOut, Operation, WatchdogReset
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault, check_motors, opposite
+from steptwin.host.twin.scenarios.harms import (
+    BusRepair,
+    Harm,
+    HostFault,
+    HostFaultKind,
+    check_motors,
+    opposite,
+    place_of,
+)
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
@@ -53,7 +61,6 @@ class Played:
         strikes: number of times that it struck: once for an operation, each frame for a fault of the bus.
         first_counts: instant of the first strike.
         ended_counts: instant of its end; None if it lasts.
-        undo: the operation that ends it.
     """
 
     fault: Fault
@@ -63,12 +70,24 @@ class Played:
     strikes: int = 0
     first_counts: int | None = None
     ended_counts: int | None = None
-    undo: Operation | None = field(default=None, repr=False)
 
     @property
     def struck(self) -> bool:
         """True once it has done something."""
         return self.strikes > 0
+
+
+@dataclass(slots=True)
+class _Changed:
+    """Something that faults have changed.
+
+    Attributes:
+        undo: the operation that makes it as it was before the first of them.
+        by: the operations that have changed it and last, in order of time.
+    """
+
+    undo: Operation
+    by: list[Operation] = field(default_factory=list)
 
 
 class Engine:
@@ -102,6 +121,8 @@ class Engine:
         """Instant of the last SYNC before the motion."""
         self.played = [Played(fault, replace(fault.harm), self._watch(fault.trigger)) for fault in self.scenario.faults]
         self._waiting = list(self.played)
+        self._lasting: dict[tuple[object, ...], _Changed] = {}
+        """What faults have changed that may end, by its place."""
         self._bus_faults = {id(each.harm): each for each in self.played if isinstance(each.harm, BusFault)}
         script = target.simulation.bus.faults
         script.reseed(scenario.seed)
@@ -177,27 +198,33 @@ class Engine:
             each.began = self.target.moment(now_counts, counted=not isinstance(each.harm, BrownOut | WatchdogReset))
             self._begin(each, now_counts)
             each.watch = self._end_watch(each.fault, now_counts)
+            if isinstance(each.harm, HostFault):
+                self._host.begin(each.harm, now_counts, ends=_comes(each.watch))
         else:
             each.ended_counts = now_counts
             self._end(each)
             each.watch = None
 
     def _end_watch(self, fault: Fault, now_counts: int) -> Watch | None:
-        if fault.until is None:
+        until = fault.until
+        if until is None and isinstance(fault.harm, HostFault) and fault.harm.kind is HostFaultKind.HANG:
+            until = fault.harm.by_s or None
+        if until is None:
             return None
-        if isinstance(fault.until, float | int):
-            return InstantWatch(now_counts + counts_of(fault.until))
-        return self._watch(fault.until)
+        if isinstance(until, float | int):
+            return InstantWatch(now_counts + counts_of(until))
+        return self._watch(until)
 
     def _begin(self, each: Played, now_counts: int) -> None:
         harm = each.harm
         if not isinstance(harm, BusFault):  # one of the bus strikes when a frame comes
             each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
-            self._host.begin(harm, now_counts)
             return
         if not isinstance(harm, BusFault | BusRepair):
-            each.undo = opposite(harm, self.target.surroundings)
+            undo = opposite(harm, self.target.surroundings)
+            if undo is not None:
+                self._lasting.setdefault(place_of(harm), _Changed(undo)).by.append(harm)
         self.target.harm(harm)
 
     def counted_from(self, began: Moment) -> Moment | None:
@@ -222,8 +249,25 @@ class Engine:
             self.target.simulation.bus.faults.end(harm)
         elif isinstance(harm, HostFault):
             self._host.end(harm)
-        elif each.undo is not None:
-            self.target.operate(each.undo)
+        elif not isinstance(harm, BusRepair):
+            self._end_change(harm)
+
+    def _end_change(self, harm: Operation) -> None:
+        """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
+        changed = self._lasting.get(place_of(harm))
+        if changed is None or all(each is not harm for each in changed.by):
+            return
+        was_last = changed.by[-1] is harm
+        changed.by = [each for each in changed.by if each is not harm]
+        if not changed.by:
+            del self._lasting[place_of(harm)]
+        if was_last:
+            self.target.operate(changed.by[-1] if changed.by else changed.undo)
+
+
+def _comes(watch: Watch | None) -> bool:
+    """Return whether it is known when a trigger is due."""
+    return isinstance(watch, InstantWatch | TimeWatch) and watch.next_counts is not None
 
 
 def _begun(played: Played) -> int:

@@ -15,6 +15,7 @@ from steptwin.emulator.operations import (
     DriverProtect,
     EmergencyStop,
     Operation,
+    OscCapacitor,
     Payload,
     PowerUp,
     SetInput,
@@ -43,13 +44,21 @@ class HostFaultKind(StrEnum):
     """Each second point of an axis is sent after the point that follows it."""
 
 
+_TIMED: Final = (HostFaultKind.HANG, HostFaultKind.RESTART, HostFaultKind.LATE)
+"""Faults of the host that have a time."""
+
+
 @dataclass(frozen=True, slots=True)
 class HostFault:
     """A fault of the host.
 
     Attributes:
         kind: what goes wrong.
-        by_s: duration of a HANG (0: for ever), time until a RESTART, or what each wait of a LATE host takes longer.
+        by_s: duration of a HANG (0: until the fault ends), time until a RESTART, or what each wait of a LATE host takes
+            longer.
+
+    Raises:
+        ValueError: a time is missing, negative, or means nothing for this kind.
     """
 
     kind: HostFaultKind
@@ -58,6 +67,10 @@ class HostFault:
     def __post_init__(self) -> None:
         if self.by_s < 0:
             raise ValueError(f"by_s: {self.by_s:g} s is below 0")
+        if self.by_s and self.kind not in _TIMED:
+            raise ValueError(f"by_s: is for {', '.join(_TIMED)}, not for {self.kind}")
+        if self.kind is HostFaultKind.LATE and not self.by_s:
+            raise ValueError(f"by_s: a host that is {self.kind} by 0 s is not: say by how much, such as 0.05")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +112,20 @@ def opposite(operation: Operation, before: Surroundings) -> Operation | None:
     return None if make is None else make(operation, before)
 
 
-def momentary(harm: Harm) -> bool:
-    """Return whether a harm is done at once, so that nothing ends it."""
+def why_endless(harm: Harm) -> str | None:
+    """Return why nothing ends a harm, in words; None if a fault may end it."""
     if isinstance(harm, HostFault):
-        return harm.kind not in _ENDING
-    return not isinstance(harm, BusFault) and type(harm) not in _OPPOSITES
+        if harm.kind in _ENDING and not (harm.kind is HostFaultKind.HANG and harm.by_s):
+            return None
+        return "the host is gone" if harm.kind is HostFaultKind.DEATH else "by_s says how long it lasts"
+    if isinstance(harm, BusFault) or type(harm) in _OPPOSITES:
+        return None
+    return "the part stays as it is" if isinstance(harm, OscCapacitor) else "it is over at once"
+
+
+def place_of(operation: Operation) -> tuple[object, ...]:
+    """Return what an operation changes: those of one place replace each other, as two voltages of one supply."""
+    return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire")))
 
 
 def check_motors(harm: Harm, *, turning: bool) -> None:

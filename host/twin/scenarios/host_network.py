@@ -27,7 +27,7 @@ class FaultyNetwork(EmbeddedNetwork):
         Args:
             simulation: the simulated boards.
             condition: how the client is; it may change at any instant.
-            moving: returns whether the machine moves: a client that hangs for ever is left when it stands.
+            moving: returns whether the machine moves: a client is left when it stands, unless it is known to go on.
         """
         super().__init__(simulation)
         self._condition = condition
@@ -64,7 +64,7 @@ class FaultyNetwork(EmbeddedNetwork):
         while condition.hangs and not condition.dead:
             moves = self._moving()
             super().wait(_HANGING_S)
-            if not moves:
+            if not (moves or condition.goes_on):
                 raise HostLostError("the host hung")
         if condition.dead:
             raise HostLostError("the host died")

@@ -11,7 +11,7 @@ from steptwin.host.common.tables import Reading, Table, toml_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import read_harm
-from steptwin.host.twin.scenarios.harms import Harm, HostFault, momentary
+from steptwin.host.twin.scenarios.harms import Harm, why_endless
 from steptwin.host.twin.scenarios.reactions import Motion, Reaction
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import (
@@ -103,9 +103,8 @@ def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
     given = [key for key in ("for_s", "until") if values[key] is not None]
     if len(given) > 1:
         raise InputError("for_s: a fault has for_s or until, not both")
-    if given and momentary(harm):
-        how = "by_s says how long it lasts" if isinstance(harm, HostFault) else "it is over at once"
-        raise InputError(f"{given[0]}: this fault has no end: {how}")
+    if given and (why := why_endless(harm)):
+        raise InputError(f"{given[0]}: this fault has no end: {why}")
     until: Trigger | float | None = values[given[0]] if given else None
     return until
 

@@ -353,12 +353,20 @@ HARMS = st.one_of(
     st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),
     st.builds(BusFault, st.just(BusFaultKind.DELAY), FRAMES, delay_counts=st.integers(100, 1 << 40), **OFTEN),
-    st.builds(HostFault, st.sampled_from([*HostFaultKind]), st.floats(0, 86_400)),
+    st.builds(HostFault, st.sampled_from([HostFaultKind.DEATH, HostFaultKind.DISORDER])),
+    st.builds(HostFault, st.sampled_from([HostFaultKind.HANG, HostFaultKind.RESTART]), st.floats(0, 86_400)),
+    st.builds(HostFault, st.just(HostFaultKind.LATE), st.floats(1e-6, 86_400)),
 )
 
 
 def test_every_operation_has_a_request() -> None:
     assert {*get_args(Operation)} <= {*REQUESTS}
+
+
+def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> None:
+    told = request_of(ROBOT, SetInput(0, DigitalInput.IN1, on=True))
+    assert told == {"do": "SetInput", "axis": 0, "input": DigitalInput.IN1, "on": True}
+    json.dumps(told)
 
 
 @given(HARMS)

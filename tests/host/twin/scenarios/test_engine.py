@@ -5,6 +5,9 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.host.twin.execution import execute
+from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind
+from steptwin.host.twin.scenarios.host_condition import HostCondition
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.twin.scenarios.short_runs import carry, played
 
 
@@ -101,3 +104,60 @@ def test_instants_of_triggers(fast_kernel: Kernel) -> None:
     assert 0.1 <= struck["random"] <= 0.9
     assert struck["state"] is not None
     assert struck["state"] < 0
+
+
+@pytest.mark.parametrize(
+    ("first_s", "second_s", "expected"),
+    [
+        ((0.2, 0.2), (0.3, 0.2), [(0.2, 60), (0.3, 70), (0.5, 25)]),
+        ((0.2, 0.4), (0.3, 0.1), [(0.2, 60), (0.3, 70), (0.4, 60), (0.6, 25)]),
+        ((0.2, 0.1), (0.3, 0.1), [(0.2, 60), (0.3, 25), (0.3, 70), (0.4, 25)]),
+    ],
+    ids=["one after the other has begun", "one within the other", "one after the other"],
+)
+def test_faults_of_one_place_may_overlap(
+    fast_kernel: Kernel,
+    first_s: tuple[float, float],
+    second_s: tuple[float, float],
+    expected: list[tuple[float, float]],
+) -> None:
+    """The end of the last one makes the machine as it was before the first, whatever the order of their ends."""
+    outcome, scenario = played(
+        fast_kernel,
+        "".join(
+            f'[[fault]]\nat_s = {at_s}\nfor_s = {for_s}\ndo = "temperature"\ntemperature_degc = {degrees}\n'
+            for (at_s, for_s), degrees in ((first_s, 60), (second_s, 70))
+        ),
+    )
+    assert scenario.passed, scenario.reasons
+    start_s = outcome.comparison.evidence.start_counts / COUNTS_PER_SECOND
+    done = [(round(each["at_s"] - start_s, 6), each["temperature_degc"]) for each in outcome.operations]
+    assert done == expected
+
+
+def test_a_host_that_hangs_for_a_time_goes_on(fast_kernel: Kernel) -> None:
+    """Before the motion, and after the machine has come to rest: the host then finds what has stopped it."""
+    hang = '[[fault]]\ndo = "host"\nhow = "hang"\n'
+    outcome, scenario = played(fast_kernel, f"{hang}power_up_s = 0.02\nfor_s = 0.05\n")
+    assert outcome.passed
+    assert scenario.passed, scenario.reasons
+    for end in ("for_s = 2.0", "by_s = 2.0"):
+        outcome, scenario = played(fast_kernel, f"{hang}at_s = 0.1\n{end}\n")
+        assert scenario.passed, scenario.reasons
+        assert scenario.faults[0].ended_s == pytest.approx(2.1)
+        assert outcome.fault is not None
+        assert outcome.fault.message.startswith("th1: pvt underrun (EMCY 0xFF01)")
+
+
+def test_two_faults_of_the_host_end_on_their_own(fast_kernel: Kernel) -> None:
+    late = '[[fault]]\ndo = "host"\nhow = "late"\nby_s = 0.002\n'
+    condition = HostCondition()
+    one, other = (HostFault(HostFaultKind.LATE, by_s) for by_s in (0.002, 0.003))
+    for fault in (one, other):
+        condition.begin(fault, 0)
+    assert condition.late_s == pytest.approx(0.005)
+    condition.end(one)
+    assert condition.late_s == pytest.approx(0.003)
+    outcome, scenario = played(fast_kernel, f"{late}at_s = 0.1\nfor_s = 0.2\n{late}at_s = 0.2\nfor_s = 0.2\n")
+    assert outcome.passed
+    assert scenario.passed, scenario.reasons

@@ -162,6 +162,26 @@ def test_mistakes(text: str, complaint: str) -> None:
             "for_s: this fault has no end: by_s says how long it lasts",
         ),
         (
+            'at_s = 1; for_s = 1; do = "host"; how = "hang"; by_s = 1',
+            "for_s: this fault has no end: by_s says how long it lasts",
+        ),
+        (
+            'at_s = 1; for_s = 1; do = "host"; how = "death"',
+            "for_s: this fault has no end: the host is gone",
+        ),
+        (
+            'at_s = 1; for_s = 1; do = "osc"; joint = "th1"; osc_pf = 400',
+            "for_s: this fault has no end: the part stays as it is",
+        ),
+        (
+            'at_s = 1; do = "host"; how = "death"; by_s = 1',
+            "by_s: is for hang, restart, late, not for death",
+        ),
+        (
+            'at_s = 1; do = "host"; how = "late"',
+            "by_s: a host that is late by 0 s is not: say by how much, such as 0.05",
+        ),
+        (
             "at_random = { from_s = 2, to_s = 1 }; STOP",
             "at_random.to_s: 1 s is before from_s, 2 s",
         ),
