@@ -364,8 +364,8 @@ def test_every_operation_has_a_request() -> None:
 
 
 def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> None:
-    told = request_of(ROBOT, SetInput(0, DigitalInput.IN1, on=True))
-    assert told == {"do": "SetInput", "axis": 0, "input": DigitalInput.IN1, "on": True}
+    told = request_of(ROBOT, SetInput(1, DigitalInput.IN1, on=True))
+    assert told == {"do": "SetInput", "axis": 1, "input": DigitalInput.IN1, "on": True}
     json.dumps(told)
 
 
