@@ -168,7 +168,13 @@ def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
             yield client
         return
     with (
-        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=CRITICAL) as local,
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",  # without a page; any port, so that several campaigns may run at once
+            scheduler_kwargs={"dashboard": False},
+            silence_logs=CRITICAL,
+        ) as local,
         Client(local, set_as_default=False) as client,
     ):
         yield client
