@@ -237,10 +237,10 @@ class Engine:
         return began if began.counts >= self._start.counts else self._start
 
     def repair(self) -> None:
-        """End every fault that lasts, the last first, so that all is as before; none begins any more."""
-        lasting = [each for each in self.played if each.began and each.ended_counts is None]
-        for each in sorted(lasting, key=_begun)[::-1]:
-            self._end(each)
+        """End every fault that lasts; none begins any more."""
+        for each in self.played:
+            if each.began is not None and each.ended_counts is None:
+                self._end(each)
         self._waiting = []
 
     def _end(self, each: Played) -> None:
@@ -268,11 +268,6 @@ class Engine:
 def _comes(watch: Watch | None) -> bool:
     """Return whether it is known when a trigger is due."""
     return isinstance(watch, InstantWatch | TimeWatch) and watch.next_counts is not None
-
-
-def _begun(played: Played) -> int:
-    """Return the instant at which a fault has begun, 0 for one that has not."""
-    return 0 if played.began is None else played.began.counts
 
 
 def _check_receivers(scenario: Scenario, boards: int) -> None:

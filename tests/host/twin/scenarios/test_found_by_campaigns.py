@@ -116,7 +116,7 @@ def test_a_fault_is_not_blamed_for_steps_that_another_one_loses(fast_kernel: Ker
 
 
 def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kernel: Kernel) -> None:
-    """What ends a fault puts back what was before it: the last one ends first."""
+    """Two faults of one place last: the end of both puts back what was before the first."""
     boards: list[EmbeddedBoard] = []
     text = """
         [[fault]]
