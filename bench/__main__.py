@@ -133,7 +133,6 @@ def _live_motors_table(pairs: int = live_motors.PAIRS) -> Table:
     quantities = {
         "ticks_us_p50": "lateness of ticks, p50, us",
         "ticks_us_p99": "lateness of ticks, p99, us",
-        "frames_us_p99": "lateness of frames, p99, us",
         "cores": "cores that the server uses",
     }
     return _table(
