@@ -275,8 +275,8 @@ class EmbeddedBoard:
 
     @property
     def started(self) -> bool:
-        """True once a SYNC has been sent, which starts the axes."""
-        return any(frame.cob_id == COB_SYNC for frame in self._simulation.bus.log_frames)
+        """True once the host has sent a SYNC, which starts the axes."""
+        return self._last_sync_counts() is not None
 
     def evidence(self) -> Evidence:
         """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""

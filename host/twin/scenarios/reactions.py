@@ -85,6 +85,9 @@ class Reaction:
         certain: whether it must come; else none is right as well.
         verified: whether the drivers' counts are as planned as long as the motion goes on; False: `verify` tells.
         others: error codes that axes may report which the fault does not concern.
+
+    Raises:
+        ValueError: a state is expected after a motion that goes on.
     """
 
     motion: Motion
@@ -94,6 +97,10 @@ class Reaction:
     certain: bool = True
     verified: bool = True
     others: tuple[ErrorCode, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.motion is Motion.GOES_ON and self.state is not None:
+            raise ValueError("state: is for a motion that ends; at the end of one that goes on the drives are off")
 
     @property
     def stops(self) -> bool:

@@ -208,13 +208,16 @@ def _expect(table: Table, key: str) -> Reaction:
             {"codes": Table.elements, "state": _state, "within_ms": _duration_ms, "certain": Table.truth},
         )
         codes = tuple(_code(code) for code in values["codes"] or ())
-    return Reaction(
-        motion=values["motion"],
-        codes=codes,
-        state=values["state"],
-        begins_ms=values["within_ms"] or 0.0,
-        certain=values["certain"] is not False,
-    )
+        try:
+            return Reaction(
+                motion=values["motion"],
+                codes=codes,
+                state=values["state"],
+                begins_ms=values["within_ms"] or 0.0,
+                certain=values["certain"] is not False,
+            )
+        except ValueError as error:
+            raise InputError(str(error)) from error
 
 
 def _duration_ms(table: Table, key: str) -> float:

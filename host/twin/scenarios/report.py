@@ -260,6 +260,8 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd, until_counts: flo
     others = {code for each in engine.played if each is not played for code in _codes(each)}
     judge = _Judge(robot, played, reaction, emcys, joints, late=late, others=others, stopped=stopped, told=told)
     differences = judge.differences(standstill_ms, limit_ms)
+    if reaction.motion is Motion.NOT_BEGUN and reaction.certain and engine.start_counts is not None:
+        differences.append("the motion began")
     return FaultReport(
         *named,
         _seconds(engine, played.first_counts),
@@ -360,11 +362,13 @@ class _Judge:
         found = [f"EMCY 0x{code:04X} is not documented" for code in strange]
         if reaction.stops and self._concerned and (self._stopped or reaction.certain):
             found += self._wrong_stop(standstill_ms, limit_ms)
+        elif reaction.certain:
+            found += [line for axis in self._concerned for line in self._untold(axis)]
         return found + self._losses()
 
     @property
     def _must_tell(self) -> bool:
-        """True if each axis that stops must say so: on a bus with faults its EMCY may be lost as well."""
+        """True if each axis concerned must say so: on a bus with faults its EMCY may be lost as well."""
         return bool(self._reaction.codes) and not self._of_bus
 
     @property
@@ -378,10 +382,7 @@ class _Judge:
             return ["the motion did not stop"]
         found = []
         for axis in self._concerned:
-            heard = [each.code for each in (*self._emcys, *self._late) if each.axis == axis]
-            if self._must_tell and not any(code in reaction.codes for code in heard):
-                codes = " or ".join(f"0x{code:04X}" for code in reaction.codes)
-                found.append(f"{self._names[axis]}: no EMCY {codes}")
+            found += self._untold(axis)
             joint = self._joints[axis]
             if reaction.state is not None and joint.state is not reaction.state and not self._switched_off(joint):
                 found.append(f"{self._names[axis]}: in {state_text(joint.state)}, not in {state_text(reaction.state)}")
@@ -390,6 +391,14 @@ class _Judge:
         if limit_ms is not None and standstill_ms > limit_ms:
             found.append(f"stood after {standstill_ms:.2f} ms, later than {limit_ms:.2f} ms")
         return found
+
+    def _untold(self, axis: int) -> list[str]:
+        """Return that an axis has not reported the fault with a code of the reaction, if it has not and must."""
+        codes = self._reaction.codes
+        heard = {each.code for each in (*self._emcys, *self._late) if each.axis == axis}
+        if not self._must_tell or heard & {*codes}:
+            return []
+        return [f"{self._names[axis]}: no EMCY {' or '.join(f'0x{code:04X}' for code in codes)}"]
 
     def _switched_off(self, joint: JointAnswer) -> bool:
         """Return whether the host has switched a drive off: at the motion's end, or to stop it with others."""
@@ -414,7 +423,7 @@ def _fast(axis: AxisMoment) -> bool:
 def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
     trigger = played.fault.trigger
     if played.began is not None:
-        return f"it began at {_seconds(engine, played.began.counts):g} s, but no frame that it concerns was sent since"
+        return f"it began at {_seconds(engine, played.began.counts):g} s, but has struck none of the frames sent since"
     why = "" if played.watch is None else played.watch.missing()
     if not why and isinstance(trigger, AtTime):
         why = f"the motion ended at {end.ended_s:g} s, before at_s {trigger.at_s:g}"

@@ -266,6 +266,16 @@ STOPPED = Reaction(Motion.RAMP, (ErrorCode.ESTOP,), State.FAULT, 0.25)
             ],
         ),
         (
+            'do = "temperature"\ntemperature_degc = 60',
+            replace(GOES_ON, codes=(ErrorCode.TEMPERATURE,)),
+            [f"it: {joint}: no EMCY 0x4310" for joint in ROBOT.joint_names],
+        ),
+        (
+            'do = "estop"\npressed = true',
+            replace(STOPPED, motion=Motion.NOT_BEGUN, begins_ms=200.0),
+            ["it: the motion began"],
+        ),
+        (
             'do = "host"\nhow = "restart"\nby_s = 1',
             Reaction(Motion.RAMP, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, 350.25),
             [f"it: {joint}: in OPERATION ENABLED, not in FAULT" for joint in ROBOT.joint_names],

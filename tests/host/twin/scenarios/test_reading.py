@@ -162,6 +162,10 @@ def test_mistakes(text: str, complaint: str) -> None:
             "for_s: this fault has no end: by_s says how long it lasts",
         ),
         (
+            'at_s = 1; expect = { motion = "goes-on", state = "FAULT" }; STOP',
+            "expect.state: is for a motion that ends; at the end of one that goes on the drives are off",
+        ),
+        (
             'at_s = 1; for_s = 1; do = "host"; how = "hang"; by_s = 1',
             "for_s: this fault has no end: by_s says how long it lasts",
         ),
