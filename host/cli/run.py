@@ -1,57 +1,28 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
-    LEVELS,
     AsJson,
     DipMicrosteps,
     DriverProfileName,
     LockedDrawer,
     RobotFile,
     ShelfStock,
-    dip_settings,
-    finite_number,
-    joint_values,
     name_value_pairs,
-    out_folder,
     robot_and_rest,
-    warn_of_settings_left_out,
 )
 from steptwin.host.cli.chosen_motion import choose_motion
 from steptwin.host.cli.connection import LIVE_PANEL, Bitrate, Channel, Connect, Force, Interface, connection
-from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_faults
+from steptwin.host.cli.faults_on_purpose import Faults
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
-from steptwin.host.cli.motor_report import (
-    check_motors,
-    keep_motors,
-    motors_of,
-    print_motors,
-    telling_time,
-    with_motors,
-)
-from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, say
-from steptwin.host.cli.progress import progress_bar
-from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.cli.shelf_errand import choose_errand
-from steptwin.host.common.errors import DeviceFaultError, InputError
-
-if TYPE_CHECKING:
-    from steptwin.host.twin.input_changes import InputChange
-    from steptwin.host.twin.kernels import Kernel
-    from steptwin.host.twin.outcome import Outcome
-
-
-_KernelName = Literal["auto", "python", "numba", "cortex-m3"]
-"""The forms of the firmware's kernel; all make the same edges."""
-_Motors = Literal["after", "loop"]
-"""When the motors turn: after the run, or as it goes."""
+from steptwin.host.cli.virtual_run import EmulatedMachine, KernelName, MotorsTurn, run_virtual
+from steptwin.host.common.errors import InputError
 
 
 @command(
@@ -102,7 +73,7 @@ def run(
     driver_profile: DriverProfileName = None,
     dip_microsteps: DipMicrosteps = None,
     kernel: Annotated[
-        _KernelName,
+        KernelName,
         typer.Option(
             metavar="NAME",
             help="Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or"
@@ -129,7 +100,7 @@ def run(
     ] = None,
     faults: Faults = None,
     motors: Annotated[
-        _Motors | None,
+        MotorsTurn | None,
         typer.Option(
             metavar="[=loop]",
             help="Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it"
@@ -171,126 +142,36 @@ def run(
     With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
     at the end are compared with the plan.
     """
-    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording
-    from steptwin.host.twin.execution import execute
-
-    loaded, rest = robot_and_rest(words or [], robot_file)
-    job, box = _job_and_box(rest, boxes=loaded.shelf is not None)
+    robot, rest = robot_and_rest(words or [], robot_file)
+    job, box = _job_and_box(rest, boxes=robot.shelf is not None)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
-    errand = choose_errand(loaded, job, options, inventory, box)
+    errand = choose_errand(robot, job, options, inventory, box)
     motion = choose_motion(
-        loaded, job, dict(errand.options), interpolate=interpolate, ramps=ramps, stretch=stretch, speed=speed
+        robot, job, dict(errand.options), interpolate=interpolate, ramps=ramps, stretch=stretch, speed=speed
     )
-    live = connection(connect, interface, channel, bitrate, loaded)
-    if live is not None:
-        emulated = {
-            "--out": out,
-            "--stand-at": stand_at,
-            "--cut-stream": cut_stream,
-            "--driver-profile": driver_profile,
-            "--dip-microsteps": dip_microsteps or None,
-            "--kernel": None if kernel == "auto" else kernel,
-            "--input": inputs or None,
-            "--inventory": inventory,
-            "--stock": stock or None,
-            "--locked-drawer": locked_drawer or None,
-            "--faults": faults,
-            "--motors": motors,
-            "--crystal": crystal or None,
-        }
-        _refuse(emulated, "a run in virtual time, without --connect or -i")
+    machine = EmulatedMachine(
+        out=out,
+        stand_at=stand_at,
+        cut_stream_s=cut_stream,
+        driver_profile=driver_profile,
+        dip_microsteps=dip_microsteps,
+        kernel=kernel,
+        inputs=inputs,
+        stock=stock,
+        locked_drawers=locked_drawer,
+        faults=faults,
+        motors=motors,
+        crystal_ppm=crystal,
+    )
+    live = connection(connect, interface, channel, bitrate, robot)
+    if live is None:
+        only_live = {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}
+        _refuse(only_live | {"--force": force or None}, "a live board")
+        run_virtual(robot, motion, job, errand, machine, as_json=as_json)
+    else:
+        _refuse({**machine.given, "--inventory": inventory}, "a run in virtual time, without --connect or -i")
         motion.say_summary(to_stderr=as_json)
         run_live(live, motion.plan, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
-        return
-    _refuse(
-        {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None, "--force": force or None},
-        "a live board",
-    )
-    warn_of_settings_left_out(loaded, driver_profile)
-    if motors:
-        check_motors(loaded)
-    standing = None if stand_at is None else joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
-    if out is not None:
-        with naming_options("out"):
-            keep_recording(out)
-    folder = out_folder(out)
-    scenario = chosen_scenario(faults, loaded)
-    motion.say_summary(to_stderr=as_json)
-    with (
-        progress_bar(f"{loaded.name} {job}") as progress,
-        naming_options(
-            *("dip_microsteps", "stock"),
-            cut_stream_s="--cut-stream",
-            locked_drawers="--locked-drawer",
-            crystal_ppm="--crystal",
-        ),
-    ):
-        outcome = execute(
-            motion.plan,
-            job,
-            _kernel(kernel),
-            stand_at=standing,
-            cut_stream_s=cut_stream,
-            driver_profile=driver_profile,
-            dip_microsteps=dip_settings(dip_microsteps),
-            inputs=[_input_change(text) for text in inputs or ()],
-            errand=errand.errand,
-            stock=name_value_pairs(stock) if stock else None,
-            locked_drawers=locked_drawer or (),
-            scenario=scenario,
-            motors=motors == "loop",
-            crystal_ppm=crystal,
-            progress=telling_time(progress, "run") if motors == "loop" else progress,
-        )
-    document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
-    pictures = folder is not None and outcome.save(folder)
-    ran = motors_of(motion.plan.robot, outcome.comparison, trace=outcome.rotors) if motors else None
-    verdict = None if ran is None else ran.verdict
-    if ran is not None and folder is not None:
-        keep_motors(folder, ran, outcome.report.run, pictures=pictures)
-    if as_json:
-        print_json(document if verdict is None else with_motors(document, verdict))
-    else:
-        print_report(document)
-        print_faults(document)
-        if verdict is not None:
-            print_motors(verdict)
-    if folder is not None:
-        _say_where(folder, pictures=pictures, to_stderr=as_json)
-    _raise_unless_right(outcome, kept_step=verdict is None or verdict.kept_step)
-    if outcome.passed:
-        errand.keep(loaded, to_stderr=as_json)
-
-
-def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
-    """End the command unless the run is right: with a scenario, if it went as documented, even if the motion did not.
-
-    Raises:
-        DeviceFaultError: a fault has ended a run without a scenario.
-        Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
-    """
-    if outcome.scenario is not None:
-        right = outcome.scenario.passed
-    elif outcome.fault:
-        raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
-    else:
-        right = outcome.report.passed
-    if not (right and kept_step):
-        raise typer.Exit(EXIT_NOT_VERIFIED)
-
-
-def _input_change(text: str) -> "InputChange":
-    """Return the change of an input that an --input names."""
-    from steptwin.host.twin.input_changes import InputChange
-
-    name, _, rest = text.partition("=")
-    level, at, seconds = rest.partition("@")
-    if not (name and at) or level not in LEVELS:
-        raise InputError(f"--input {text}: is not NAME=on@SECONDS or NAME=off@SECONDS")
-    at_s = finite_number(seconds, f"--input {text}")
-    if at_s < 0:
-        raise InputError(f"--input {text}: {at_s:g} s is before the motion's start")
-    return InputChange(name, LEVELS[level], at_s)
 
 
 def _refuse(options: dict[str, Any], other: str) -> None:
@@ -305,17 +186,3 @@ def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:
         given = " ".join(words) or "nothing"
         raise InputError(f"one JOB or FILE is needed after the robot, not {given}")
     return words[0], words[1] if len(words) > 1 else None
-
-
-def _kernel(choice: _KernelName) -> "Kernel":
-    from steptwin.host.twin.kernels import fastest_kernel, kernel_named
-
-    return fastest_kernel() if choice == "auto" else kernel_named(choice)
-
-
-def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
-    if pictures:
-        say(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
-    else:
-        say(f"report, edges and bus log are in {folder}/", err=to_stderr)
-        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
