@@ -22,6 +22,8 @@ _LONGER: Final = 10
 _STEPS_OFF_MAX: Final = 1.0
 """Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two
 servo ticks, a rotor that was put back by part of a step is found up to a step away."""
+_TOKEN: Final = 1
+"""Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0
 """Full steps by which a rotor may lag behind its steps while it finds a switch: a load angle of 90 degrees."""
 
@@ -41,7 +43,7 @@ class Recovery:
 
 def recover(board: EmbeddedBoard) -> Recovery:
     """Reset the drives of a repaired machine, home the joints that can be homed, move them all, compare positions."""
-    session, doing = Session(_Unhurried(board), board.robot), "the reset"
+    session, doing = Session(_Unhurried(board), board.robot, _TOKEN), "the reset"
     board.wait(_QUIET_S)
     session.link.network.nmt.state = "PRE-OPERATIONAL"  # nodes stopped by NMT answer no requests
     try:

@@ -21,9 +21,10 @@ from steptwin.protocol.datatypes import DataType
 class Lease:
     """A program's claim on the axes of a machine, under a token of its own."""
 
-    def __init__(self, axes: Sequence[AxisClient]) -> None:
+    def __init__(self, axes: Sequence[AxisClient], token: int | None = None) -> None:
+        """Claim nothing yet; by default the token is random, so that no other program has it."""
         self._axes = axes
-        self._token = 1 + secrets.randbelow(DataType.UNSIGNED32.high)
+        self._token = 1 + secrets.randbelow(DataType.UNSIGNED32.high) if token is None else token
 
     def require_free(self) -> None:
         """Raise BusError if another program is in charge of an axis; nothing on the machine changes."""

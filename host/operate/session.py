@@ -46,11 +46,12 @@ class Foreign:
 class Session:
     """One robot on one link."""
 
-    def __init__(self, link: Link, robot: Robot) -> None:
+    def __init__(self, link: Link, robot: Robot, token: int | None = None) -> None:
+        """Connect to the robot's machine; `token` is for programs that must send the same frames each time."""
         self.link = link
         self.robot = robot
         self.machine = Machine(link, robot.joint_names)
-        self._lease = Lease(self.machine.axes)
+        self._lease = Lease(self.machine.axes, token)
 
     # --- what the nodes report by themselves
 

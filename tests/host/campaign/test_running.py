@@ -49,7 +49,7 @@ def healthy(small: Campaign, seeds: dict[str, int]) -> Iterator[Performance]:
 
 @pytest.fixture(scope="module")
 def stopped(small: Campaign, seeds: dict[str, int]) -> Performance:
-    return perform(draw(small, seeds["emergency stop"]))
+    return perform(replace(draw(small, seeds["emergency stop"]), recover=True))
 
 
 def test_a_healthy_run_breaks_nothing(healthy: Performance) -> None:
@@ -68,7 +68,8 @@ def test_a_stopped_run_says_so_and_breaks_nothing(stopped: Performance) -> None:
 
 
 def test_a_seed_gives_the_same_row(small: Campaign, seeds: dict[str, int], stopped: Performance) -> None:
-    assert run_seed(small, seeds["emergency stop"]) == running.row_of(stopped)
+    """The recovery included, in which a program is in charge of the machine."""
+    assert run_trial(replace(draw(small, seeds["emergency stop"]), recover=True)) == running.row_of(stopped)
 
 
 def _with_pulse_while_off(run: Performance) -> Performance:
