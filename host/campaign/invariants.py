@@ -53,7 +53,8 @@ def _silent_loss(run: Performance) -> Iterator[tuple[str, str]]:
 
 def _unseen_loss(run: Performance) -> Iterator[tuple[str, str]]:
     """What no board can know, the verifier must see."""
-    for claim in run.claims if not run.reasons else ():
+    slips = () if run.motors is None else run.motors.reasons
+    for claim in run.claims if not (run.reasons or slips) else ():
         if abs(claim.off_steps) > _STEPS_OFF_MAX:
             yield "steps were lost, and the verifier has not seen it", f"{claim.joint}: {claim.off_steps:+.4g}"
 

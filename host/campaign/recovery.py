@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import Final
 
+from steptwin.emulator.operations import CYCLE_FULL_STEPS
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.moving import goal_units, move
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
-from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
@@ -25,7 +25,7 @@ servo ticks, a rotor that was put back by part of a step is found up to a step a
 _TOKEN: Final = 1
 """Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0
-"""Full steps by which a rotor may lag behind its steps while it finds a switch: a load angle of 90 degrees."""
+"""Full steps by which a rotor that turns with the board may lag while it finds a switch: a load angle of 90 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,19 +109,24 @@ def _near(joint: Joint, position: float) -> float:
 
 def _compared(board: EmbeddedBoard, reported_units: list[int]) -> Recovery:
     """Compare where the drives say they are with where the motors are."""
-    off = steps_off(board.robot, board.motor_positions(), reported_units)
-    worst = max(range(len(off)), key=lambda axis: abs(off[axis]))
-    most = [_STEPS_OFF_MAX] * len(off)
-    if board.motors_turn:  # a switch sees the rotor, which lags behind its steps
-        most = [_LAG_MAX_FULL_STEPS * joint.transmission.microsteps for joint in board.robot.joints]
-    if abs(off[worst]) <= most[worst]:
-        return Recovery()
-    return Recovery("homing found another position", f"{board.robot.joint_names[worst]}: {off[worst]:+.4g} steps")
+    off = steps_off(board, reported_units)
+    for joint, steps in zip(board.robot.joints, off, strict=True):
+        lag = _LAG_MAX_FULL_STEPS * joint.transmission.microsteps if board.motors_turn else 0.0
+        if abs(steps) > _STEPS_OFF_MAX + lag:
+            return Recovery("homing found another position", f"{joint.name}: {steps:+.4g} steps")
+    return Recovery()
 
 
-def steps_off(robot: Robot, motor_steps: list[float], reported_units: list[int]) -> list[float]:
-    """Return by how many steps of the robot's file each motor stands beyond the position that its drive reports."""
-    return [
-        steps - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP
-        for steps, units, joint in zip(motor_steps, reported_units, robot.joints, strict=True)
-    ]
+def steps_off(board: EmbeddedBoard, reported_units: list[int]) -> list[float]:
+    """Return by how many steps of the robot's file each motor stands beyond the position that its drive reports.
+
+    A rotor that turns with the board counts as where its driver holds it: whole electrical cycles beside the driver's
+    steps, if it has slipped.
+    """
+    off = []
+    positions = zip(board.motor_positions(), board.rotor_positions(), reported_units, board.robot.joints, strict=True)
+    for driver, rotor, units, joint in positions:
+        cycle = CYCLE_FULL_STEPS * joint.transmission.microsteps
+        slipped = cycle * round((rotor - driver) / cycle)
+        off.append(driver + slipped - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP)
+    return off

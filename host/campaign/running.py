@@ -124,7 +124,7 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
         said = [(axis.read(od.STATUSWORD), axis.read(od.POSITION_ACTUAL)) for axis in axes]
     except (BusError, DeviceFaultError):
         return ()
-    off = steps_off(board.robot, board.motor_positions(), [units for _, units in said])
+    off = steps_off(board, [units for _, units in said])
     return tuple(
         Claim(axis.name, bool(statusword & Status.POSITION_KNOWN), steps)
         for axis, (statusword, _), steps in zip(axes, said, off, strict=True)

@@ -14,11 +14,12 @@ from steptwin.host.campaign.campaign import Motors
 from steptwin.host.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim
-from steptwin.host.campaign.recovery import Recovery
+from steptwin.host.campaign.recovery import Recovery, steps_off
 from steptwin.host.campaign.running import run_trial
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.verify import AxisEvidence
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from tests.host.campaign.campaigns import SMALL, campaign_of
 
 
@@ -170,3 +171,13 @@ def test_a_drawn_run_that_no_robot_can_make_is_refused(tmp_path: Path) -> None:
     assert row.ended is Ended.REFUSED
     assert "more than the driver's 15.0 kHz" in row.message
     assert trial.plan().trajectory.duration_s > 0.5 * trial.trajectory.duration_s  # random moves are slowed down
+
+
+@pytest.mark.parametrize(("rotor", "off"), [(232.9, 30.0), (198.04, -2.0), (194.0, -2.0), (190.1, -10.0)])
+def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: float) -> None:
+    """Its load angle does not count: in half steps a cycle has 8."""
+    joint = SimpleNamespace(transmission=SimpleNamespace(microsteps=2))
+    board: Any = SimpleNamespace(
+        robot=SimpleNamespace(joints=[joint]), motor_positions=lambda: [230.0], rotor_positions=lambda: [rotor]
+    )
+    assert steps_off(board, [200 * UNITS_PER_FULL_STEP // 2]) == [off]
