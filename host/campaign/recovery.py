@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-from steptwin.emulator.operations import CYCLE_FULL_STEPS
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.moving import goal_units, move
@@ -118,15 +117,6 @@ def _compared(board: EmbeddedBoard, reported_units: list[int]) -> Recovery:
 
 
 def steps_off(board: EmbeddedBoard, reported_units: list[int]) -> list[float]:
-    """Return by how many steps of the robot's file each motor stands beyond the position that its drive reports.
-
-    A rotor that turns with the board counts as where its driver holds it: whole electrical cycles beside the driver's
-    steps, if it has slipped.
-    """
-    off = []
-    positions = zip(board.motor_positions(), board.rotor_positions(), reported_units, board.robot.joints, strict=True)
-    for driver, rotor, units, joint in positions:
-        cycle = CYCLE_FULL_STEPS * joint.transmission.microsteps
-        slipped = cycle * round((rotor - driver) / cycle)
-        off.append(driver + slipped - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP)
-    return off
+    """Return by how many steps of the robot's file each motor is held beyond the position that its drive reports."""
+    held = zip(board.held_positions(), reported_units, board.robot.joints, strict=True)
+    return [steps - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP for steps, units, joint in held]

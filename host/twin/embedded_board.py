@@ -7,7 +7,7 @@ from math import floor
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.operations import Operation, OscCapacitor, Scheduled, SetInput
+from steptwin.emulator.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.rotors import RotorRecord
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
@@ -250,6 +250,16 @@ class EmbeddedBoard:
             start + moved / joint.transmission.step_sixteenths
             for start, moved, joint in zip(self._start_steps, sixteenths, self.robot.joints, strict=True)
         ]
+
+    def held_positions(self) -> list[float]:
+        """Return where each driver holds its rotor, in the steps of `motor_positions`: that, and by how many whole
+        electrical cycles a rotor that turns with the board has slipped; its load angle does not count.
+        """
+        positions = []
+        for steps, rotor, joint in zip(self.motor_positions(), self.rotor_positions(), self.robot.joints, strict=True):
+            cycle = CYCLE_FULL_STEPS * joint.transmission.microsteps
+            positions.append(steps + cycle * round((rotor - steps) / cycle))
+        return positions
 
     def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
         """Return what the rotors have done up to some ms after a run's last edge; None without motors."""

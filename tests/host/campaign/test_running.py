@@ -16,6 +16,7 @@ from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim
 from steptwin.host.campaign.recovery import Recovery, steps_off
 from steptwin.host.campaign.running import run_trial
+from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.verify import AxisEvidence
@@ -180,4 +181,5 @@ def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: floa
     board: Any = SimpleNamespace(
         robot=SimpleNamespace(joints=[joint]), motor_positions=lambda: [230.0], rotor_positions=lambda: [rotor]
     )
+    board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert steps_off(board, [200 * UNITS_PER_FULL_STEP // 2]) == [off]
