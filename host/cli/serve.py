@@ -1,11 +1,9 @@
 """`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 import gc
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from itertools import accumulate
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,12 +22,12 @@ from steptwin.host.cli.arguments import (
     one_robot,
     warn_of_settings_left_out,
 )
-from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, print_struck, raise_unless_struck
+from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, raise_unless_struck
 from steptwin.host.cli.option_names import naming_options
-from steptwin.host.cli.output import print_json, print_table, say, warn
+from steptwin.host.cli.output import print_json, say, warn
 from steptwin.host.cli.panel_extra import require_extra
 from steptwin.host.cli.panel_process import panel_process, panel_words
-from steptwin.host.cli.report import USUAL_DRIVERS
+from steptwin.host.cli.served_words import banner, print_served, status_line, stood
 from steptwin.host.common import socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
 from steptwin.host.common.signals import on_signals
@@ -164,7 +162,7 @@ def serve(
         name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
 
         def announce() -> None:
-            say(*_banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
+            say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
             open_panel(panel_words(served, name, host, interface, channel))
 
         # A second signal changes nothing: the files are being completed then.
@@ -174,7 +172,7 @@ def serve(
             if as_json:
                 print_json(document)
             else:
-                _print_report(document, None if out is None or served.board.failures else Path(out))
+                print_served(document, None if out is None or served.board.failures else Path(out))
     if failure:
         raise failure
     raise_unless_struck(document)
@@ -192,7 +190,7 @@ def _warn_outside(robot: "Robot", standing: list[float]) -> None:
 
 def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | RecordingError | None:
     """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong."""
-    with _status_line(served) as update:
+    with status_line(served) as update:
         announce()
         served.call_every(_STATUS_EVERY_S, update)
         served.call_every(_STATUS_EVERY_S, _SlownessWarning(served.board).look)
@@ -220,15 +218,7 @@ class _SlownessWarning:
         stalls = self._board.stalls()
         if stalls["total_ms"] >= self._worth_ms:
             self._worth_ms = 2.0 * stalls["total_ms"]
-            warn(_stood(stalls))
-
-
-def _stood(stalls: dict[str, float]) -> str:
-    times = "once" if stalls["count"] == 1 else f"{stalls['count']} times"
-    return (
-        f"computer too slow: the board's clock stood {times}, {stalls['total_ms'] / 1000:.2f} s in all, "
-        f"longest {stalls['longest_ms']:.0f} ms"
-    )
+            warn(stood(stalls))
 
 
 def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
@@ -257,103 +247,3 @@ def _warning_of_slips(rotors: "RotorFigures") -> Callable[[], None]:
                 )
 
     return tell
-
-
-@contextmanager
-def _status_line(served: "ServedBoard") -> Iterator[Callable[[], None]]:
-    """Yield a callback that updates a status on stderr; it does nothing where stderr is not a terminal."""
-    from rich.console import Console
-    from rich.live import Live
-    from rich.text import Text
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda: None
-        return
-    with Live(console=console, auto_refresh=False, transient=True) as line:
-        yield lambda: line.update(Text(_status(served), no_wrap=True, overflow="ellipsis"), refresh=True)
-
-
-def _status(served: "ServedBoard") -> str:
-    """Return the status, in two lines of 80 characters."""
-    board = served.board
-    minutes, seconds = divmod(round(board.wall_s), 60)
-    late = ", ".join(f"{what} {text}" for what, text in _late(board.lateness()).items())
-    return (
-        f"SIMULATED {board.robot.name} {minutes}:{seconds:02d}, {served.endpoint.status()}, "
-        f"{board.bus.frames} frames, {board.bus_load_percent:.1f} % load\nlate, ms (p50 p99 max): {late}"
-    )
-
-
-def _banner(served: "ServedBoard") -> list[str]:
-    board = served.board
-    name = board.driver_profile.name
-    drivers = "" if name == USUAL_DRIVERS else f", drivers: {name}"
-    drivers += "" if board.rotors is None else ", motors turn with it ([A] masses)"
-    control = (
-        []
-        if served.control is None
-        else [f"control port at {served.control.address}, for steptwin inject --control {served.control.address}"]
-    )
-    return [
-        f"SIMULATED {board.robot.name}: {' '.join(board.robot.joint_names)}, "
-        f"nodes {_nodes(board.axes_per_board)}, {board.bus.bitrate // 1000} kbit/s, "
-        f"{board.live.pacer.speed:g} x real time{drivers}",
-        served.title,
-        *control,
-    ]
-
-
-def _nodes(axes_per_board: Sequence[int]) -> str:
-    """Return the node ids of each board."""
-    from steptwin.protocol.frame import FIRST_NODE_ID
-
-    lasts = list(accumulate(axes_per_board, initial=FIRST_NODE_ID - 1))[1:]
-    ranges = [f"0x{last - axes + 1:02X} to 0x{last:02X}" for axes, last in zip(axes_per_board, lasts, strict=True)]
-    return ranges[0] if len(ranges) == 1 else f"{', '.join(ranges)} on {len(ranges)} boards"
-
-
-def _late(lateness: dict[str, Any]) -> dict[str, str]:
-    """Return the median, 99th percentile and maximum lateness of ticks and of frames, in ms, as text."""
-    return {
-        what: " ".join(f"{lateness[what][f'late_us_{key}'] / 1000:.2f}" for key in ("p50", "p99", "max"))
-        for what in ("ticks", "frames")
-    }
-
-
-def _print_rotors(motors: dict[str, Any]) -> None:
-    """Print a row for each joint's rotor."""
-    rows = [
-        [
-            joint["name"],
-            f"{joint['load_angle_deg']:.1f}",
-            f"{joint['load_angle_at_s']:.3f}",
-            "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
-            f"{joint['lost_full_steps']:g}",
-            f"{joint['winding_celsius']:.1f}",
-        ]
-        for joint in motors["joints"]
-    ]
-    print_table(["motor", "load angle deg", "at s", "first slip s", "lost steps", "winding degC"], rows)
-
-
-def _print_report(document: dict[str, Any], folder: Path | None) -> None:
-    rows = [
-        [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses", "violations"))]
-        for axis in document["axes"]
-    ]
-    print_table(["axis", "start", "end", "pulses", "broken"], rows)
-    bus, real_time = document["bus"], document["real_time"]
-    say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
-    for mismatch in document["mismatches"]:
-        warn(mismatch)
-    if "motors" in document:
-        _print_rotors(document["motors"])
-    for what, text in _late(real_time).items():
-        say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
-    if real_time["stalls"]["count"]:
-        say(_stood(real_time["stalls"]))
-    print_struck(document)
-    say(f"SIMULATED {document['simulated_s']:.1f} s in {document['wall_s']:.1f} s")
-    if folder is not None:
-        say(f"report, edges and bus log are in {folder}/")
