@@ -1,6 +1,6 @@
 """One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
 
-from collections.abc import Iterator
+from typing import Final
 
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_stop import AxisStop
@@ -28,10 +28,10 @@ _ABORT_CONTROLWORDS = {
 }
 """The controlword that the drive obeys when its host is lost, by the abort connection option code (6007h)."""
 
-BY_PROGRAM = 1
+BY_PROGRAM: Final = 1
 """Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
 
-_FOLLOWING_MODES = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
+_FOLLOWING_MODES: Final = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
 """The modes in which bit 13 of the statusword is the following error."""
 
 
@@ -278,12 +278,9 @@ class AxisDrive:
         self.settings.settle(now_us, moving=self._motion.running(self.axis))
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
-    def dues_us(self) -> Iterator[int | None]:
-        """Yield the time of the next poll of each part of the drive; None if a part waits for nothing."""
-        yield self.feed.due_us
-        yield self.supervision.due_us
-        yield self.settings.due_us
-        yield self.mode.due_us
+    def dues_us(self) -> tuple[int | None, ...]:
+        """Return the time of the next poll of each part of the drive; None if a part waits for nothing."""
+        return self.feed.due_us, self.supervision.due_us, self.settings.due_us, self.mode.due_us
 
     def poll(self, now_us: int) -> bool:
         """Do the work that is due; return whether there was any."""

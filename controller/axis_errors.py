@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Final
 
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
@@ -12,7 +13,7 @@ from steptwin.protocol.emergency import EmergencyProducer
 from steptwin.protocol.frame import COB_ID_INVALID, Frame
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 
-_PDO_LENGTH_ERRORS = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
+_PDO_LENGTH_ERRORS: Final = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 
 class AxisErrors:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
 
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_drive import AxisDrive
@@ -22,9 +23,9 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
 from steptwin.protocol.sync import SyncConsumer
 
-_RETRY_US = 1000
+_RETRY_US: Final = 1000
 """Time after which an EMCY that found no place in the transmit queue tries again."""
-_FAULT_STATES = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 
 
 class AxisNode:

@@ -1,11 +1,13 @@
 """Lend the axis to one program at a time: object 2017h (docs/canopen.md, "One program in charge")."""
 
+from typing import Final
+
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from steptwin.protocol.dictionary import ObjectDictionary
 
-_UNWATCHED_US = 1000 * UNWATCHED_MS
+_UNWATCHED_US: Final = 1000 * UNWATCHED_MS
 
 
 class Charge:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Final
 
 from steptwin.controller.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 
-IDLE_AFTER_US = 500_000
+IDLE_AFTER_US: Final = 500_000
 """Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
 
 

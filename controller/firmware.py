@@ -6,7 +6,7 @@ caller fetches the results: frames by `transmit.take`, pin changes by `take_pins
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.controller.axis_node import AxisNode
 from steptwin.controller.backend import Kernel
@@ -34,7 +34,7 @@ from steptwin.protocol.frame import (
 from steptwin.protocol.nmt import command_for
 from steptwin.protocol.timer import COUNTS_PER_US
 
-AXES_MAX = 8
+AXES_MAX: Final = 8
 """Two 16-bit timers with four compare channels each, on an STM32F103 with CAN in use."""
 
 Handler = Callable[[bytes, int], None]
@@ -117,8 +117,9 @@ class Firmware:
 
     def _deliver(self, frame: Frame, now_counts: int) -> None:
         cob_id, data = frame
-        if cob_id in self._routes:
-            for node, handler in self._routes[cob_id]:
+        routes = self._routes.get(cob_id)
+        if routes is not None:
+            for node, handler in routes:
                 handler(data, now_counts // COUNTS_PER_US)
                 self._collect(node, now_counts)
         elif cob_id == COB_NMT:

@@ -10,10 +10,12 @@ where the maximum is over the T/2 of trajectory time that the ramp covers. So wi
 by more than its D beyond the plan. A ramp between other rates has the same slope.
 """
 
+from typing import Final
+
 from steptwin.controller import kernel as k
 from steptwin.controller.kernel import Cells
 
-HALTED_Q16 = 0
+HALTED_Q16: Final = 0
 
 
 class GroupTime:

@@ -5,7 +5,7 @@ so that a stream still under way cannot set the axis moving again.
 
 A record is four entries of the dictionary (60C1h:01 to :04), as CiA 402 has an interpolation data record: so any
 CANopen master can map it into a PDO, or write it by SDO. The sequence number is the last of the four, and writing it
-queues the record. The other three are read by `ObjectDictionary.reader`, which costs one call for each.
+queues the record. The other three are read from their cells.
 """
 
 from collections.abc import Callable
@@ -44,10 +44,10 @@ class Interpolation(DriveMode):
         self._install_hooks()
         dictionary = context.dictionary
         self._limits = SoftLimits(dictionary)
-        self._displacement_units = dictionary.reader(od.PVT_DISPLACEMENT)
-        self._end_velocity = dictionary.reader(od.PVT_END_VELOCITY)
-        self._duration_ms = dictionary.reader(od.PVT_DURATION_MS)
-        self._least_fill = dictionary.reader(od.PVT_LEAST_FILL)
+        self._displacement_units = dictionary.cell(od.PVT_DISPLACEMENT)
+        self._end_velocity = dictionary.cell(od.PVT_END_VELOCITY)
+        self._duration_ms = dictionary.cell(od.PVT_DURATION_MS)
+        self._least_fill = dictionary.cell(od.PVT_LEAST_FILL)
 
     def _install_hooks(self) -> None:
         self._dictionary.write_hooks[od.PVT_SEQUENCE] = self._record_arrived
@@ -72,9 +72,10 @@ class Interpolation(DriveMode):
         if verdict is not Verdict.PUSH:
             self._drop(verdict)
             return
-        if self._running and queued < self._least_fill():
-            self._dictionary.set(od.PVT_LEAST_FILL, queued)
-        refusal = self._push(self._displacement_units(), self._end_velocity(), self._duration_ms())
+        if self._running and queued < self._least_fill.value:
+            self._least_fill.value = queued
+        units, velocity, duration_ms = self._displacement_units.value, self._end_velocity.value, self._duration_ms.value
+        refusal = self._push(units, velocity, duration_ms)
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
@@ -83,7 +84,7 @@ class Interpolation(DriveMode):
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._dictionary.count(od.PVT_ACCEPTED)
         if self.on_record:
-            self.on_record(PvtRecord(self._displacement_units(), self._end_velocity(), self._duration_ms(), sequence))
+            self.on_record(PvtRecord(units, velocity, duration_ms, sequence))
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 from steptwin.controller import kernel as k
 from steptwin.controller.backend import Kernel
@@ -13,13 +14,14 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
-TICKS_PER_SECOND = COUNTS_PER_SECOND // k.TICK_COUNTS
+TICKS_PER_SECOND: Final = COUNTS_PER_SECOND // k.TICK_COUNTS
 STOP_MAX_MS = k.QUEUE_DEPTH * k.DURATION_MAX_MS
 """The longest stop ramp that fits the queue, 16 s: a deceleration that would take longer is exceeded."""
-_SEGMENT_END_TERMS = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
+_SEGMENT_END_TERMS: Final = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C)
 """The position at a segment's end, s = 1, is the sum of these."""
-EDGE_CAPACITY = 1 << 16
+EDGE_CAPACITY: Final = 1 << 16
 """Number of edges of one pin that fit between two drains."""
+_TICKS_PER_MS: Final = k.TICKS_PER_MS
 
 
 class AxisEvent(IntEnum):
@@ -69,6 +71,7 @@ class Motion:
         self.axis_count = axis_count
         self.tick = 0
         self._kernel = kernel
+        self._push, self._advance = kernel.push, kernel.advance  # called for every record, and every few ticks
         self._axes = kernel.cells(count * k.AXIS_FIELDS)
         self._axes_before = kernel.cells(count * k.AXIS_FIELDS)
         self._cells = kernel.singly(self._axes)
@@ -76,6 +79,8 @@ class Motion:
         self.group = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self._clk = kernel.rows(count, EDGE_CAPACITY)
         self._direction = kernel.rows(count, EDGE_CAPACITY)
+        self._queue_counts = [axis * k.AXIS_FIELDS + k.QUEUE_COUNT for axis in range(count)]
+        """Where the number of queued segments of each axis is."""
         self._running: set[int] = set()
         self.starts = 0
         """Number of times that an axis has been started. While it stays the same, no other axis has begun to run."""
@@ -146,7 +151,7 @@ class Motion:
 
     def queued(self, axis: int) -> int:
         """Return the number of segments that wait behind the running one."""
-        count: int = self._cells[axis * k.AXIS_FIELDS + k.QUEUE_COUNT]  # `_get` inlined: read for every record
+        count: int = self._cells[self._queue_counts[axis]]  # `_get` inlined: read for every record
         return count
 
     def tail_units(self, axis: int) -> int:
@@ -200,11 +205,11 @@ class Motion:
 
     def push(self, axis: int, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue one segment, in the units of a PVT record; return ACCEPTED or the reason for refusing it."""
-        return self.push_ticks(axis, displacement_units, end_velocity, duration_ms * k.TICKS_PER_MS)
+        return self.push_ticks(axis, displacement_units, end_velocity, duration_ms * _TICKS_PER_MS)
 
     def push_ticks(self, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
         """Queue one segment whose duration is given in servo ticks."""
-        answer = self._kernel.push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ticks)
+        answer = self._push(self._axes, self._queue, axis, displacement_units, end_velocity, duration_ticks)
         return Refusal(answer) if answer else Refusal.ACCEPTED
 
     def start(self, axis: int, *, in_group: bool = False) -> bool:
@@ -302,7 +307,7 @@ class Motion:
         rest_tick = self.group.rest_tick
         if rest_tick is not None and self.tick < rest_tick < until:
             until = rest_tick
-        reached, asking = self._kernel.advance(
+        reached, asking = self._advance(
             self._axes,
             self._axes_before,
             self._queue,

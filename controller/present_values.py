@@ -1,10 +1,14 @@
 """The objects that show what an axis does and what its board measures at the moment of reading."""
 
+from typing import Final
+
 from steptwin.controller.axis_context import AxisContext
 from steptwin.controller.axis_drive import AxisDrive
 from steptwin.protocol import od
-from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+_I32_MIN: Final = -(1 << 31)
+_I32_MAX: Final = (1 << 31) - 1
 
 
 def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
@@ -31,4 +35,4 @@ def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
 
 def _saturated(units: int) -> int:
     """Limit a position to i32: within a segment, or rounded to a step, an axis may be a little beyond that range."""
-    return min(max(units, DataType.INTEGER32.low), DataType.INTEGER32.high)
+    return _I32_MIN if units < _I32_MIN else min(units, _I32_MAX)

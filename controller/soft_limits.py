@@ -14,12 +14,13 @@ class SoftLimits:
     """One axis' limits, read from the dictionary at every use."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
-        self._read_low = dictionary.reader(od.POSITION_LIMIT_MIN)
-        self._read_high = dictionary.reader(od.POSITION_LIMIT_MAX)
+        self._low = dictionary.cell(od.POSITION_LIMIT_MIN)
+        self._high = dictionary.cell(od.POSITION_LIMIT_MAX)
 
     def range(self) -> tuple[int, int]:
         """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
-        return max(self._read_low(), -I32_MAX), self._read_high()
+        low = self._low.value
+        return -I32_MAX if low < -I32_MAX else low, self._high.value
 
     def clamped(self, position_units: int) -> int:
         """Return the nearest position within the limits; the low limit if it is above the high one."""

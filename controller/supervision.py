@@ -6,17 +6,18 @@ moves towards it: away from it the axis may move. The following error trips it a
 """
 
 from collections.abc import Iterator
+from typing import Final
 
 from steptwin.controller.axis_context import AxisContext
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.objects import WINDOW_OFF
 
-LIMIT_PERIOD_US = 1_000
-FOLLOWING_PERIOD_US = 10_000
+LIMIT_PERIOD_US: Final = 1_000
+FOLLOWING_PERIOD_US: Final = 10_000
 
-_LIMITS = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
-DRIVER = 1
+_LIMITS: Final = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
+DRIVER: Final = 1
 """Detail of an excess temperature of the driver chip; 0 is the board's."""
 
 

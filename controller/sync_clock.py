@@ -6,17 +6,17 @@ SYNCs moves them, and only if it is far from the middle: so jitter has no effect
 the other is followed. To move, the slots grow or shrink by a little each until they are in place.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.protocol.timer import COUNTS_PER_US
 
-TICK_US = TICK_COUNTS // COUNTS_PER_US
-WINDOW = 128
+TICK_US: Final = TICK_COUNTS // COUNTS_PER_US
+WINDOW: Final = 128
 """Number of SYNCs in a mean. Jitter uniform over half a period either way gives a mean of 1/40 period (rms)."""
-_DEAD_BAND = 8
+_DEAD_BAND: Final = 8
 """The slots stay while the mean is within 1/8 of a period from the middle."""
-_SHIFT = 512
+_SHIFT: Final = 512
 """A slot grows or shrinks by 1/512 of a period, and by at least 1 us: so drift of 500 ppm is followed."""
 
 

@@ -7,22 +7,22 @@ the CRCs that each byte would have alone, with zeros in place of the others.
 """
 
 from functools import cache
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from steptwin.protocol.frame import Frame
 
-UNSTUFFED_TAIL_BITS = 13
+UNSTUFFED_TAIL_BITS: Final = 13
 """Bits from the end of the CRC to the end of the intermission."""
-INTERMISSION_BITS = 3
-VALID_BEFORE_END_BITS = INTERMISSION_BITS + 1
+INTERMISSION_BITS: Final = 3
+VALID_BEFORE_END_BITS: Final = INTERMISSION_BITS + 1
 """A receiver takes a frame as valid at the last but one bit of EOF (ISO 11898-1)."""
-_CRC_POLYNOMIAL = 0x4599
-_RUN_LENGTH = 5
-_HEADER_BITS = 19
-_DATA_BYTES_MAX = 8
+_CRC_POLYNOMIAL: Final = 0x4599
+_RUN_LENGTH: Final = 5
+_HEADER_BITS: Final = 19
+_DATA_BYTES_MAX: Final = 8
 
 # A stuffing state is 4 * last bit + length of its run - 1; a run of five is not a state: its stuff bit follows at once.
-_RUNS_PER_LEVEL = 4
+_RUNS_PER_LEVEL: Final = 4
 
 
 def _stuff(state: int, value: int, width: int) -> tuple[int, int]:
@@ -61,7 +61,7 @@ _Row: TypeAlias = "list[tuple[_Row, int]]"
 
 The first 256 places are for values of 8 bits; from _SEVEN_BITS on they are for values of 7 bits.
 """
-_SEVEN_BITS = 256
+_SEVEN_BITS: Final = 256
 
 
 def _rows() -> list[_Row]:

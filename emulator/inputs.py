@@ -53,6 +53,8 @@ class BoardInputs:
         """Axes that have been started since `look`: their drivers' steps may have another size now."""
         self._due_ticks: dict[int, int] = {}
         """Tick at whose start the switches of an axis must be read next; an axis at rest is not in it."""
+        self._first_due_tick: int | None = None
+        """The first of these; None if there is none. It is asked for at every event, and changes seldom."""
         self._placed = False
         """True if `place` tells where the rotors are, not the drivers' steps."""
         self._restless: set[int] = set()
@@ -176,16 +178,17 @@ class BoardInputs:
     def _read_at(self, axes: set[int], tick: int) -> None:
         self._just_started |= axes
         self._due_ticks |= dict.fromkeys(axes, tick)
+        self._first_due_tick = min(self._due_ticks.values(), default=None)
 
     def due_tick(self, motion: Motion) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen and not self._placed:
             self._starts_seen = motion.starts
-            self._just_started = {axis for axis in self._switched if self._running(axis, motion)}
-            self._due_ticks |= dict.fromkeys(self._just_started, motion.tick)
+            self._just_started.clear()
+            self._read_at({axis for axis in self._switched if self._running(axis, motion)}, motion.tick)
         if self._restless:
             self._read_at(self._restless, max(motion.tick, self._looked_tick + 1))
-        due_tick = min(self._due_ticks.values()) if self._due_ticks else None
+        due_tick = self._first_due_tick
         if self._bounce_tick is not None:
             due_tick = self._bounce_tick if due_tick is None else min(due_tick, self._bounce_tick)
         return due_tick
@@ -207,7 +210,9 @@ class BoardInputs:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
         due = [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
         bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
-        return not all(self._put_off(axis, motion) for axis in due) or bounces
+        put_off = all(self._put_off(axis, motion) for axis in due)
+        self._first_due_tick = min(self._due_ticks.values(), default=None)
+        return not put_off or bounces
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """Put an axis' due tick off if it has made less than half the steps to its next switch; return True if so."""
@@ -233,6 +238,7 @@ class BoardInputs:
             position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
             self._axes[axis].move(position - self._axes[axis].position_sixteenths)
             self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._steps_to_change(axis)))
+        self._first_due_tick = min(self._due_ticks.values(), default=None)
         if self._bouncers:
             self._bounce(motion.tick)
 

@@ -65,7 +65,7 @@ class ShelfWatch:
         """Stand beside boards; `rotors` tells where their rotors are, as `ShelfWiring.tip_at` takes it."""
         self.shelf = Shelf(wiring.shelf)
         self._wiring = wiring
-        self._boards = boards
+        self._boards = tuple(boards)
         self._rotors = rotors
         self._looked_counts = 0
         self._rested = True

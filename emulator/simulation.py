@@ -7,7 +7,7 @@ on together and count the same 72 MHz; real boards, each with its own crystal, w
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Final, Protocol
 
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.board import Board
@@ -31,9 +31,9 @@ from steptwin.emulator.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
-_BABBLE_AHEAD = 2
+_BABBLE_AHEAD: Final = 2
 """Frames that a babbling station has waiting, so that it always has one for the next arbitration."""
-_SILENCE_MAX_S = 1
+_SILENCE_MAX_S: Final = 1
 """Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
 
 
@@ -50,7 +50,7 @@ class Attendant(Protocol):
         ...
 
 
-_BUSY_FRAMES = 500
+_BUSY_FRAMES: Final = 500
 """Number of frames that a busy bus carries at least in this time: the longest are 135 bits, the slowest 125 kbit/s."""
 
 
@@ -220,8 +220,11 @@ class Simulation:
         if begin_counts is None:
             return
         rotors_counts = None if self.rotor_watch is None else self.rotor_watch.next_counts
-        dues_counts = (self._schedule.next_counts, rotors_counts)
-        if begin_counts > self.now_counts and all(due is None or due > begin_counts for due in dues_counts):
+        scheduled_counts = self._schedule.next_counts
+        undisturbed = (rotors_counts is None or rotors_counts > begin_counts) and (
+            scheduled_counts is None or scheduled_counts > begin_counts
+        )
+        if begin_counts > self.now_counts and undisturbed:
             if self.attendant is not None and self._attends_by(self.attendant, begin_counts):
                 return
             for board in self.boards:

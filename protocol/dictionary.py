@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from typing import Final
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.datatypes import DataType, decode, encode
@@ -11,7 +11,7 @@ from steptwin.protocol.objects import ENTRIES
 
 ReadHook = Callable[[], int]
 WriteHook = Callable[[int], None]
-TEXT_BYTES_MAX = 64
+TEXT_BYTES_MAX: Final = 64
 """Length of the longest text that an entry takes."""
 
 
@@ -23,7 +23,69 @@ class FlashPage:
     texts: dict[int, str] = field(default_factory=dict)
 
 
-_INDICES = frozenset(address >> 8 for address in ENTRIES)
+def _bounds(entry: Entry) -> tuple[int, int]:
+    low = entry.data_type.low if entry.low is None else entry.low
+    high = entry.data_type.high if entry.high is None else entry.high
+    return low, high
+
+
+_INDICES: Final = frozenset(address >> 8 for address in ENTRIES)
+_TEXTS: Final = {
+    address: str(entry.default) for address, entry in ENTRIES.items() if entry.data_type is DataType.VISIBLE_STRING
+}
+"""Strings after power-up without stored ones; they do not depend on the node."""
+_NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.items() if address not in _TEXTS]
+"""Values of the other entries after power-up, less the node id of those that contain it."""
+_WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
+_GREATEST: Final = {address: ENTRIES[address].data_type.high for address, _ in _NUMBERS}
+"""Greatest value of each entry's type."""
+_BOUNDS: Final = {
+    address: _bounds(entry) for address, entry in ENTRIES.items() if entry.low is not None or entry.high is not None
+}
+"""Ranges of the entries whose range is narrower than that of their type."""
+
+
+class Cell:
+    """The place of one numeric value."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, value: int) -> None:
+        self.value = value
+
+
+class Reader:
+    """Reads a numeric entry as `ObjectDictionary.get` does, without looking it up."""
+
+    __slots__ = ("_cell", "_hook")
+
+    def __init__(self, cell: Cell, hook: ReadHook | None) -> None:
+        self._cell = cell
+        self._hook = hook
+
+    def get(self) -> int:
+        """Return the present value."""
+        return self._cell.value if self._hook is None else self._hook()
+
+
+class Writer:
+    """Writes a numeric entry as `ObjectDictionary.put` does, without looking it up."""
+
+    __slots__ = ("_bounded", "_cell", "_high", "_hook", "_low")
+
+    def __init__(self, cell: Cell, bounds: tuple[int, int] | None, hook: WriteHook | None) -> None:
+        self._cell = cell
+        self._bounded = bounds is not None
+        self._low, self._high = bounds or (0, 0)
+        self._hook = hook
+
+    def put(self, value: int) -> None:
+        """Check the range, call the write hook, then store the value; raises as `ObjectDictionary.put`."""
+        if self._bounded and not self._low <= value <= self._high:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > self._high else AbortCode.VALUE_TOO_LOW)
+        if self._hook is not None:
+            self._hook(value)
+        self._cell.value = value
 
 
 class ObjectDictionary:
@@ -38,69 +100,60 @@ class ObjectDictionary:
         self.entries = ENTRIES
         self._node_id = node_id
         self._stored = FlashPage() if stored is None else stored
-        self._defaults = {
-            address: int(entry.default_for(node_id))
-            for address, entry in self.entries.items()
-            if entry.data_type is not DataType.VISIBLE_STRING
-        }
-        """Values after power-up without a stored one."""
-        self._default_texts = {
-            address: str(entry.default)
-            for address, entry in self.entries.items()
-            if entry.data_type is DataType.VISIBLE_STRING
-        }
-        self._values: dict[int, int] = {}
+        self._cells = {address: Cell(value) for address, value in _NUMBERS}
         self._texts: dict[int, str] = {}
-        self._bounds = {
-            address: _bounds(entry)
-            for address, entry in self.entries.items()
-            if entry.low is not None or entry.high is not None
-        }
-        """Ranges of the entries whose range is narrower than that of their type."""
         self.read_hooks: dict[int, ReadHook] = {}
         self.write_hooks: dict[int, WriteHook] = {}
         self.reset()
 
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
         """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
-        stored = self._stored
-        self._values |= {
-            address: stored.values.get(address, default)
-            for address, default in self._defaults.items()
-            if first_index <= address >> 8 <= last_index
-        }
+        cells, stored = self._cells, self._stored
+        first, last = first_index << 8, last_index << 8 | 0xFF
+        for address, value in _NUMBERS:
+            if first <= address <= last:
+                cells[address].value = value
+        for address in _WITH_NODE_ID:
+            if first <= address <= last:
+                cells[address].value += self._node_id
+        for address, value in stored.values.items():
+            if first <= address <= last and address in cells:
+                cells[address].value = value
         self._texts |= {
             address: stored.texts.get(address, default)
-            for address, default in self._default_texts.items()
-            if first_index <= address >> 8 <= last_index
+            for address, default in _TEXTS.items()
+            if first <= address <= last
         }
 
     def get(self, address: int) -> int:
         """Return the present value of a numeric entry."""
-        return self.read_hooks[address]() if address in self.read_hooks else self._values[address]
+        return self.read_hooks[address]() if address in self.read_hooks else self._cells[address].value
 
     def text(self, address: int) -> str:
         """Return the present value of a string."""
         return self._texts[address]
 
-    def reader(self, address: int) -> ReadHook:
-        """Return a bound getter of a numeric entry, for hot paths; call this after all hooks are installed."""
-        return self.read_hooks.get(address) or partial(self._values.__getitem__, address)
+    def cell(self, address: int) -> Cell:
+        """Return the place of a numeric entry's stored value, for hot paths: it knows neither checks nor hooks."""
+        return self._cells[address]
+
+    def reader(self, address: int) -> Reader:
+        """Return a reader of a numeric entry, for hot paths; call this after all hooks are installed."""
+        return Reader(self._cells[address], self.read_hooks.get(address))
+
+    def writer(self, address: int) -> Writer:
+        """Return a writer of a numeric entry, for hot paths; call this after all hooks are installed."""
+        return Writer(self._cells[address], _BOUNDS.get(address), self.write_hooks.get(address))
 
     def set(self, address: int, value: int) -> None:
         """Store a value of the firmware's own, without checks or hooks."""
-        self._values[address] = value
+        self._cells[address].value = value
 
     def count(self, address: int) -> None:
         """Add one to a counter, unless it has reached the greatest value of its type."""
-        if self._values[address] < self.entries[address].data_type.high:
-            self._values[address] += 1
-
-    def writer(self, address: int) -> WriteHook:
-        """Return a bound `put` of an entry, for hot paths; call this after all hooks are installed."""
-        if address in self._bounds or address in self.write_hooks:
-            return partial(self.put, address)
-        return partial(self._values.__setitem__, address)
+        cell = self._cells[address]
+        if cell.value < _GREATEST[address]:
+            cell.value += 1
 
     def put(self, address: int, value: int) -> None:
         """Store a decoded value that came over the bus: check its range, call the write hook, then store it.
@@ -108,13 +161,7 @@ class ObjectDictionary:
         Raises:
             SdoAbortError: the value is out of range or the hook refuses it.
         """
-        if address in self._bounds:
-            low, high = self._bounds[address]
-            if not low <= value <= high:
-                raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > high else AbortCode.VALUE_TOO_LOW)
-        if address in self.write_hooks:
-            self.write_hooks[address](value)
-        self._values[address] = value
+        self.writer(address).put(value)
 
     def read(self, address: int) -> bytes:
         """Return an entry's bytes.
@@ -171,9 +218,3 @@ def _visible(data: bytes) -> str:
     if any(not 0x20 <= byte <= 0x7E for byte in text):
         raise SdoAbortError(AbortCode.VALUE_RANGE)
     return text.decode("ascii")
-
-
-def _bounds(entry: Entry) -> tuple[int, int]:
-    low = entry.data_type.low if entry.low is None else entry.low
-    high = entry.data_type.high if entry.high is None else entry.high
-    return low, high

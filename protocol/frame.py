@@ -1,6 +1,6 @@
 """A CAN data frame and the identifiers of CANopen's predefined connection set (CiA 301, section 7.3.5)."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class Frame(NamedTuple):
@@ -10,28 +10,28 @@ class Frame(NamedTuple):
     data: bytes
 
 
-BITRATES = (125_000, 250_000, 500_000, 1_000_000)
+BITRATES: Final = (125_000, 250_000, 500_000, 1_000_000)
 """The bit rates, in bit/s, that the board's CAN controller is set up for."""
 
-COB_NMT = 0x000
-COB_SYNC = 0x080
-COB_EMCY = 0x080
+COB_NMT: Final = 0x000
+COB_SYNC: Final = 0x080
+COB_EMCY: Final = 0x080
 """The node id is added to this and to all below; 080h itself is SYNC."""
-COB_TPDO = (0x180, 0x280, 0x380, 0x480)
-COB_RPDO = (0x200, 0x300, 0x400, 0x500)
-COB_SDO_RESPONSE = 0x580
-COB_SDO_REQUEST = 0x600
-COB_HEARTBEAT = 0x700
+COB_TPDO: Final = (0x180, 0x280, 0x380, 0x480)
+COB_RPDO: Final = (0x200, 0x300, 0x400, 0x500)
+COB_SDO_RESPONSE: Final = 0x580
+COB_SDO_REQUEST: Final = 0x600
+COB_HEARTBEAT: Final = 0x700
 
-FIRST_NODE_ID = 0x10
+FIRST_NODE_ID: Final = 0x10
 """Node id of a board's first axis by default; the other axes count on from it."""
-NODE_ID_MAX = 0x7F
+NODE_ID_MAX: Final = 0x7F
 
-HOST_NODE_ID = 0x7F
+HOST_NODE_ID: Final = 0x7F
 """Node id with which the host sends its heartbeat: the last one, which no axis has."""
 
-COB_ID_INVALID = 1 << 31
+COB_ID_INVALID: Final = 1 << 31
 """Set in a PDO's or EMCY's COB-ID entry: the object does not exist."""
-COB_ID_NO_RTR = 1 << 30
+COB_ID_NO_RTR: Final = 1 << 30
 """Set in a TPDO's COB-ID entry: it cannot be requested by a remote frame."""
-COB_ID_MASK = 0x7FF
+COB_ID_MASK: Final = 0x7FF

@@ -7,14 +7,15 @@ again with the next one after a loss. A boot-up message does not count: its send
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.nmt import NmtState
 
-_MS_US = 1000
-_STATE_MASK = 0x7F
+_MS_US: Final = 1000
+_STATE_MASK: Final = 0x7F
 """Bit 7 of a heartbeat is reserved."""
 
 
@@ -59,8 +60,12 @@ class HeartbeatConsumer:
     @property
     def due_us(self) -> int | None:
         """Instant at which the next producer counts as lost if it stays silent; None if none is awaited."""
-        deadlines = [watch.deadline_us for watch in self._watches.values() if watch.deadline_us is not None]
-        return min(deadlines, default=None)
+        due_us: int | None = None
+        for watch in self._watches.values():
+            deadline_us = watch.deadline_us
+            if deadline_us is not None and (due_us is None or deadline_us < due_us):
+                due_us = deadline_us
+        return due_us
 
     def receive(self, node_id: int, data: bytes, now_us: int) -> bool:
         """Take a heartbeat of a node; return True if the node was lost and is back."""

@@ -20,7 +20,7 @@ from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS, PdoDefa
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
-STRING = DataType.VISIBLE_STRING
+STRING: Final = DataType.VISIBLE_STRING
 CONST, RO, RW, WO = Access.CONST, Access.READ_ONLY, Access.READ_WRITE, Access.WRITE_ONLY
 RX, TX, RXTX = Mapping.RECEIVE, Mapping.TRANSMIT, Mapping.BOTH
 POSITION, VELOCITY, ACCELERATION = EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit.ACCELERATION
@@ -28,32 +28,32 @@ NS, US, HUNDRED_US, MS = EntryUnit.NS, EntryUnit.US, EntryUnit.HUNDRED_US, Entry
 TEN_MV, TENTH_DEGC, PERCENT = EntryUnit.TEN_MV, EntryUnit.TENTH_DEGC, EntryUnit.PERCENT
 STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.RECORDS
 
-UNITS_PER_FULL_STEP = 16_384
+UNITS_PER_FULL_STEP: Final = 16_384
 """Wire units in a full step, whatever the microstep setting."""
-FULL_STEPS_PER_REVOLUTION = 200
+FULL_STEPS_PER_REVOLUTION: Final = 200
 """Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
-_UNITS_PER_REVOLUTION = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
+_UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
 
-IDENTITY_DEVICE_TYPE = 0x0004_0192
+IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
 """CiA 402 (0x192 = 402), bit 18: stepper motor."""
 PDO_COUNT = len(RPDO_DEFAULTS)
-PDO_ENTRIES_MAX = 8
+PDO_ENTRIES_MAX: Final = 8
 HISTORY_DEPTH = len(od.ERROR_HISTORY)
-PARAMETER_GROUPS = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
+PARAMETER_GROUPS: Final = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
 """First and last index of each group of parameters that can be stored and restored."""
-STORES = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.STORE_BOARD)
-RESTORES = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
-_GROUPS = ("all parameters", "communication parameters", "application parameters", "board parameters")
+STORES: Final = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.STORE_BOARD)
+RESTORES: Final = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
+_GROUPS: Final = ("all parameters", "communication parameters", "application parameters", "board parameters")
 
-PULSE_NS_MIN = 4_000
-TIMING_NS_MAX = 1_000_000
+PULSE_NS_MIN: Final = 4_000
+TIMING_NS_MAX: Final = 1_000_000
 """Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
 
-CYCLE_MS_MAX = 10
+CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""
-MILLI = -3
+MILLI: Final = -3
 
-WINDOW_OFF = U32.high
+WINDOW_OFF: Final = U32.high
 """The value that switches the following error window (6065h) and the position window (6067h) off."""
 
 

@@ -8,22 +8,22 @@ PDOs are rebuilt from the dictionary's communication and mapping entries wheneve
 decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.cob_id import check_cob_id
-from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.dictionary import ObjectDictionary, Reader, Writer
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
 from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX
 from steptwin.protocol.od import address_of
 
-_LAST_SYNCHRONOUS = 240
-_FIRST_EVENT_DRIVEN = 254
-_INHIBIT_UNIT_US = 100
-_MS_US = 1000
+_LAST_SYNCHRONOUS: Final = 240
+_FIRST_EVENT_DRIVEN: Final = 254
+_INHIBIT_UNIT_US: Final = 100
+_MS_US: Final = 1000
 
 
 class _Field(NamedTuple):
@@ -47,6 +47,29 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
     return fields, shift // 8
 
 
+class _Target:
+    """A mapped entry that a receive PDO writes, and its place in the PDO's integer."""
+
+    __slots__ = ("mask", "shift", "sign_bit", "writer")
+
+    def __init__(self, writer: Writer, field: _Field) -> None:
+        self.writer = writer
+        self.shift = field.shift
+        self.mask = field.mask
+        self.sign_bit = field.sign_bit
+
+
+class _Source:
+    """A mapped entry that a transmit PDO reads, and its place in the PDO's integer."""
+
+    __slots__ = ("mask", "reader", "shift")
+
+    def __init__(self, reader: Reader, field: _Field) -> None:
+        self.reader = reader
+        self.shift = field.shift
+        self.mask = field.mask
+
+
 class ReceivePdo:
     """One receive PDO, as the dictionary describes it."""
 
@@ -57,9 +80,7 @@ class ReceivePdo:
         """True if its COB-ID is valid."""
         self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
         fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
-        self._writers = [
-            (dictionary.writer(field.address), field.shift, field.mask, field.sign_bit) for field in fields
-        ]
+        self._targets = [_Target(dictionary.writer(field.address), field) for field in fields]
         self._latched: bytes | None = None
         self.refused = 0
         """Number of mapped values that the dictionary has refused."""
@@ -82,9 +103,9 @@ class ReceivePdo:
 
     def _apply(self, data: bytes) -> None:
         bits = int.from_bytes(data[: self._length], "little")
-        for write, shift, mask, sign_bit in self._writers:
+        for target in self._targets:
             try:
-                write((bits >> shift & mask ^ sign_bit) - sign_bit)
+                target.writer.put((bits >> target.shift & target.mask ^ target.sign_bit) - target.sign_bit)
             except SdoAbortError:
                 self.refused += 1
 
@@ -101,7 +122,7 @@ class TransmitPdo:
         self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
         fields, self._length = _fields(dictionary, od.TPDO_MAPPING[number])
-        self._readers = [(dictionary.reader(field.address), field.shift, field.mask) for field in fields]
+        self._sources = [_Source(dictionary.reader(field.address), field) for field in fields]
         self.addresses = frozenset(field.address for field in fields)
         self._wanted = False
         self._sent: bytes | None = None
@@ -163,8 +184,8 @@ class TransmitPdo:
 
     def _frame(self) -> Frame:
         bits = 0
-        for read, shift, mask in self._readers:
-            bits |= (read() & mask) << shift
+        for source in self._sources:
+            bits |= (source.reader.get() & source.mask) << source.shift
         return Frame(self.cob_id & COB_ID_MASK, bits.to_bytes(self._length, "little"))
 
 

@@ -6,14 +6,15 @@ reported free places for.
 """
 
 from enum import Enum, IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-QUEUE_DEPTH = 64
-SEQUENCE_MODULUS = 256
+QUEUE_DEPTH: Final = 64
+SEQUENCE_MODULUS: Final = 256
 
-I24_MIN, I24_MAX = -(1 << 23), (1 << 23) - 1
-DURATION_MAX_MS = 255
-VELOCITY_PER_UNIT_PER_MS = 64
+I24_MIN: Final = -(1 << 23)
+I24_MAX: Final = (1 << 23) - 1
+DURATION_MAX_MS: Final = 255
+VELOCITY_PER_UNIT_PER_MS: Final = 64
 """Unit of the record's velocity: 1/64 wire unit per millisecond."""
 
 

@@ -1,6 +1,7 @@
 """Serve SDO requests: expedited, segmented and block transfers (CiA 301, section 7.2.4.3), bytes in, bytes out."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
@@ -8,25 +9,25 @@ from steptwin.protocol.od import address_of
 from steptwin.protocol.sdo_block import DOWNLOAD_BLOCK_SIZE, BlockDownload, BlockUpload, is_segment
 
 # Client command specifiers, bits 7..5 of the first byte.
-_DOWNLOAD_SEGMENT = 0
-_DOWNLOAD_INITIATE = 1
-_UPLOAD_INITIATE = 2
-_UPLOAD_SEGMENT = 3
-_ABORT = 4
-_BLOCK_UPLOAD = 5
-_BLOCK_DOWNLOAD = 6
+_DOWNLOAD_SEGMENT: Final = 0
+_DOWNLOAD_INITIATE: Final = 1
+_UPLOAD_INITIATE: Final = 2
+_UPLOAD_SEGMENT: Final = 3
+_ABORT: Final = 4
+_BLOCK_UPLOAD: Final = 5
+_BLOCK_DOWNLOAD: Final = 6
 
-_EXPEDITED = 0x02
-_SIZE_INDICATED = 0x01
-_TOGGLE = 0x10
-_LAST_SEGMENT = 0x01
-_SEGMENT_BYTES = 7
+_EXPEDITED: Final = 0x02
+_SIZE_INDICATED: Final = 0x01
+_TOGGLE: Final = 0x10
+_LAST_SEGMENT: Final = 0x01
+_SEGMENT_BYTES: Final = 7
 
 # Block transfers: bits of the first byte.
-_CRC = 0x04
-_BLOCK_SIZE_INDICATED = 0x02
-_BLOCK_DOWNLOAD_END = 0x01
-_BLOCK_UPLOAD_COMMAND = 0x03
+_CRC: Final = 0x04
+_BLOCK_SIZE_INDICATED: Final = 0x02
+_BLOCK_DOWNLOAD_END: Final = 0x01
+_BLOCK_UPLOAD_COMMAND: Final = 0x03
 _INITIATE, _END, _ACKNOWLEDGE = 0, 1, 2
 
 

@@ -54,7 +54,13 @@ class EmbeddedNetwork(canopen.Network):
         """
         if remote:
             raise ValueError("the simulated board answers no remote frames; CiA 301 advises against them")
-        self._send(Frame(can_id, bytes(data)))
+        due_counts = self._repeated.due_counts
+        if due_counts is not None and due_counts <= self._simulation.now_counts:
+            self._send_due()
+        try:  # not by a method of our own, which would be one more call for every frame
+            self._simulation.send(Frame(can_id, bytes(data)))
+        except BusOverloadError as error:
+            raise BusError(str(error)) from error
 
     def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicMessageTask:
         """Repeat a data frame every `period` seconds of simulated time, from now on."""
@@ -63,14 +69,10 @@ class EmbeddedNetwork(canopen.Network):
         return task
 
     def _send_due(self) -> None:
-        for frame in self._repeated.take_due():
-            self._send(frame)
-
-    def _send(self, frame: Frame) -> None:
-        if self._repeated.due:
-            self._send_due()
+        """Send the periodic frames that are due."""
         try:
-            self._simulation.send(frame)
+            for frame in self._repeated.take_due():
+                self._simulation.send(frame)
         except BusOverloadError as error:
             raise BusError(str(error)) from error
 

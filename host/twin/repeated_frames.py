@@ -44,15 +44,10 @@ class RepeatedFrames:
         self.due_counts = repeated.due_counts
         return repeated
 
-    @property
-    def due(self) -> bool:
-        """True if a frame is due by now; asked before every frame of the client's own."""
-        return self.due_counts is not None and self.due_counts <= self._simulation.now_counts
-
     def take_due(self) -> list[Frame]:
         """Return the frames that are due by now, each once; missed repetitions are not made up for."""
         now_counts = self._simulation.now_counts
-        if not self.due:
+        if self.due_counts is None or self.due_counts > now_counts:
             return []
         self._repeated = [repeated for repeated in self._repeated if not repeated.stopped]
         due = [repeated for repeated in self._repeated if repeated.due_counts <= now_counts]
