@@ -29,16 +29,19 @@ from steptwin.bench.drawer_pull import measure
 from steptwin.controller.backend import fastest_kernel
 
 assert compiled_here() is compiled
-print(measure(fastest_kernel()).emulation_s)
+figure = measure(fastest_kernel())
+print(figure.emulation_s, figure.bare_bus_ratio)
 """
 
 
 @dataclass(frozen=True)
 class CompiledFigure:
-    """The shortest of ROUNDS medians of the emulation of a drawer pull, s."""
+    """The shortest of ROUNDS medians of the emulation of a drawer pull, s, and the ratios to a bare bus then."""
 
     compiled_s: float
+    compiled_ratio: float
     sources_s: float
+    sources_ratio: float
 
 
 def compiled_here() -> bool:
@@ -50,11 +53,14 @@ def measure() -> CompiledFigure | None:
     """Measure each in processes of its own; return None where nothing is compiled."""
     if not compiled_here():
         return None
-    rounds = [[_emulation_s(how) for how in ("compiled", "sources")] for _ in range(ROUNDS)]
-    return CompiledFigure(*map(min, zip(*rounds, strict=True)))
+    rounds = [(_measured("compiled"), _measured("sources")) for _ in range(ROUNDS)]
+    compiled, sources = map(min, zip(*rounds, strict=True))
+    return CompiledFigure(*compiled, *sources)
 
 
-def _emulation_s(how: str) -> float:
+def _measured(how: str) -> tuple[float, float]:
+    """Return the emulation's time, s, and its ratio to a bare bus, measured in a process of its own."""
     package = str(Path(str(simulation.__file__)).parents[1])
     command = [sys.executable, "-c", _MEASURE, package, how]
-    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    emulation_s, ratio = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return float(emulation_s), float(ratio)

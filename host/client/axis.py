@@ -61,6 +61,7 @@ class AxisClient:
         self.restarted = False
         """True once the node has announced that it has started, since this was set to False."""
         self._link = link
+        self._record_cob_id = COB_RPDO[3] + node_id
         self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary, patience))
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
@@ -238,7 +239,7 @@ class AxisClient:
 
     def send_record(self, payload: bytes) -> None:
         """Send the eight bytes of a PVT record by RPDO4."""
-        self._link.network.send_message(COB_RPDO[3] + self.node_id, payload)
+        self._link.network.send_message(self._record_cob_id, payload)
 
     def send_interpolation_controlword(self, controlword: int) -> None:
         """Send a controlword by RPDO1, together with the mode interpolated position; it takes effect at once."""

@@ -1,12 +1,15 @@
 """Encode an axis' PVT records as the bytes of RPDO4, all at once: one by one this took a tenth of a stream's time."""
 
+from typing import Final
+
 import numpy as np
 
 from steptwin.host.common.axis_records import AxisRecords
 from steptwin.protocol.pvt import I24_MAX, I24_MIN, SEQUENCE_MODULUS
 
 _I24_MASK = (1 << 24) - 1
-_PAYLOAD_BYTES = 8
+_PAYLOAD: Final = "V8"
+"""numpy's type for eight bytes that mean nothing to it."""
 
 
 def payloads(records: AxisRecords, first: int) -> list[bytes]:
@@ -19,8 +22,8 @@ def payloads(records: AxisRecords, first: int) -> list[bytes]:
     durations = _within(records.durations_ms, 0, 255)
     sequences = np.arange(first, first + len(durations)) % SEQUENCE_MODULUS
     words = displacements | velocities << 24 | durations << 48 | sequences << 56
-    data = words.astype("<i8").tobytes()
-    return [data[i : i + _PAYLOAD_BYTES] for i in range(0, len(data), _PAYLOAD_BYTES)]
+    data: list[bytes] = words.astype("<i8").view(_PAYLOAD).tolist()
+    return data
 
 
 def _within(values: list[int], low: int, high: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

@@ -6,9 +6,10 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
+from steptwin.host.twin.scenarios.host_condition import HostLostError
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-from tests.host.twin.scenarios.short_runs import carry, played, scenario
+from tests.host.twin.scenarios.short_runs import ROBOT, carry, played, scenario
 
 
 @pytest.mark.parametrize("part", [0.2, 0.4, 0.6, 0.8])
@@ -134,3 +135,15 @@ def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kerne
     boards[0].repair()
     assert boards[0].engine is not None
     assert boards[0].engine.target.surroundings.supply_10mv == 2400
+
+
+def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kernel: Kernel) -> None:
+    """The heartbeat that is due then is not sent, and not waited for."""
+    death = scenario('[[fault]]\npower_up_s = 0.03\ndo = "host"\nhow = "death"\n')
+    board = EmbeddedBoard(ROBOT, list(carry().start_joints), fast_kernel, scenario=death)
+    board.network.send_periodic(0x77F, b"\x05", 0.04)
+    until_s = board.now_s() + 0.1
+    with pytest.raises(HostLostError, match="died"):
+        board.wait(0.1)
+    assert board.now_s() == pytest.approx(until_s)
+    assert sum(frame.cob_id == 0x77F for _, frame in board.bus_log) == 1
