@@ -25,6 +25,7 @@ from steptwin.protocol.sync import SyncConsumer
 
 _RETRY_US: Final = 1000
 """Time after which an EMCY that found no place in the transmit queue tries again."""
+_OPERATIONAL: Final = NmtState.OPERATIONAL  # to fetch it from its enum costs time, for every frame
 _FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 
 
@@ -147,7 +148,7 @@ class AxisNode:
 
     def on_rpdo(self, number: int, data: bytes, now_us: int) -> None:
         """Take process data, in OPERATIONAL only."""
-        if self.nmt_state is not NmtState.OPERATIONAL:
+        if self.nmt_state is not _OPERATIONAL:
             return
         context = self._context
         context.now_us = now_us

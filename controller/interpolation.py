@@ -48,6 +48,7 @@ class Interpolation(DriveMode):
         self._end_velocity = dictionary.cell(od.PVT_END_VELOCITY)
         self._duration_ms = dictionary.cell(od.PVT_DURATION_MS)
         self._least_fill = dictionary.cell(od.PVT_LEAST_FILL)
+        self._accepted = dictionary.counter(od.PVT_ACCEPTED)
 
     def _install_hooks(self) -> None:
         self._dictionary.write_hooks[od.PVT_SEQUENCE] = self._record_arrived
@@ -82,7 +83,7 @@ class Interpolation(DriveMode):
         self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
-        self._dictionary.count(od.PVT_ACCEPTED)
+        self._accepted.add_one()
         if self.on_record:
             self.on_record(PvtRecord(units, velocity, duration_ms, sequence))
 

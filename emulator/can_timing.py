@@ -6,7 +6,6 @@ give CRC and stuff bits a byte at a time, since every frame of a run passes here
 the CRCs that each byte would have alone, with zeros in place of the others.
 """
 
-from functools import cache
 from typing import Final, TypeAlias
 
 from steptwin.protocol.frame import Frame
@@ -53,7 +52,7 @@ def _crc_tables() -> tuple[tuple[int, ...], ...]:
     return tuple(reversed(tables))
 
 
-_CRC_TABLES = _crc_tables()
+_CRC_TABLES: Final = _crc_tables()
 """Contribution of each byte value to the CRC: one table for each of the last eight bytes, in the order of sending."""
 
 _Row: TypeAlias = "list[tuple[_Row, int]]"
@@ -73,11 +72,13 @@ def _rows() -> list[_Row]:
     return rows
 
 
-_ROWS = _rows()
+_ROWS: Final = _rows()
+_Header: TypeAlias = "tuple[int, tuple[tuple[int, ...], ...], _Row, int]"
+_headers: Final[dict[int, _Header]] = {}
+"""The headers that frames have had so far, by identifier and length."""
 
 
-@cache
-def _header(cob_id: int, length: int) -> tuple[int, tuple[tuple[int, ...], ...], _Row, int]:
+def _header(cob_id: int, length: int) -> _Header:
     """Return the effect of the header, SOF to DLC, on the rest of the frame, from the identifier and the length.
 
     The parts: the header's contribution to the CRC, the CRC tables of the bytes that follow, the row of the stuffing
@@ -95,7 +96,11 @@ def _header(cob_id: int, length: int) -> tuple[int, tuple[tuple[int, ...], ...],
 def frame_bits(frame: Frame) -> int:
     """Return the frame's length in bits from SOF to the end of the intermission: 47 + 8n + stuff bits."""
     data = frame.data
-    crc, crc_tables, row, stuffed = _header(frame.cob_id, len(data))
+    begins = frame.cob_id << 4 | len(data)
+    header = _headers.get(begins)
+    if header is None:
+        header = _headers[begins] = _header(frame.cob_id, len(data))
+    crc, crc_tables, row, stuffed = header
     for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equally long; the check costs time)
         crc ^= crc_of[byte]
         row, more = row[byte]

@@ -211,7 +211,7 @@ class BoardInputs:
         due = [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
         bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
         put_off = all(self._put_off(axis, motion) for axis in due)
-        self._first_due_tick = min(self._due_ticks.values(), default=None)
+        self._first_due_tick = min(self._due_ticks.values()) if self._due_ticks else None
         return not put_off or bounces
 
     def _put_off(self, axis: int, motion: Motion) -> bool:

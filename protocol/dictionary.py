@@ -88,6 +88,21 @@ class Writer:
         self._cell.value = value
 
 
+class Counter:
+    """Counts in an entry as `ObjectDictionary.count` does, without looking it up."""
+
+    __slots__ = ("_cell", "_greatest")
+
+    def __init__(self, cell: Cell, greatest: int) -> None:
+        self._cell = cell
+        self._greatest = greatest
+
+    def add_one(self) -> None:
+        """Add one, unless the counter has reached the greatest value of its type."""
+        if self._cell.value < self._greatest:
+            self._cell.value += 1
+
+
 class ObjectDictionary:
     """One node's object dictionary.
 
@@ -149,11 +164,13 @@ class ObjectDictionary:
         """Store a value of the firmware's own, without checks or hooks."""
         self._cells[address].value = value
 
+    def counter(self, address: int) -> Counter:
+        """Return a counter, for hot paths."""
+        return Counter(self._cells[address], _GREATEST[address])
+
     def count(self, address: int) -> None:
         """Add one to a counter, unless it has reached the greatest value of its type."""
-        cell = self._cells[address]
-        if cell.value < _GREATEST[address]:
-            cell.value += 1
+        self.counter(address).add_one()
 
     def put(self, address: int, value: int) -> None:
         """Store a decoded value that came over the bus: check its range, call the write hook, then store it.

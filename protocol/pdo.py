@@ -24,6 +24,7 @@ _LAST_SYNCHRONOUS: Final = 240
 _FIRST_EVENT_DRIVEN: Final = 254
 _INHIBIT_UNIT_US: Final = 100
 _MS_US: Final = 1000
+_NO_ERROR: Final = ErrorCode.NONE  # to fetch a member from its enum costs time, and this is returned for every frame
 
 
 class _Field(NamedTuple):
@@ -93,7 +94,7 @@ class ReceivePdo:
             self._latched = data
         else:
             self._apply(data)
-        return ErrorCode.PDO_TOO_LONG if len(data) > self._length else ErrorCode.NONE
+        return ErrorCode.PDO_TOO_LONG if len(data) > self._length else _NO_ERROR
 
     def on_sync(self) -> None:
         """Apply the frame that was latched last, if one came since the last SYNC."""

@@ -6,6 +6,10 @@ from typing import Final, NamedTuple
 from steptwin.protocol.cia402 import Mode, State, Status
 
 FAULT_STATES: Final = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+# To fetch these from their enums costs time, for every axis at every look.
+_ENABLED: Final = State.OPERATION_ENABLED
+_INTERPOLATED: Final = int(Mode.INTERPOLATED_POSITION)
+_IP_ACTIVE: Final = int(Status.IP_ACTIVE)
 _LAYOUT: Final = struct.Struct("<Hbi")
 
 
@@ -33,8 +37,8 @@ class DriveStatus(NamedTuple):
     @property
     def interpolating(self) -> bool:
         """True while the axis executes PVT records, at rest or not."""
-        active = self.state is State.OPERATION_ENABLED and self.mode == Mode.INTERPOLATED_POSITION
-        return active and bool(self.statusword & Status.IP_ACTIVE)
+        active = self.state is _ENABLED and self.mode == _INTERPOLATED
+        return active and bool(self.statusword & _IP_ACTIVE)
 
     @property
     def halted(self) -> bool:

@@ -11,6 +11,7 @@ from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
 
+_ENABLED: Final = State.OPERATION_ENABLED  # to fetch it from its enum costs time, for every axis at every look
 _REPORT_TIMEOUT_S: Final = 0.3
 """Time limit for a report: three times the event timer with which an OPERATIONAL node reports its drive's status."""
 
@@ -33,7 +34,7 @@ def check_enabled(axes: Sequence[AxisClient]) -> None:
     """Raise DeviceFaultError if a drive last reported another state than OPERATION ENABLED: something stopped it."""
     for axis in axes:
         status = axis.drive_status
-        if status is not None and status.state is not State.OPERATION_ENABLED:
+        if status is not None and status.state is not _ENABLED:
             raise DeviceFaultError(f"{axis.name}: was stopped, the drive is in {state_text(status.state)}").plainly(
                 f"{axis.name}: was stopped, it is {state_words(status.state)}"
             )
