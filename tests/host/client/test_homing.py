@@ -19,6 +19,7 @@ from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from tests.compiled import on_sources_only
 from tests.host.client.machines import L1, SETTINGS, TH1, TH3, WAREHOUSE
 
 
@@ -173,6 +174,7 @@ class TestFailures:
         with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
             machine.home_axes(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
 
+    @on_sources_only
     def test_a_homing_that_neither_ends_nor_fails(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         monkeypatch.setattr(machine.axes[TH1], "read", lambda *_: 0x0237)
