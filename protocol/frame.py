@@ -22,6 +22,10 @@ COB_RPDO: Final = (0x200, 0x300, 0x400, 0x500)
 COB_SDO_RESPONSE: Final = 0x580
 COB_SDO_REQUEST: Final = 0x600
 COB_HEARTBEAT: Final = 0x700
+FROM_NODE: Final = (COB_EMCY, *COB_TPDO, COB_SDO_RESPONSE, COB_HEARTBEAT)
+"""The services by which a node sends."""
+TO_NODE: Final = (*COB_RPDO, COB_SDO_REQUEST)
+"""The services by which a host addresses a node."""
 
 FIRST_NODE_ID: Final = 0x10
 """Node id of a board's first axis by default; the other axes count on from it."""

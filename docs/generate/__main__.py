@@ -1,6 +1,7 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
 from docs.generate.calibration_picture import write_calibration_picture
+from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.driver_pictures import write_driver_pictures
 from docs.generate.faults import FAULTS_PAGE, render_faults
@@ -18,6 +19,7 @@ from steptwin.host.papers.runs import Runs
 
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
+    CONTROL_PORT_PAGE.write_text(render_control_port(), encoding="utf-8")
     DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
     write_driver_pictures()
     FAULTS_PAGE.write_text(render_faults(), encoding="utf-8")

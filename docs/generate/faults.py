@@ -7,9 +7,9 @@ from docs.generate.commands import session
 from docs.generate.pieces import DOCS, filled
 from docs.generate.runs import ROBOTS
 from steptwin.host.common.control import Do
+from steptwin.host.common.requests import FORMS
 from steptwin.host.papers.markdown import table
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.control.operations import keys_of
 from steptwin.host.twin.scenarios.reactions import DOCUMENTED, Motion, Reaction
 from steptwin.host.twin.scenarios.report import longest_ramp_ms
 
@@ -17,33 +17,6 @@ FAULTS_PAGE: Final = DOCS / "faults.md"
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
 
 _NOTICE: Final = "<!-- Made by `make docs` from docs/faults/faults.md and the table of reactions: change those. -->"
-_DOES: Final = {
-    Do.ESTOP: "the emergency stop is pressed, or pulled out",
-    Do.SUPPLY: "the motor supply has this voltage",
-    Do.TEMPERATURE: "the board has this temperature",
-    Do.PROTECT: "the Protect pin of a driver is held low, as by a chip that is too hot",
-    Do.INPUT: "a sensor of the robot's file is active, or not",
-    Do.SWITCH: "a switch `-`, `+` or `home` sticks `closed` or `open`, or is `free`",
-    Do.SWITCH_WIRE: "a switch's wire is `whole`, or broken at a contact that is `normally-open` or `normally-closed`",
-    Do.BOUNCE: "a switch bounces so often with each change, within 5 ms",
-    Do.MODE: "a driver is set to another microstep mode, or as it was",
-    Do.OSC: "the capacitor at a driver chip's OSC pin has another value",
-    Do.SLIP: "a motor falls out of step by whole electrical cycles: a multiple of 4 full steps",
-    Do.PAYLOAD: "the payload has another mass; only with motors that turn with the board (`run --motors=loop`)",
-    Do.WIRE: "the wire `step`, `dir` or `enable` to a driver is `broken`, shorted `low` or `high`, `noisy` or `whole`",
-    Do.BROWN_OUT: "the logic of a board, or of all boards, is without supply for a time, or until `power-up`",
-    Do.WATCHDOG: "the watchdog resets a board's processor, or that of all boards, while the drivers keep their supply",
-    Do.POWER_UP: "a board that is down starts again",
-    Do.STRANGER: "a foreign station, such as a second master, sends a frame",
-    Do.BABBLE: "the same station sends a frame again and again",
-    Do.LOSS: "frames are acknowledged and do not arrive",
-    Do.CORRUPTION: "frames are disturbed: CAN sends them again",
-    Do.DUPLICATE: "frames come twice, as after an error in their last bit",
-    Do.DELAY: "the sender of a frame waits before it sends it",
-    Do.BUS_OFF: "the board of a joint, or without `joint` the host, goes into bus-off",
-    Do.BUS_OK: "all faults of the bus end",
-    Do.HOST: "something goes wrong with the host: see below",
-}
 
 
 def render_faults() -> str:
@@ -63,10 +36,12 @@ def render_faults() -> str:
 
 def _requests() -> str:
     rows = []
-    for do in Do:
+    for do, form in FORMS.items():
         if do is not Do.STATE:
-            required, optional = (", ".join(f"`{key}`" for key in keys) or "-" for keys in keys_of(do))
-            rows.append([f"`{do}`", required, optional, _DOES[do]])
+            required, optional = (
+                ", ".join(f"`{key}`" for key in keys) or "-" for keys in (form.required, form.optional)
+            )
+            rows.append([f"`{do}`", required, optional, form.does])
     return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
 
 

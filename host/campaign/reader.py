@@ -20,9 +20,9 @@ from steptwin.host.campaign.values import Template, drawn, read_template
 from steptwin.host.campaign.variations import VARIATIONS, Setup
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.tables import Table, integer_from, toml_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.planner import plan
@@ -67,9 +67,9 @@ class _Reader:
         """Return the campaign; raise InputError with everything that is wrong in it."""
         table, findings = toml_table(self.sources.text), Findings()
         values = table.read(
-            {"runs": _runs, "robots": Table.elements, "motion": Table.elements},
+            {"runs": integer_from(1, RUNS_MAX), "robots": Table.elements, "motion": Table.elements},
             {
-                "first_seed": _first_seed,
+                "first_seed": integer_from(0, _SEED_MAX),
                 "scenario": Table.elements,
                 "vary": lambda table, key: table.values[key],
                 "recover": Table.truth,
@@ -272,16 +272,9 @@ def parse_campaign(sources: Sources) -> tuple[Campaign, set[str]]:
 def read_scenario_table(path: str) -> dict[str, Any]:
     """Return the table of a scenario's file, to be read for a robot later; raise InputError if it is not TOML."""
     with prefixed(f"{path}: "):
-        table = dict(toml_table(read_text(path, PROGRAM_BYTES_MAX)).values)
+        table = dict(toml_table(read_text(path, SCENARIO_BYTES_MAX)).values)
     table.pop("name", None)
     return table
-
-
-def _runs(table: Table, key: str) -> int:
-    runs = table.integer(key)
-    if not 1 <= runs <= RUNS_MAX:
-        raise InputError(f"{key}: {runs} is not from 1 to {RUNS_MAX}")
-    return runs
 
 
 def _motors(table: Table, key: str) -> Motors:
@@ -294,18 +287,8 @@ def _motors(table: Table, key: str) -> Motors:
     return Motors.IN_LOOP
 
 
-def _first_seed(table: Table, key: str) -> int:
-    seed = table.integer(key, _SEED_MAX)
-    if seed < 0:
-        raise InputError(f"{key}: {seed} is negative")
-    return seed
-
-
 def _weight(table: Table) -> float:
-    weight = table.number("weight") if "weight" in table else 1.0
-    if weight < 0:
-        raise InputError(f"weight: {weight:g} is negative")
-    return weight
+    return table.number("weight", 0) if "weight" in table else 1.0
 
 
 def _template(table: Table, key: str) -> Any:

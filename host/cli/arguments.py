@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,8 +26,6 @@ RobotAndJoints = Annotated[
     list[str] | None,
     typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
 ]
-LEVELS: Final[dict[str, bool]] = {"on": True, "off": False}
-"""Levels of inputs and outputs by their words."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
 DriverProfileName = Annotated[
     str | None,

@@ -1,114 +1,33 @@
 """`steptwin inject ROBOT WHAT [VALUE] --control ...`: operate the emulated machine of a served board."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import LEVELS, AsJson, RobotFile, finite_number, robot_and_rest
+from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.connection import LIVE_PANEL, host_and_port
 from steptwin.host.cli.output import print_json, print_table, say
-from steptwin.host.common.bad_input import unknown
-from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Do, Stuck
+from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Do
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.requests import FORMS, INJECTED, request_of_words
 
 if TYPE_CHECKING:
     from steptwin.host.client.control_state import ControlState, Lateness, Protect, SwitchState
 
 
-class _Kind(NamedTuple):
-    """What can be asked for.
-
-    Attributes:
-        values: the words behind its name.
-        ask: asks for it with these words; returns the state after it.
-        said: returns what has become of it, in a line.
-    """
-
-    values: tuple[str, ...]
-    ask: "Callable[..., ControlState]"
-    said: "Callable[..., str]"
-
-
-_HOST: Final = "host"
-_KINDS: Final = {
-    "estop": _Kind(
-        ("on|off",),
-        lambda client, level: client.emergency_stop(pressed=_level(level)),
-        lambda state, _: _estop(state),
+_SAID: Final[Mapping[Do, "Callable[[ControlState, dict[str, Any]], str]"]] = {
+    Do.ESTOP: lambda state, _: _estop(state),
+    Do.SUPPLY: lambda state, _: _supply(state),
+    Do.TEMPERATURE: lambda state, _: _temperature(state),
+    Do.PROTECT: lambda state, values: f"Protect of {values['joint']}: {_protect(state.protect[values['joint']])}",
+    Do.INPUT: lambda state, values: f"input {values['input']}: {_on(state.inputs[values['input']])}",
+    Do.SWITCH: lambda state, values: (
+        f"switch {values['switch']} of {values['joint']}: {_switch(state.switches[values['joint']][values['switch']])}"
     ),
-    "supply": _Kind(
-        ("VOLTS",),
-        lambda client, volts: client.supply(finite_number(volts, "supply")),
-        lambda state, _: _supply(state),
-    ),
-    "temperature": _Kind(
-        ("DEGC",),
-        lambda client, degc: client.temperature(finite_number(degc, "temperature")),
-        lambda state, _: _temperature(state),
-    ),
-    "protect": _Kind(
-        ("JOINT", "on|off"),
-        lambda client, joint, level: client.protect(joint, held=_level(level)),
-        lambda state, joint, _: f"Protect of {joint}: {_protect(state.protect[joint])}",
-    ),
-    "input": _Kind(
-        ("NAME", "on|off"),
-        lambda client, name, level: client.set_input(name, on=_level(level)),
-        lambda state, name, _: f"input {name}: {_on(state.inputs[name])}",
-    ),
-    "switch": _Kind(
-        ("JOINT", "-|+|home", "closed|open|free"),
-        lambda client, joint, name, stuck: client.switch(joint, name, _stuck(stuck)),
-        lambda state, joint, name, _: f"switch {name} of {joint}: {_switch(state.switches[joint][name])}",
-    ),
-    "slip": _Kind(
-        ("JOINT", "FULL_STEPS"),
-        lambda client, joint, steps: client.ask(Do.SLIP, joint=joint, full_steps=_whole(steps, "slip")),
-        lambda _, joint, steps: f"the motor of {joint} has slipped by {steps} full steps",
-    ),
-    "wire": _Kind(
-        ("JOINT", "step|dir|enable", "whole|broken|low|high"),
-        lambda client, joint, wire, condition: client.ask(Do.WIRE, joint=joint, wire=wire, condition=condition),
-        lambda _, joint, wire, condition: f"wire {wire} of {joint}: {condition}",
-    ),
-    "brown-out": _Kind(
-        ("MS",),
-        lambda client, ms: client.ask(Do.BROWN_OUT, for_ms=_whole(ms, "brown-out")),
-        lambda _, ms: f"no supply for the boards' logic for {ms} ms",
-    ),
-    "watchdog": _Kind(
-        (), lambda client: client.ask(Do.WATCHDOG), lambda _: "the watchdog has reset the boards' processors"
-    ),
-    "duplicate": _Kind(
-        ("FRAMES",),
-        lambda client, frames: client.ask(Do.DUPLICATE, frames=frames),
-        lambda _, frames: f"{frames}: twice from now on",
-    ),
-    "loss": _Kind(
-        ("FRAMES",),
-        lambda client, frames: client.ask(Do.LOSS, frames=frames),
-        lambda _, frames: f"{frames}: lost from now on",
-    ),
-    "corruption": _Kind(
-        ("FRAMES",),
-        lambda client, frames: client.ask(Do.CORRUPTION, frames=frames),
-        lambda _, frames: f"{frames}: disturbed from now on",
-    ),
-    "delay": _Kind(
-        ("FRAMES", "SECONDS"),
-        lambda client, frames, seconds: client.ask(Do.DELAY, frames=frames, by_s=finite_number(seconds, "delay")),
-        lambda _, frames, seconds: f"{frames}: delayed by {seconds} s from now on",
-    ),
-    "bus-off": _Kind(
-        ("JOINT|host",),
-        lambda client, who: client.ask(Do.BUS_OFF, **({} if who == _HOST else {"joint": who})),
-        lambda _, who: f"{_station(who)} is in bus-off",
-    ),
-    "bus-ok": _Kind((), lambda client: client.ask(Do.BUS_OK), lambda _: "all faults of the bus have ended"),
-    "state": _Kind((), lambda client: client.state(), lambda _: ""),
 }
+"""What has become of requests whose effect the state shows, in a line; of others it only says that they are done."""
 
 
 @command(
@@ -121,7 +40,7 @@ def inject(
         list[str] | None,
         typer.Argument(
             metavar="ROBOT WHAT [VALUE]",
-            help="The robot, and one of: " + "; ".join(" ".join((name, *kind.values)) for name, kind in _KINDS.items()),
+            help="The robot, and one of:\n" + "\n".join(f"{do} {FORMS[do].usage}".rstrip() for do in INJECTED),
         ),
     ] = None,
     robot_file: RobotFile = None,
@@ -136,65 +55,31 @@ def inject(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Harm a served board: its e-stop, supply, sensors, switches that stick, wires, motors and bus.
+    """Harm a served board: its e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.
 
-    What is pressed, held, stuck, broken or lost remains so when the command has ended, until its opposite; `bus-ok`
-    ends the faults of the bus. FRAMES are all, sync, nmt, host-heartbeat, of-host, or a service of all nodes: records,
-    commands, requests, answers, reports, emergencies, heartbeats.
+    What is in brackets may be left out, and stands as KEY=VALUE or, in this order, without its key. What is pressed,
+    held, stuck, broken or lost remains so when the command has ended, until its opposite; `bus-ok` ends the faults of
+    the bus. FRAMES are all, sync, nmt, host-heartbeat, of-host, of-board, a service of all nodes (records, commands,
+    requests, answers, reports, emergencies, heartbeats), or identifiers such as 0x510,0x511.
     """
     from steptwin.host.client.control_client import ControlClient
 
     loaded, rest = robot_and_rest(words or [], robot_file)
-    name, values = _asked_for(rest)
+    do, values = request_of_words(rest)
     if control is None:
         raise InputError("which board? --control HOST:PORT, as `steptwin serve --control-port` prints it")
     with ControlClient(*host_and_port("--control", control, EXAMPLE_PORT)) as client:
         before = client.state()
         if before.robot != loaded.name:
             raise InputError(f"{client.title}: the board is one of {before.robot}, not of {loaded.name}")
-        state = before if name == "state" else _KINDS[name].ask(client, *values)
+        state = before if do is Do.STATE else client.ask(do, **values)
     if as_json:
         print_json(dict(state.document))
-    elif name != "state":
-        say(f"SIMULATED {state.robot}: {_KINDS[name].said(state, *values)}")
-    else:
+    elif do is Do.STATE:
         _print_state(state)
-
-
-def _asked_for(words: list[str]) -> tuple[str, list[str]]:
-    """Return what is asked for and the words behind it; raise InputError unless they are as many as it needs."""
-    if not words:
-        raise InputError(f"WHAT is missing: {', '.join(_KINDS)}")
-    name, *values = words
-    if name not in _KINDS:
-        raise unknown("WHAT", name, _KINDS)
-    needed = _KINDS[name].values
-    if len(values) != len(needed):
-        raise InputError(f"after {name}: {' '.join(needed) or 'nothing'}, not {' '.join(values) or 'nothing'}")
-    return name, values
-
-
-def _level(text: str) -> bool:
-    if text not in LEVELS:
-        raise InputError(f"'{text}' is neither on nor off")
-    return LEVELS[text]
-
-
-def _whole(text: str, what: str) -> int:
-    value = finite_number(text, what)
-    if not value.is_integer():
-        raise InputError(f"{what}: {text} is not a whole number")
-    return int(value)
-
-
-def _station(who: str) -> str:
-    return "the host" if who == _HOST else f"the board of {who}"
-
-
-def _stuck(text: str) -> Stuck:
-    if text not in list(Stuck):
-        raise InputError(f"'{text}' is not one of {', '.join(Stuck)}")
-    return Stuck(text)
+    else:
+        told = _SAID[do](state, values) if do in _SAID else f"{' '.join(rest)}: done"
+        say(f"SIMULATED {state.robot}: {told}")
 
 
 # --- the state in words

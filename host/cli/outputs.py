@@ -5,10 +5,11 @@ from typing import Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import LEVELS, AsJson, RobotFile, robot_and_rest
+from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.connection import Bitrate, Channel, Connect, Force, Interface, opened_session
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.levels import LEVELS
 
 
 @command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")

@@ -10,10 +10,11 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
+from math import inf
 from reprlib import repr as short
 from typing import Any, Final, TypeVar
 
-from steptwin.host.common.bad_input import nearest, prefixed, shortened, unknown
+from steptwin.host.common.bad_input import nearest, nearest_within, outside, prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
@@ -108,17 +109,26 @@ class Table:
             check_name(value, chars_max)
         return value
 
-    def number(self, key: str) -> float:
-        """Return a finite number of at most LARGEST in size."""
-        return number_at(key, self._take(key))
+    def number(self, key: str, least: float = -LARGEST, most: float = LARGEST, unit: str = "") -> float:
+        """Return a finite number from `least` to `most`, at most LARGEST in size; `unit` is for the message."""
+        value = number_at(key, self._take(key))
+        if value < least and most == LARGEST:
+            raise InputError(f"{key}: {value:g}{f' {unit}' if unit else ''} is below {least:g}")
+        if not least <= value <= most:
+            nearest_value = nearest_within(value, least, most, unit).rstrip()
+            raise InputError(f"{key}: {outside(value, least, most, unit)}{nearest_value}")
+        return value
 
-    def integer(self, key: str, largest: float = LARGEST) -> int:
-        """Return a whole number of at most `largest` in size."""
+    def integer(self, key: str, largest: float = LARGEST, least: float = -inf) -> int:
+        """Return a whole number from `least` on, of at most `largest` in size."""
         value = self._take(key)
         if isinstance(value, bool) or not isinstance(value, int):
             raise InputError(f"{key}: {short(value)} is not a whole number")
+        if value < least:
+            raise InputError(f"{key}: {short(value)} is below {least:g}")
         if abs(value) > largest:
-            raise InputError(f"{key}: {short(value)} is not a whole number up to {largest:g}")
+            limit = largest if isinstance(largest, int) else f"{largest:g}"
+            raise InputError(f"{key}: {short(value)} is not a whole number up to {limit}")
         return value
 
     def truth(self, key: str) -> bool:
@@ -216,3 +226,13 @@ class Table:
 
 Reading = Callable[[Table, str], Any]
 """A method of Table, or another function of a table and a key, that returns the key's value or raises InputError."""
+
+
+def number_from(least: float, most: float = LARGEST, unit: str = "") -> Reading:
+    """Return the reading of a number within a range, as `Table.number`."""
+    return lambda table, key: table.number(key, least, most, unit)
+
+
+def integer_from(least: int, largest: float = LARGEST) -> Reading:
+    """Return the reading of a whole number within a range, as `Table.integer`."""
+    return lambda table, key: table.integer(key, largest, least)

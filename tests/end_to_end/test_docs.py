@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
 from docs.generate.driver import DRIVER_PAGE, render_driver
 from docs.generate.faults import FAULTS_PAGE, render_faults
 from docs.generate.page import PAGE, render_page
@@ -47,6 +48,7 @@ ALL_TEXT = (
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
     + (PAGE.parent / "campaigns.md").read_text(encoding="utf-8")
     + FAULTS_PAGE.read_text(encoding="utf-8")
+    + CONTROL_PORT_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
     + (PAGE.parent / "warehouse.md").read_text(encoding="utf-8")
@@ -84,6 +86,10 @@ def test_the_protocol_page_is_up_to_date() -> None:
 def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     assert render_faults() == FAULTS_PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_control_port_is_up_to_date() -> None:
+    assert render_control_port() == CONTROL_PORT_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_driver_page_is_up_to_date() -> None:

@@ -11,23 +11,19 @@ from typing import Final
 
 from steptwin.host.record.recorded_bus.reading import RecordedFrame
 from steptwin.protocol.frame import (
-    COB_EMCY,
     COB_HEARTBEAT,
     COB_ID_INVALID,
     COB_ID_MASK,
     COB_NMT,
-    COB_RPDO,
     COB_SDO_REQUEST,
-    COB_SDO_RESPONSE,
     COB_SYNC,
     COB_TPDO,
+    FROM_NODE,
     NODE_ID_MAX,
+    TO_NODE,
     Frame,
 )
 
-_OF_A_NODE: Final = (COB_EMCY, *COB_TPDO, COB_SDO_RESPONSE)
-"""Services by which a node sends, beside its heartbeat."""
-_TO_A_NODE: Final = (*COB_RPDO, COB_SDO_REQUEST)
 _COB_TIME: Final = 0x100
 _MOVABLE: Final = {(0x1014, 0), *((0x1800 + i, 1) for i in range(len(COB_TPDO)))}
 """Objects that hold the identifiers of a node's own frames."""
@@ -58,7 +54,7 @@ def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> li
 
 def _by_identifier(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> Iterable[Sender | None]:
     """Yield who has sent each frame; None if its identifier belongs to no service."""
-    boards = {base + node for base in (*_OF_A_NODE, COB_HEARTBEAT) for node in node_ids}
+    boards = {base + node for base in FROM_NODE for node in node_ids}
     known: dict[int, Sender | None] = {}
     for _, frame, _ in frames:
         cob_id = frame.cob_id
@@ -78,9 +74,9 @@ def _of_no_board(cob_id: int, node_ids: Collection[int]) -> Sender | None:
         return None
     if base == COB_HEARTBEAT:
         return Sender.HOST
-    if base in _TO_A_NODE:
+    if base in TO_NODE:
         return Sender.HOST if node_id in node_ids else Sender.OTHER
-    return Sender.OTHER if base in _OF_A_NODE else None
+    return Sender.OTHER if base in FROM_NODE else None
 
 
 def _moved_identifier(frame: Frame, node_ids: Collection[int]) -> int | None:

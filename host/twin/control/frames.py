@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import (
     COB_EMCY,
@@ -15,7 +17,9 @@ from steptwin.protocol.frame import (
     COB_SYNC,
     COB_TPDO,
     FIRST_NODE_ID,
+    FROM_NODE,
     HOST_NODE_ID,
+    TO_NODE,
 )
 
 _NODES: Final[Mapping[str, tuple[int, ...]]] = {
@@ -26,7 +30,7 @@ _NODES: Final[Mapping[str, tuple[int, ...]]] = {
     "reports": COB_TPDO,
     "emergencies": (COB_EMCY,),
     "heartbeats": (COB_HEARTBEAT,),
-    "of-board": (COB_EMCY, *COB_TPDO, COB_SDO_RESPONSE, COB_HEARTBEAT),
+    "of-board": FROM_NODE,
 }
 """Bases of the identifiers to which a joint's node id is added, by name."""
 _HOST: Final[Mapping[str, tuple[int, ...]]] = {
@@ -38,8 +42,6 @@ _HOST: Final[Mapping[str, tuple[int, ...]]] = {
 }
 """Identifiers by name."""
 _OF_HOST: Final = "of-host"
-_FROM_HOST: Final = (*COB_RPDO, COB_SDO_REQUEST)
-"""Bases of the identifiers with which the host addresses a node."""
 
 FRAMES: Final = (*_NODES, *_HOST)
 """The names."""
@@ -53,7 +55,7 @@ def per_node(name: str) -> bool:
 def cob_ids(robot: Robot, name: str, axis: int | None = None) -> tuple[int, ...]:
     """Return the identifiers of a name, of one axis' node or of all nodes, in rising order."""
     axes = range(len(robot.joints)) if axis is None else range(axis, axis + 1)
-    bases = _NODES.get(name, _FROM_HOST if name == _OF_HOST else ())
+    bases = _NODES.get(name, TO_NODE if name == _OF_HOST else ())
     found = {base + FIRST_NODE_ID + each for base in bases for each in axes}
     return tuple(sorted(found | set(_HOST.get(name, ()))))
 
@@ -65,3 +67,15 @@ def name_of(robot: Robot, ids: tuple[int, ...]) -> tuple[str, int | None] | None
             if cob_ids(robot, name, axis) == ids:
                 return name, axis
     return None
+
+
+def read_identifier(table: Table, key: str) -> int:
+    """Read an identifier of 11 bits; a reading of `Table`."""
+    return checked_identifier(key, table.integer(key))
+
+
+def checked_identifier(key: str, value: object) -> int:
+    """Return an identifier of 11 bits; raise InputError, with the key in front, for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= COB_ID_MASK:
+        raise InputError(f"{key}: {value!r} is not an identifier from 0 to 0x{COB_ID_MASK:X}")
+    return value

@@ -8,13 +8,11 @@ from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import BrownOut, Operation, WatchdogReset
 from steptwin.host.common.bad_input import prefixed
-from steptwin.host.common.errors import InputError
 from steptwin.host.twin.scenarios.harms import (
     BusRepair,
     Harm,
     HostFault,
     HostFaultKind,
-    check_motors,
     opposite,
     place_of,
 )
@@ -104,10 +102,9 @@ class Engine:
             InputError: a trigger names a joint that the robot does not have, or a fault a receiver that is not there,
                 or a fault needs motors that turn with the boards.
         """
-        _check_receivers(scenario, len(target.simulation.boards))
         for fault in scenario.faults:
             with prefixed(f"{fault.name}: "):
-                check_motors(fault.harm, turning=target.simulation.rotor_watch is not None)
+                target.check(fault.harm)
         self.scenario = scenario.drawn()
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
@@ -268,11 +265,3 @@ class Engine:
 def _comes(watch: Watch | None) -> bool:
     """Return whether it is known when a trigger is due."""
     return isinstance(watch, InstantWatch | TimeWatch) and watch.next_counts is not None
-
-
-def _check_receivers(scenario: Scenario, boards: int) -> None:
-    """Raise InputError unless each frame that is lost for one receiver is lost for the host or one of the boards."""
-    for fault in scenario.faults:
-        harm = fault.harm
-        if isinstance(harm, BusFault) and harm.receiver is not None and harm.receiver > boards:
-            raise InputError(f"{fault.name}: receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")

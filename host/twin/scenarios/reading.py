@@ -7,9 +7,10 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.tables import Reading, Table, toml_table
+from steptwin.host.common.tables import Reading, Table, integer_from, number_from, toml_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.control.frames import read_identifier
 from steptwin.host.twin.control.operations import read_harm
 from steptwin.host.twin.scenarios.harms import Harm, why_endless
 from steptwin.host.twin.scenarios.reactions import Motion, Reaction
@@ -24,7 +25,6 @@ from steptwin.host.twin.scenarios.triggers import (
     Trigger,
 )
 from steptwin.protocol.cia402 import ErrorCode, State
-from steptwin.protocol.frame import COB_ID_MASK
 
 TIME_MAX_S: Final = 86_400.0
 """Longest time in a scenario: a day."""
@@ -69,11 +69,7 @@ def _name(table: Table, key: str) -> str:
     return table.name(key, NAME_CHARS_MAX)
 
 
-def _seed(table: Table, key: str) -> int:
-    seed = table.integer(key)
-    if not 0 <= seed <= SEED_MAX:
-        raise InputError(f"{key}: {seed} is not from 0 to {SEED_MAX}")
-    return seed
+_seed: Final = integer_from(0, SEED_MAX)
 
 
 # --- faults
@@ -81,7 +77,7 @@ def _seed(table: Table, key: str) -> int:
 
 def _fault(table: Table, robot: Robot, number: int) -> Fault:
     readings = {key: _reading(key, read, robot) for key, read in _TRIGGERS.items()}
-    beside = {"name": _name, **readings, "for_s": _time, "until": _until(robot), "expect": _expect}
+    beside = {"name": _name, **readings, "for_s": _time_s, "until": _until(robot), "expect": _expect}
     harm, values = read_harm(robot, table, beside)
     if harm is None:
         raise InputError("do: 'state' harms nothing")
@@ -112,24 +108,20 @@ def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
 # --- triggers
 
 
-def _time(table: Table, key: str) -> float:
-    value = table.number(key)
-    if not 0 <= value <= TIME_MAX_S:
-        raise InputError(f"{key}: {value:g} s is not from 0 to {TIME_MAX_S:g} s")
-    return value
+_time_s: Final = number_from(0, TIME_MAX_S, "s")
 
 
 def _at_s(table: Table, key: str, _robot: Robot) -> Trigger:
-    return AtTime(_time(table, key))
+    return AtTime(_time_s(table, key))
 
 
 def _power_up_s(table: Table, key: str, _robot: Robot) -> Trigger:
-    return AtTime(_time(table, key), from_power_up=True)
+    return AtTime(_time_s(table, key), from_power_up=True)
 
 
 def _at_random(table: Table, key: str, _robot: Robot) -> Trigger:
     with table.section(key) as section:
-        times = section.read({"from_s": _time, "to_s": _time})
+        times = section.read({"from_s": _time_s, "to_s": _time_s})
         if not times["from_s"] <= times["to_s"]:
             raise InputError(f"to_s: {times['to_s']:g} s is before from_s, {times['from_s']:g} s")
     return AtRandom(**times)
@@ -147,13 +139,8 @@ def _at_position(table: Table, key: str, robot: Robot) -> Trigger:
 
 def _on_frame(table: Table, key: str, _robot: Robot) -> Trigger:
     with table.section(key) as section:
-        values = section.read({"id": Table.integer}, {"n": Table.integer})
-        cob_id, n = values["id"], 1 if values["n"] is None else values["n"]
-        if not 0 <= cob_id <= COB_ID_MASK:
-            raise InputError(f"id: {cob_id} is not from 0 to 0x{COB_ID_MASK:X}")
-        if n < 1:
-            raise InputError(f"n: {n} is below 1")
-    return OnFrame(cob_id, n)
+        values = section.read({"id": read_identifier}, {"n": integer_from(1)})
+    return OnFrame(values["id"], values["n"] or 1)
 
 
 def _at_state(table: Table, key: str, robot: Robot) -> Trigger:
@@ -205,7 +192,7 @@ def _expect(table: Table, key: str) -> Reaction:
     with table.section(key) as section:
         values = section.read(
             {"motion": _motion},
-            {"codes": Table.elements, "state": _state, "within_ms": _duration_ms, "certain": Table.truth},
+            {"codes": Table.elements, "state": _state, "within_ms": number_from(0), "certain": Table.truth},
         )
         codes = tuple(_code(code) for code in values["codes"] or ())
         try:
@@ -218,13 +205,6 @@ def _expect(table: Table, key: str) -> Reaction:
             )
         except ValueError as error:
             raise InputError(str(error)) from error
-
-
-def _duration_ms(table: Table, key: str) -> float:
-    value = table.number(key)
-    if value < 0:
-        raise InputError(f"{key}: {value:g} is below 0")
-    return value
 
 
 def _motion(table: Table, key: str) -> Motion:

@@ -8,10 +8,11 @@ from steptwin.emulator.bus_faults import BusFault
 from steptwin.emulator.operations import Operation
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
+from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps
 from steptwin.host.twin.places import Places
-from steptwin.host.twin.scenarios.harms import BusRepair, check_motors
+from steptwin.host.twin.scenarios.harms import BusRepair, Harm, check_motors
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
 
@@ -40,13 +41,16 @@ class Target:
         places = Places([board.config.axis_count for board in boards])
         return cls(robot, simulation, start_steps, tuple(axes_of(boards)), places)
 
-    def harm(self, harm: Operation | BusFault | BusRepair) -> None:
-        """Execute an operation now, or let a fault of the bus begin, or all of them end.
-
-        Raises:
-            InputError: only motors that turn with the boards would feel it, and there are none.
-        """
+    def check(self, harm: Harm) -> None:
+        """Raise InputError unless the machine has what a harm concerns: motors that turn with it, a receiver."""
         check_motors(harm, turning=self.simulation.rotor_watch is not None)
+        boards = len(self.simulation.boards)
+        if isinstance(harm, BusFault) and harm.receiver is not None and harm.receiver > boards:
+            raise InputError(f"receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")
+
+    def harm(self, harm: Operation | BusFault | BusRepair) -> None:
+        """Execute an operation now, or let a fault of the bus begin, or all of them end; raises as `check`."""
+        self.check(harm)
         faults = self.simulation.bus.faults
         match harm:
             case BusFault():

@@ -1,6 +1,7 @@
 """Requests of the control port: what the firmware sees of each, on two boards, in virtual time; what is refused."""
 
 import json
+import re
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, get_args
@@ -37,12 +38,13 @@ from steptwin.emulator.operations import (
 from steptwin.emulator.wires import Noise, Wire, WireState
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.requests import FORMS, INJECTED, request_of_words
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.digital_input import Input
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.control.frames import FRAMES as FRAME_NAMES
 from steptwin.host.twin.control.frames import cob_ids
-from steptwin.host.twin.control.operations import REQUESTS, read_request, request_of
+from steptwin.host.twin.control.operations import KINDS, WRITERS, read_request, request_of
 from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
@@ -360,7 +362,7 @@ HARMS = st.one_of(
 
 
 def test_every_operation_has_a_request() -> None:
-    assert {*get_args(Operation)} <= {*REQUESTS}
+    assert {*get_args(Operation)} <= {*WRITERS}
 
 
 def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> None:
@@ -372,6 +374,92 @@ def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> N
 @given(HARMS)
 def test_a_harm_is_the_request_that_asks_for_it(harm: Harm) -> None:
     assert read_request(ROBOT, json.loads(json.dumps(request_of(ROBOT, harm)))) == harm
+
+
+ASKED: dict[str, dict[str, Any]] = {
+    "estop off": {"pressed": False},
+    "supply 9": {"supply_v": 9},
+    "temperature -20": {"temperature_degc": -20},
+    "protect th2 on": {"joint": "th2", "held": True},
+    "input box on": {"input": "box", "on": True},
+    "switch d1 - closed": {"joint": "d1", "switch": "-", "stuck": "closed"},
+    "switch-wire d1 + normally-closed": {"joint": "d1", "switch": "+", "broken": "normally-closed"},
+    "bounce th4 home 5": {"joint": "th4", "switch": "home", "bounces": 5},
+    "bounce th4 home 5 2000 7": {"joint": "th4", "switch": "home", "bounces": 5, "within_us": 2000, "seed": 7},
+    "mode th2 8": {"joint": "th2", "microsteps": 8},
+    "mode th2": {"joint": "th2"},
+    "osc th2 1000": {"joint": "th2", "osc_pf": 1000},
+    "slip th2 -4": {"joint": "th2", "full_steps": -4},
+    "payload 0.25": {"payload_kg": 0.25},
+    "wire th2 step low": {"joint": "th2", "wire": "step", "condition": "low"},
+    "wire th2 step noisy 1000 35": {
+        "joint": "th2",
+        "wire": "step",
+        "condition": "noisy",
+        "rate_hz": 1000,
+        "width_us": 35,
+    },
+    "wire condition=low th2 enable": {"joint": "th2", "wire": "enable", "condition": "low"},
+    "brown-out 5": {"for_ms": 5},
+    "brown-out joint=th2": {"joint": "th2"},
+    "watchdog 3 th2": {"for_ms": 3, "joint": "th2"},
+    "power-up": {},
+    "stranger 0 8112": {"id": 0, "data": "8112"},
+    "babble 0x1 data= 100 9": {"id": 1, "data": "", "period_us": 100, "count": 9},
+    "loss records": {"frames": "records"},
+    "loss 0x510,1297 rate=0.5 receiver=0": {"frames": [0x510, 0x511], "rate": 0.5, "receiver": 0},
+    "corruption all count=3": {"frames": "all", "count": 3},
+    "duplicate reports th2 0.5 1 2": {"frames": "reports", "joint": "th2", "rate": 0.5, "skip": 1, "count": 2},
+    "delay sync 0.1": {"frames": "sync", "by_s": 0.1},
+    "bus-off th2": {"joint": "th2"},
+    "bus-off host": {},
+    "bus-ok": {},
+    "state": {},
+}
+"""Words of `steptwin inject`, and the keys of the request that they ask for."""
+
+
+@pytest.mark.parametrize(("words", "values"), ASKED.items())
+def test_words_are_the_request_that_they_ask_for(words: str, values: dict[str, Any]) -> None:
+    do, request = request_of_words(words.split())
+    assert (do, request) == (words.split(maxsplit=1)[0], values)
+    assert (read_request(ROBOT, {"do": do, **request}) is None) == (do is Do.STATE)
+
+
+def test_each_harm_of_a_served_board_has_words() -> None:
+    """And each word that help names is one that the board knows."""
+    assert {words.split()[0] for words in ASKED} == {*INJECTED} == {*Do} - {Do.HOST}
+    assert {*KINDS} == {*FORMS} - {Do.STATE}
+    for do in INJECTED:
+        named = [(key, value.metavar) for key, value in FORMS[do].keys.items() if "|" in value.metavar]
+        request = next(request for words, request in ASKED.items() if words.split()[0] == do)
+        for key, metavar in named:
+            for word in metavar.removeprefix("JOINT|").split("|"):
+                place = {"joint": "th4"} if key == "switch" else {}
+                noise = {"rate_hz": 9, "width_us": 9} if word == "noisy" else {}
+                value = FORMS[do].keys[key].of_word(word)
+                read_request(ROBOT, {"do": do, **request, **place, **noise} | ({} if value is None else {key: value}))
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("", "WHAT is missing: estop, supply, temperature"),
+        ("host hang", "WHAT 'host' is unknown: there are estop"),
+        ("wire th2 step", "after wire: JOINT step|dir|enable whole|broken|low|high|noisy [rate_hz=HZ] [width_us=US]"),
+        ("mode th2 8 16", "after mode: JOINT [microsteps=1|2|8|16], not th2 8 16"),
+        ("state on", "after state: nothing, not on"),
+        ("loss records cuont=3", "key of loss 'cuont' is unknown: did you mean count"),
+        ("loss all rate=1 rate=0", "rate: is given twice"),
+        ("loss all rate=half", "rate: 'half' is not a number"),
+        ("stranger 08 00", "id: '08' is not a whole number"),
+        ("protect th2 yes", "held: 'yes' is neither on nor off"),
+        ("loss 0x510,sync", "frames: 'sync' is not a whole number"),
+    ],
+)
+def test_words_that_ask_for_nothing(words: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(complaint)}"):
+        request_of_words(words.split())
 
 
 WORDS = st.sampled_from([*Do, "closed", "th2", "-", "box", "", "\n"])

@@ -143,7 +143,7 @@ def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel)
         "never: at 9 s: never struck, 0 times, no EMCY",
     ]
     assert BoardUnderTest(ROBOT, kernel=fast_kernel).faults() == []
-    with pytest.raises(InputError, match="at_s: -1 s is not from 0"):
+    with pytest.raises(InputError, match=r"at_s: -1\.0 s is outside 0"):
         BoardUnderTest(
             ROBOT, kernel=fast_kernel, scenario=written(tmp_path, "at_s = -1\n" + STOP.partition("0.4\n")[2])
         )
