@@ -50,7 +50,7 @@ def _reactions() -> str:
     for row in DOCUMENTED:
         reaction = row.reaction
         codes = " or ".join(f"0x{code:04X}" for code in reaction.codes) or "none"
-        state = reaction.state.name.replace("_", " ") if reaction.state else "as before"
+        state = reaction.state.name.replace("_", " ") if reaction.state else "-" if reaction.stops else "as before"
         motion = reaction.motion.value if reaction.certain else f"may: {reaction.motion.value}"
         rows.append([row.what, motion, codes, state, _begins(reaction), _position(reaction), row.why or "-"])
     return table(["fault", "the motion", "EMCY", "drive", "begins", "position", "remark"], rows, text_columns=7)

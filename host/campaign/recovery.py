@@ -44,7 +44,6 @@ def recover(board: EmbeddedBoard) -> Recovery:
     """Reset the drives of a repaired machine, home the joints that can be homed, move them all, compare positions."""
     session, doing = Session(_Unhurried(board), board.robot, _TOKEN), "the reset"
     board.wait(_QUIET_S)
-    session.link.network.nmt.state = "PRE-OPERATIONAL"  # nodes stopped by NMT answer no requests
     try:
         reset(session)
         doing = "homing"

@@ -125,20 +125,25 @@ def opened_session(
     bitrate: int | None,
     *,
     force: bool,
+    waking: bool = False,
 ) -> "Iterator[Session]":
     """Open the link that the options describe, with a session of the robot on it, and close it after the block.
 
-    Unless forced, raise InputError if the board carries the name of another robot.
+    With `waking`, start nodes that another master has stopped. Unless forced, raise InputError if the board carries the
+    name of another robot.
     """
     with opened_link(required(connection(connect, interface, channel, bitrate, robot))) as link:
-        yield checked_session(link, robot, force=force)
+        yield checked_session(link, robot, force=force, waking=waking)
 
 
-def checked_session(link: "Link", robot: "Robot", *, force: bool) -> "Session":
-    """Return a session; unless forced, raise InputError if the board carries the name of another robot."""
+def checked_session(link: "Link", robot: "Robot", *, force: bool, waking: bool = False) -> "Session":
+    """Return a session as `opened_session` does."""
+    from steptwin.host.operate.recovering import wake
     from steptwin.host.operate.session import Session
 
     session = Session(link, robot)
+    if waking:
+        wake(session)
     foreign = None if force else session.foreign_board()
     if foreign:
         raise InputError(f"{foreign}; --force goes on all the same")

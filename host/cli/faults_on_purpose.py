@@ -1,11 +1,12 @@
 """Faults on purpose: read a scenario's file, print what answered."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from steptwin.host.cli.output import fixed, print_table, say
+from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED
 
 if TYPE_CHECKING:
@@ -52,6 +53,22 @@ def print_faults(document: Mapping[str, Any]) -> None:
     )
 
 
+@contextmanager
+def telling_of_faults(*, as_json: bool) -> Iterator[None]:
+    """Print what has become of a scenario's faults if an error ends the block before the motion has begun."""
+    from steptwin.host.twin.scenarios.not_begun import NotBegunError
+
+    try:
+        yield
+    except NotBegunError as error:
+        document = error.scenario.to_dict()
+        if as_json:
+            print_json({"passed": False, **document})
+        else:
+            print_faults(document)
+        raise
+
+
 def print_struck(document: Mapping[str, Any]) -> None:
     """Print a row for each fault of a live board, on which no plan says what is right; nothing without a scenario."""
     if "scenario" in document:
@@ -69,6 +86,7 @@ def raise_unless_struck(document: Mapping[str, Any]) -> None:
 
 _COLUMNS: Final = ("fault", "due", "answer", "struck s")
 _TEXTS: Final = 3
+_UNKNOWN: Final = "unknown after a reset"
 
 
 def _beginning(fault: Mapping[str, Any]) -> list[str]:
@@ -83,5 +101,8 @@ def _struck(document: Mapping[str, Any]) -> int:
 
 
 def _lost(fault: Mapping[str, Any]) -> str:
-    lost = {name: joint["lost_steps"] for name, joint in fault["joints"].items() if joint["lost_steps"]}
-    return " ".join(f"{name} {fixed(steps, 0)}" for name, steps in lost.items()) or "0"
+    lost = {name: joint["lost_steps"] for name, joint in fault["joints"].items()}
+    if lost and all(steps is None for steps in lost.values()):
+        return _UNKNOWN
+    told = {name: _UNKNOWN if steps is None else fixed(steps, 0) for name, steps in lost.items() if steps != 0}
+    return ", ".join(f"{name} {steps}" for name, steps in told.items()) or "0"

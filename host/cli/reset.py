@@ -1,4 +1,4 @@
-"""`steptwin reset ROBOT --connect ...`: reset the faults of a live board."""
+"""`steptwin reset ROBOT --connect ...`: reset the faults of a live board, start its nodes."""
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
@@ -17,10 +17,14 @@ def reset(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Reset the drives' faults; the drives are off afterwards. Exit code 3: a cause persists."""
+    """Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.
+
+    Nodes that another master has stopped (NMT), or whose board has started anew, are started. Exit code 3: a cause
+    persists.
+    """
     from steptwin.host.operate.recovering import reset
 
     loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, connect, interface, channel, bitrate, force=force) as session:
+    with opened_session(loaded, connect, interface, channel, bitrate, force=force, waking=True) as session:
         states = reset(session)
     print_axis_states(loaded, states, as_json=as_json)

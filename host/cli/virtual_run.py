@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from steptwin.host.cli.arguments import (
-    LEVELS,
     dip_settings,
     finite_number,
     joint_values,
@@ -17,7 +16,7 @@ from steptwin.host.cli.arguments import (
     warn_of_settings_left_out,
 )
 from steptwin.host.cli.chosen_motion import ChosenMotion
-from steptwin.host.cli.faults_on_purpose import chosen_scenario, print_faults
+from steptwin.host.cli.faults_on_purpose import chosen_scenario, print_faults, telling_of_faults
 from steptwin.host.cli.motor_report import (
     check_motors,
     keep_motors,
@@ -32,6 +31,7 @@ from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.cli.shelf_errand import ShelfErrand
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.common.levels import LEVELS
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -139,6 +139,7 @@ def _executed(
             locked_drawers="--locked-drawer",
             crystal_ppm="--crystal",
         ),
+        telling_of_faults(as_json=as_json),
     ):
         outcome = execute(
             motion.plan,

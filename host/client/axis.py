@@ -15,10 +15,20 @@ from steptwin.host.client.plain_words import error_words, state_words
 from steptwin.host.client.shared_node import Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
-from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, DigitalOutput, ErrorCode, Mode, State
-from steptwin.protocol.frame import COB_HEARTBEAT, COB_RPDO, COB_TPDO
+from steptwin.protocol.cia402 import (
+    ENABLE_OPERATION,
+    SHUTDOWN,
+    SWITCH_ON,
+    DigitalOutput,
+    ErrorCode,
+    Mode,
+    State,
+    Status,
+)
+from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_TPDO
+from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 _STATUS_WAIT_S: Final = 0.001
@@ -30,10 +40,9 @@ _HELD_UP_S: Final = 0.1
 """Time of being held up from which on that may have been the cause: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
 """Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
+_STARTED_ANEW: Final = "has started anew (boot-up message)"
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
 """Abort codes caused by another client: its request came between the segments of a string that this one reads."""
-_BOOT_UP: Final = b"\0"
-"""The boot-up message: a heartbeat whose state is initialising (CiA 301, 7.2.8.3.2.2)."""
 _Answer = TypeVar("_Answer")
 _ENABLING: Final = {
     State.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -58,14 +67,13 @@ class AxisClient:
         """The last report by TPDO1; None before the first."""
         self.pvt_status: PvtStatus | None = None
         """The last report by TPDO3; None before the first."""
-        self.restarted = False
-        """True once the node has announced that it has started, since this was set to False."""
         self._link = link
         self._record_cob_id = COB_RPDO[3] + node_id
+        self._boots_since_enabled: int | None = None
         self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary, patience))
+        self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
-        link.network.subscribe(COB_HEARTBEAT + node_id, self._on_heartbeat)
 
     def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         with suppress(ValueError):
@@ -75,10 +83,16 @@ class AxisClient:
         with suppress(ValueError):
             self.pvt_status = PvtStatus.decode(bytes(data))
 
-    def _on_heartbeat(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
-        self.restarted = self.restarted or data[:1] == _BOOT_UP
+    def _on_heartbeat(self, nmt_state: int) -> None:
+        if nmt_state == NmtState.INITIALISING and self._boots_since_enabled is not None:  # the boot-up message
+            self._boots_since_enabled += 1
 
     # --- what the node reports by itself
+
+    @property
+    def restarted(self) -> bool:
+        """True if the node has started anew since this client has enabled it, as after a reset of its board."""
+        return bool(self._boots_since_enabled)
 
     @property
     def in_fault(self) -> bool:
@@ -124,6 +138,16 @@ class AxisClient:
         if codes[-1] in _OF_A_LATE_HOST and held_up_s >= _HELD_UP_S:
             late = f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
+
+    def restart(self) -> DeviceFaultError:
+        """Return the error that says that the node has started anew, and whether its position is still known."""
+        known = False
+        with suppress(StepTwinError):
+            known = bool(self.read(od.STATUSWORD) & Status.POSITION_KNOWN)
+        unknown = "" if known else "; its position is unknown: home it"
+        return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_STARTED_ANEW}{unknown}").plainly(
+            f"{self.name}: its board has started anew{unknown}"
+        )
 
     # --- objects
 
@@ -190,11 +214,17 @@ class AxisClient:
         malformed = sum(client.malformed for client in self._node.sdo_channels)
         dropped = f"; {malformed} answers without 8 bytes were dropped" if malformed else ""
         how = "does not answer" if error == _NO_ANSWER else "gives no valid answer"
+        if self.restarted:
+            how = f"{_STARTED_ANEW} and {how}"
         return BusError(f"{self.name}: node 0x{self.node_id:02X} {how} ({error}{dropped})").plainly(
             f"{self.name} {how}: is the machine switched on and connected?"
         )
 
-    # --- the drive
+    # --- the node and its drive
+
+    def start_node(self) -> None:
+        """Let the node exchange process data, wherever another master has left it; one that does it goes on."""
+        self._link.network.send_message(COB_NMT, bytes((NmtCommand.START, self.node_id)))
 
     def state(self) -> State:
         """Read the drive's state from its statusword."""
@@ -206,6 +236,7 @@ class AxisClient:
 
     def enable(self) -> None:
         """Lead the drive to OPERATION ENABLED by its controlwords; raise DeviceFaultError if it stays elsewhere."""
+        self._boots_since_enabled = 0
         state = State.NOT_READY_TO_SWITCH_ON
 
         def settled() -> bool:

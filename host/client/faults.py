@@ -22,7 +22,13 @@ def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
 
 
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
-    """Raise DeviceFaultError if a drive is in fault; the message names the axis in which the fault began."""
+    """Raise DeviceFaultError if a drive is in fault, or its node has started anew.
+
+    The message names the axis in which the fault began.
+    """
+    for axis in axes:
+        if axis.restarted:
+            raise axis.restart()
     faulty = [axis for axis in axes if axis.in_fault]
     if faulty:
         clock.wait(POLL_S)  # until every node has reported its errors

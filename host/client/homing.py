@@ -112,6 +112,8 @@ def _homed(link: Link, axis: AxisClient) -> bool:
     if state in FAULT_STATES:
         link.wait(POLL_S)  # until the node has reported its error
         raise axis.fault()
+    if axis.restarted:
+        raise axis.restart()
     if state is not State.OPERATION_ENABLED:
         raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state_text(state)}").plainly(
             f"{axis.name}: homing was cut short, it is {state_words(state)}"

@@ -1,20 +1,11 @@
-"""Boards of a machine that are lost amid a motion: notice that one was reset, and stop what the others still do."""
+"""Boards of a machine that are lost amid a motion: stop what the others still do."""
 
 from collections.abc import Sequence
 from contextlib import suppress
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.host.common.errors import BusError
 from steptwin.protocol.cia402 import QUICK_STOP, State
-
-
-def check_restarts(axes: Sequence[AxisClient]) -> None:
-    """Raise DeviceFaultError if a node has announced itself again: its board was reset amid the motion."""
-    for axis in axes:
-        if axis.restarted:
-            raise DeviceFaultError(f"{axis.name}: its node has started again and knows no position").plainly(
-                f"{axis.name}: its board has started again: home the machine"
-            )
 
 
 def stop_the_rest(axes: Sequence[AxisClient]) -> None:

@@ -12,7 +12,7 @@ from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.input_wait import InputWait
 from steptwin.host.client.link import Link
-from steptwin.host.client.lost_boards import check_restarts, stop_the_rest
+from steptwin.host.client.lost_boards import stop_the_rest
 from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.shared_node import Patience
@@ -225,7 +225,6 @@ class Machine:
         stream, self._stream = self._stream, None
         if stream is not None:
             try:
-                check_restarts(self.axes)
                 stream.tend()
             except WaitTimeoutError:  # the machine stands
                 raise

@@ -92,7 +92,6 @@ class StreamStarter:
         for axis in self._axes:
             axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
             axis.pvt_status = None  # a report from before the start says nothing about it
-            axis.restarted = False
         self._link.network.send_message(COB_SYNC, b"")
         try:
             require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)

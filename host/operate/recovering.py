@@ -1,4 +1,4 @@
-"""Stop a machine, hold it in an emergency stop and reset its faults, in any state of its drives."""
+"""Stop a machine, hold it in an emergency stop and reset its faults, in any state of its drives and nodes."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.plain_words import error_words
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
 from steptwin.host.client.words import error_text, state_text
-from steptwin.host.common.errors import DeviceFaultError
+from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
@@ -40,13 +40,19 @@ def emergency_stop(session: Session) -> list[AxisState]:
 def reset(session: Session) -> list[AxisState]:
     """Reset every drive that is in fault; the power of all these drives is off afterwards.
 
+    Nodes that another master has stopped, or that have started anew, are started (NMT): `wake` says how.
+
     Raises:
         InputError: a program that claims no lease runs a trajectory.
         DeviceFaultError: a drive stays in fault because the cause lasts.
         BusError: another program is in charge, or a node does not answer.
     """
+    wake(session)
     with session.alone():
         session.require_idle("reset")
+        for axis in session.machine.axes:
+            if not axis.read(od.STATUSWORD) & Status.REMOTE:
+                axis.start_node()
         for axis in session.machine.axes:
             if axis.state() is State.FAULT:
                 # The host that the axis watched may be gone; a host that lives makes it watch again.
@@ -56,6 +62,18 @@ def reset(session: Session) -> list[AxisState]:
         for axis in session.machine.axes:
             _await_reset(session, axis)
     return axis_states(session)
+
+
+def wake(session: Session) -> None:
+    """Start the nodes that do not answer: those that NMT has STOPPED answer no request until they are started.
+
+    A node that answers is left as it is; whoever is in charge of it may need it so.
+    """
+    for axis in session.machine.axes:
+        try:
+            axis.read(od.STATUSWORD)
+        except BusError:
+            axis.start_node()
 
 
 def _await_reset(session: Session, axis: AxisClient) -> None:

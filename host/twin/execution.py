@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from steptwin.host.twin.input_changes import InputChange
 from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.lost_host import outlive
+from steptwin.host.twin.scenarios.not_begun import not_begun
 from steptwin.host.twin.scenarios.report import RunEnd, ScenarioReport, scenario_report
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
@@ -73,7 +75,7 @@ def execute(
         motors: let the robot's motors turn with the board, so that its switches follow the rotors.
         axes_per_board: number of axes on each of several boards, in the order of the joints; by default one board has
             all.
-        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000, or of several boards each
+        crystal_ppm: how fast the boards' crystals are, in parts per million from -1000 to 1000; of several boards each
             one's; neither plan nor host is told.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
@@ -82,7 +84,8 @@ def execute(
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
             drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done, or the
             boards have not as many axes as the robot, or a crystal is too far off.
-        DeviceFaultError, BusError: the board could not be set up. A fault in motion is part of the outcome instead.
+        DeviceFaultError, BusError: the board could not be set up, or no motion began: with a scenario, a
+            `NotBegunError` as well, which has its report. A fault in motion is part of the outcome instead.
     """
     if stand_at is not None:
         plan.check_start(stand_at)
@@ -94,7 +97,8 @@ def execute(
     started_s = time.perf_counter()
     start_joints = plan.start_joints if stand_at is None else stand_at
     shelf = plan.robot.shelf
-    crystals_ppm = (crystal_ppm,) if isinstance(crystal_ppm, int) else tuple(crystal_ppm)
+    boards = len(axes_per_board or (1,))
+    crystals_ppm = (crystal_ppm,) * boards if isinstance(crystal_ppm, int) else tuple(crystal_ppm)
     planned = errand.planned(shelf) if errand and shelf else None
     if stock is None and errand is not None:
         stock = errand.stock
@@ -117,14 +121,12 @@ def execute(
     on_board(board)
     board.change_inputs(inputs)
     machine = Machine(board, plan.robot.joint_names)
-    set_up(machine, plan.robot, plan.start_units)
     try:
+        set_up(machine, plan.robot, plan.start_units)
         fault = _run(machine, board, plan, records, waits, progress)
         machine.disconnect()
-    except BusError as error:
-        if board.engine is None or not board.started:
-            raise
-        fault = _without_host(error, board, board.engine)
+    except (BusError, DeviceFaultError) as error:
+        fault = _given_up(error, board)
     timed_out = fault is not None and fault.timed_out
     made = executed(plan, machine.holds_ms, timed_out=timed_out)
     run = RunInfo(
@@ -176,6 +178,24 @@ def _run(
         await_rest(board, machine.axes)
         return _fault(error, machine, board, plan)
     return None
+
+
+def _given_up(error: BusError | DeviceFaultError, board: EmbeddedBoard) -> RunFault:
+    """Return the fault of a run whose host could not go on in motion because of a scenario.
+
+    Raises the error itself without a scenario; `NotBegunError`, with the scenario's report, if no motion began.
+    """
+    engine = board.engine
+    if engine is None:
+        raise error
+    if not board.started:
+        end = RunEnd(engine.target.moment(board.now_counts), board.evidence(), stopped=True, ended_s=0.0)
+        played = scenario_report(engine, end)
+        reasons = (*played.reasons, f"no motion began: {error}")
+        raise not_begun(error, replace(played, reasons=reasons)) from error
+    if isinstance(error, DeviceFaultError):
+        raise error
+    return _without_host(error, board, engine)
 
 
 def _without_host(error: BusError, board: EmbeddedBoard, engine: Engine) -> RunFault:

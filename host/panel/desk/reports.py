@@ -18,8 +18,7 @@ from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
-from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_NMT, COB_TPDO
-from steptwin.protocol.nmt import NmtCommand
+from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_TPDO
 from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
 
 SILENT_S: Final = 0.35
@@ -167,7 +166,7 @@ def _start_in_turn(session: Session, period_ms: int) -> None:
     """
     axes = session.machine.axes
     for axis in axes:
-        session.link.network.send_message(COB_NMT, bytes((NmtCommand.START, axis.node_id)))
+        axis.start_node()
         session.link.wait(period_ms / 1000 / len(axes))
 
 

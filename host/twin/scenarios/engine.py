@@ -18,6 +18,7 @@ from steptwin.host.twin.scenarios.harms import (
 )
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.moment import Moment
+from steptwin.host.twin.scenarios.reactions import concerned
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.scenarios.triggers import AtPosition, AtRandom, AtState, AtTime, OnFrame, Trigger
@@ -192,7 +193,8 @@ class Engine:
 
     def _act(self, each: Played, now_counts: int) -> None:
         if each.began is None:
-            each.began = self.target.moment(now_counts, counted=not isinstance(each.harm, BrownOut | WatchdogReset))
+            reset = isinstance(each.harm, BrownOut | WatchdogReset)
+            each.began = self.target.moment(now_counts, concerned(each.harm, self.target.boards) if reset else ())
             self._begin(each, now_counts)
             each.watch = self._end_watch(each.fault, now_counts)
             if isinstance(each.harm, HostFault):

@@ -1,7 +1,7 @@
 """What the machine is doing at an instant: each axis' drive, its speed, and what firmware and driver have counted."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 
 from steptwin.emulator.board import Board
 from steptwin.protocol import od
@@ -20,7 +20,8 @@ class AxisMoment:
         position_known: whether the firmware says that it knows the position.
         lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
             only its change means anything. None if nobody asked.
-        board: number of its board.
+        board: number of the axis' board.
+        boot: object that a board replaces when it starts anew, as after a reset: then it counts from 0 again.
     """
 
     state: State
@@ -30,6 +31,7 @@ class AxisMoment:
     position_known: bool
     lag_sixteenths: int | None
     board: int = 0
+    boot: object = field(default=None, repr=False)
 
     @property
     def moving(self) -> bool:
@@ -45,25 +47,34 @@ class Moment:
     axes: tuple[AxisMoment, ...]
 
     @property
+    def boards(self) -> tuple[int, ...]:
+        """The number of each axis' board."""
+        return tuple(axis.board for axis in self.axes)
+
+    @property
     def moving(self) -> bool:
         """True while any axis is to move."""
         return any(axis.moving for axis in self.axes)
 
     @property
-    def boards(self) -> int:
-        """Number of boards."""
-        return len({axis.board for axis in self.axes})
+    def several_boards(self) -> bool:
+        """True if the axes are on more than one board."""
+        return len(set(self.boards)) > 1
 
 
-def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, *, counted: bool = True) -> Moment:
+def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, uncounted: Collection[int] = ()) -> Moment:
     """Look at axes, each given by its board and its number there.
 
-    Unless `counted`, the drivers are not asked: to answer they process the pulses of the whole servo tick, which a
-    reset within it must still be able to take back.
+    The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
+    which a reset within it must still be able to take back.
     """
-    numbers = {id(board): number for number, board in enumerate(dict.fromkeys(board for board, _ in axes))}
+    boards = list(dict.fromkeys(board for board, _ in axes))
     return Moment(
-        now_counts, tuple(_axis_moment(board, axis, numbers[id(board)], counted=counted) for board, axis in axes)
+        now_counts,
+        tuple(
+            _axis_moment(board, axis, boards.index(board), counted=number not in uncounted)
+            for number, (board, axis) in enumerate(axes)
+        ),
     )
 
 
@@ -77,6 +88,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
         lag_sixteenths=_lag_sixteenths(board, axis) if counted else None,
         board=number,
+        boot=board.firmware,
     )
 
 

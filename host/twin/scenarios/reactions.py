@@ -5,7 +5,7 @@ fault begins: a limit switch stops only an axis that moves towards it. Where it 
 reaction is not certain: both it and none are right.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
@@ -187,13 +187,13 @@ def _leaves_bus(harm: Harm, _moment: Moment) -> bool:
 
 def _one_of_several(harm: Harm, moment: Moment) -> bool:
     """Return whether one of several boards is reset."""
-    return isinstance(harm, BrownOut | WatchdogReset) and harm.axis is not None and moment.boards > 1
+    return isinstance(harm, BrownOut | WatchdogReset) and harm.axis is not None and moment.several_boards
 
 
 def _deaf_board(harm: Harm, moment: Moment) -> bool:
     """Return whether SYNC is lost for one of several boards."""
     alone = _bus(BusFaultKind.LOSS, COB_SYNC)(harm, moment)
-    return alone and isinstance(harm, BusFault) and harm.receiver is not None and moment.boards > 1
+    return alone and isinstance(harm, BusFault) and harm.receiver is not None and moment.several_boards
 
 
 def _silent_host(harm: Harm, moment: Moment) -> bool:
@@ -333,14 +333,26 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     ),
     Documented("wire to a driver whole", lambda harm, _: isinstance(harm, SetWire), GOES_ON),
     Documented(
-        "one of several boards browns out, or its watchdog resets it",
+        "one of several boards is without supply from now on",
+        lambda harm, moment: _one_of_several(harm, moment) and isinstance(harm, BrownOut) and harm.for_ms is None,
+        Reaction(Motion.CUT, begins_ms=LOST_BOARD_MS, others=_HOST_LOST),
+        "its nodes are silent; the host stops the axes of the other boards after 1 s",
+    ),
+    Documented(
+        "one of several boards browns out for a time, or its watchdog resets it",
         _one_of_several,
         Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, LOST_BOARD_MS, others=_HOST_LOST),
         "its own axes stop at once, and are to be homed; the host stops those of the other boards when this board"
         " announces itself again, or after 1 s of silence",
     ),
     Documented(
-        "a board's logic browns out, or its watchdog resets it",
+        "a board's logic is without supply from now on",
+        lambda harm, _: isinstance(harm, BrownOut) and harm.for_ms is None,
+        Reaction(Motion.CUT, begins_ms=TICK_MS),
+        "its nodes are silent, which the host notices after 1 s, until `power-up`: then as below",
+    ),
+    Documented(
+        "a board's logic browns out for a time, or its watchdog resets it",
         lambda harm, _: isinstance(harm, BrownOut | WatchdogReset),
         Reaction(Motion.CUT, (), State.SWITCH_ON_DISABLED, TICK_MS),
         "its nodes announce themselves again and know no position; home them",
@@ -403,7 +415,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "frames delayed",
         _bus(BusFaultKind.DELAY),
         _stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
-        "the queues bridge it, up to the points that are in them",
+        "the queues bridge it, up to the points that are in them; the host gives a start up that is a second late",
     ),
     Documented("bus repaired", lambda harm, _: isinstance(harm, BusRepair), GOES_ON),
     Documented(
@@ -444,10 +456,15 @@ def documented(harm: Harm, moment: Moment) -> Documented:
     return next(row for row in DOCUMENTED if row.applies(harm, moment))
 
 
-def concerned(harm: Harm, moment: Moment) -> tuple[int, ...]:
-    """Return the axes that answer a harm; those of their group stop with them."""
-    axes = range(len(moment.axes))
-    if isinstance(harm, BrownOut | WatchdogReset) and harm.axis is not None:
-        return tuple(axis for axis in axes if moment.axes[axis].board == moment.axes[harm.axis].board)
+def concerned(harm: Harm, boards: Sequence[int]) -> list[int]:
+    """Return the axes, whose boards have these numbers, that answer a harm; those of their group stop with them.
+
+    What is done to a board concerns all axes on it.
+    """
+    axes = range(len(boards))
     axis = on_axis(harm)
-    return tuple(axes) if axis is None else (axis,)
+    if axis is not None:
+        return [axis]
+    if isinstance(harm, BrownOut | WatchdogReset | PowerUp | BusOff) and harm.axis is not None:
+        return [each for each in axes if boards[each] == boards[harm.axis]]
+    return list(axes)

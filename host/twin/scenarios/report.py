@@ -9,6 +9,7 @@ import numpy as np
 
 from steptwin.emulator.bus_faults import BusFault
 from steptwin.host.client.words import state_text
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import request_of
 from steptwin.host.twin.scenarios.engine import Emergency, Engine, Played
@@ -44,12 +45,13 @@ class JointAnswer:
     Attributes:
         state: state of its drive.
         position_known: whether the firmware says that it knows the position.
-        lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not.
+        lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not; None if the
+            board has started anew since, which nobody has counted over.
     """
 
     state: State
     position_known: bool
-    lost_steps: float
+    lost_steps: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,10 +346,12 @@ class _Judge:
         self._stopped = stopped
         self._joints = list(joints.values())
         on = [axis for axis, each in enumerate(self._axes) if each.energised]
-        self._concerned = [
-            axis for axis in (concerned(played.harm, played.began) if played.began else ()) if axis in on
-        ]
+        self._concerned = [axis for axis in concerned(played.harm, self._boards) if axis in on]
         """The axes that must answer: a drive that is off does not."""
+
+    @property
+    def _boards(self) -> tuple[int, ...]:
+        return () if self._began is None else self._began.boards
 
     @property
     def _axes(self) -> tuple[AxisMoment, ...]:
@@ -433,14 +437,17 @@ def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
 
 
 def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointAnswer]:
-    answers = {}
-    for joint, before, after in zip(robot.joints, (began or end).axes, end.axes, strict=True):
-        lost_sixteenths = 0
-        if before.lag_sixteenths is not None and after.lag_sixteenths is not None:  # a reset begins to count anew
-            lost_sixteenths = after.lag_sixteenths - before.lag_sixteenths
-        lost_steps = lost_sixteenths * joint.transmission.microsteps / _SIXTEENTHS
-        answers[joint.name] = JointAnswer(after.state, after.position_known, lost_steps)
-    return answers
+    return {
+        joint.name: JointAnswer(after.state, after.position_known, _lost_steps(joint, before, after))
+        for joint, before, after in zip(robot.joints, (began or end).axes, end.axes, strict=True)
+    }
+
+
+def _lost_steps(joint: Joint, before: AxisMoment, after: AxisMoment) -> float | None:
+    """Return the steps that were lost between two instants; None if nobody knows."""
+    if before.boot is not after.boot or before.lag_sixteenths is None or after.lag_sixteenths is None:
+        return None
+    return (after.lag_sixteenths - before.lag_sixteenths) * joint.transmission.microsteps / _SIXTEENTHS
 
 
 def _standstill_ms(evidence: Evidence, began_counts: int) -> float:
@@ -455,10 +462,10 @@ def standstill_limit_ms(robot: Robot, harm: Harm, reaction: Reaction, began: Mom
     Axes that stop with one whose pulses end at once do so by a ramp as well. A ramp that begins at once is that from
     the present speeds, which may rise for a tick. Axes on other boards are stopped by the host.
     """
-    axes = concerned(harm, began)
+    axes = concerned(harm, began.boards)
     if reaction.motion is Motion.CUT and len(axes) == len(began.axes):
         return reaction.begins_ms
-    if reaction.begins_ms <= TICK_MS and began.boards > 1 and len(axes) < len(began.axes):
+    if reaction.begins_ms <= TICK_MS and began.several_boards and len(axes) < len(began.axes):
         return HOST_NOTICES_MS + longest_ramp_ms(robot)
     if reaction.begins_ms <= TICK_MS:
         return reaction.begins_ms + min(_ramp_ms(began) + TICK_MS, longest_ramp_ms(robot))

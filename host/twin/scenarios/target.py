@@ -1,6 +1,6 @@
 """The machine that a scenario harms: its boards on their bus, with the axes numbered as the robot's joints."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from steptwin.emulator.board import Board
@@ -65,13 +65,18 @@ class Target:
         for number, each in self.places.on_boards(operation):
             self.simulation.operate(each, number)
 
-    def moment(self, now_counts: int, *, counted: bool = True) -> Moment:
+    def moment(self, now_counts: int, uncounted: Collection[int] = ()) -> Moment:
         """Return what all axes do now, as `moment_of`."""
-        return moment_of(self.axes, now_counts, counted=counted)
+        return moment_of(self.axes, now_counts, uncounted)
 
     def steps(self) -> list[float]:
         """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
         return counted_steps(self.robot, self.start_steps, self.axes)
+
+    @property
+    def boards(self) -> list[int]:
+        """The number of each axis' board."""
+        return [self.simulation.boards.index(board) for board, _ in self.axes]
 
     @property
     def moving(self) -> bool:

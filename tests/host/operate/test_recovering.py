@@ -2,6 +2,7 @@
 
 import pytest
 
+from steptwin.emulator.operations import BrownOut, WatchdogReset
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop
@@ -103,6 +104,38 @@ def test_nodes_without_process_data_are_stopped_by_sdo(board: EmbeddedBoard, ses
     begin = len(board.bus_log)
     assert [state.state for state in stop(session)] == ["QUICK STOP ACTIVE"] * 6
     assert not [frame for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
+
+
+@pytest.mark.usefixtures("session")
+def test_a_reset_starts_nodes_that_another_master_has_stopped(steptwin: CommandLine, board: EmbeddedBoard) -> None:
+    """Stopped nodes answer no request; those in PRE-OPERATIONAL do. None of the others gets a command."""
+    board.network.send_message(0x000, b"\x02\x12")
+    board.network.send_message(0x000, b"\x80\x14")
+    told = "steptwin: L1: node 0x12 does not answer (No SDO response received)\n"
+    assert steptwin.run("status warehouse-scara") == (4, "", told)
+    begin = len(board.bus_log)
+    assert len(states(steptwin, "reset")) == 6
+    sent = [frame.data for _, frame in board.bus_log[begin:] if frame.cob_id == 0]
+    assert sent == [b"\x01\x12", b"\x01\x14"]
+    assert steptwin.run("status warehouse-scara")[0] == 0
+
+
+@pytest.mark.parametrize("harm", [WatchdogReset(), BrownOut(for_ms=30)])
+def test_a_board_that_starts_anew_in_motion_is_told(
+    harm: WatchdogReset | BrownOut, board: EmbeddedBoard, session: Session, steptwin: CommandLine
+) -> None:
+    struck: list[float] = []
+
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5 and not struck:
+            struck.append(board.now_s())
+            board.operate(harm)
+
+    told = r"^sx \(node 0x10\) has started anew \(boot-up message\); its position is unknown: home it$"
+    with pytest.raises(DeviceFaultError, match=told):
+        move(session, GOAL, progress=halfway)
+    assert board.now_s() - struck[0] < 0.2
+    assert states(steptwin, "reset") == [("SWITCH ON DISABLED", False)] * 6
 
 
 def test_no_node_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) -> None:

@@ -1,15 +1,21 @@
 """Every row of the table of documented reactions, on both sides of its limit, and answers that are not documented."""
 
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from steptwin.controller.backend import Kernel
-from steptwin.host.common.errors import InputError
+from steptwin.emulator.operations import BrownOut, BusOff, DriverProtect, EmergencyStop, PowerUp, WatchdogReset
+from steptwin.host.cli.app import run
+from steptwin.host.cli.faults_on_purpose import print_faults
+from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.twin.execution import execute
-from steptwin.host.twin.scenarios.reactions import DOCUMENTED, GOES_ON, Motion, Reaction
+from steptwin.host.twin.scenarios.not_begun import NotBegunError
+from steptwin.host.twin.scenarios.reactions import DOCUMENTED, GOES_ON, Motion, Reaction, concerned
 from steptwin.host.twin.scenarios.report import FaultReport, ScenarioReport, longest_ramp_ms
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.protocol.cia402 import ErrorCode, State
@@ -20,8 +26,8 @@ RAMP_END_MS = 9
 """A ramp's last step comes so long before its end at most: near standstill a step takes long."""
 
 
-DOWN = "a board's logic browns out, or its watchdog resets it"
-ONE_DOWN = "one of several boards browns out, or its watchdog resets it"
+DOWN = "a board's logic browns out for a time, or its watchdog resets it"
+ONE_DOWN = "one of several boards browns out for a time, or its watchdog resets it"
 TWO = (2, 2)
 
 
@@ -122,6 +128,14 @@ CASES = [
     Case(DOWN, 'do = "watchdog"', STOPS, (0, 0), boards=TWO),
     Case(ONE_DOWN, 'do = "watchdog"\njoint = "th1"', STOPS, (40, 150), boards=TWO),
     Case("Protect of a driver low", 'do = "protect"\njoint = "th1"\nheld = true', STOPS, (25, 140), boards=TWO),
+    Case("a board's logic is without supply from now on", 'do = "brown-out"', STOPS, (0, 0.25)),
+    Case(
+        "one of several boards is without supply from now on",
+        'do = "brown-out"\njoint = "th1"',
+        STOPS,
+        (400, 700),
+        boards=TWO,
+    ),
     Case("a board without power gets it", 'do = "power-up"', GOES),
     *(
         Case("a stranger sends frames", fault, verdict)
@@ -308,6 +322,63 @@ def test_a_stop_that_no_fault_explains_fails_the_scenario(fast_kernel: Kernel) -
     assert outcome.scenario is not None
     assert outcome.fault is not None
     assert outcome.scenario.reasons[-1] == "the motion stopped, and no fault of the scenario may stop it"
+
+
+def test_what_a_motion_that_never_begins_has_met(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A start that is held back for longer than the host waits, and a drive in fault before the motion."""
+    late = '[[fault]]\nname = "it"\npower_up_s = 0\ndo = "delay"\nframes = "sync"\nby_s = 2\n'
+    with pytest.raises(BusError, match=r"^a frame has waited 1 s for the bus") as caught:
+        played(fast_kernel, late)
+    assert isinstance(caught.value, NotBegunError)
+    (fault,) = caught.value.scenario.faults
+    assert (fault.strikes, fault.what, fault.as_documented) == (1, "frames delayed", True)
+    assert caught.value.scenario.reasons[-1].startswith("no motion began: a frame has waited 1 s for the bus: ")
+    path = tmp_path / "pressed.toml"
+    path.write_text('name = "early"\n[[fault]]\npower_up_s = 0.001\ndo = "estop"\npressed = true\n')
+    assert run(["run", "teaching-scara", "carry", "--faults", str(path)]) == 3
+    out, err = capsys.readouterr()
+    assert err == "steptwin: th1: cannot be enabled, the drive is in FAULT\n"
+    assert "at 0.001 s" in out
+    assert "\nscenario early: FAILED, 1 of 1 faults struck, seed 0\n  no motion began: " in out
+    assert run(["run", "teaching-scara", "carry", "--faults", str(path), "--json"]) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert (document["passed"], document["scenario"]["passed"], document["faults"][0]["strikes"]) == (False, False, 1)
+
+
+def test_nobody_knows_what_was_lost_over_a_reset(fast_kernel: Kernel, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither by the fault that was the reset nor by one before it; a fault after it knows."""
+    outcome, report = played(
+        fast_kernel,
+        '[[fault]]\nat_s = 0.2\ndo = "temperature"\ntemperature_degc = 30\n'
+        '[[fault]]\nat_s = 0.3\ndo = "watchdog"\n'
+        '[[fault]]\nat_s = 0.306\ndo = "temperature"\ntemperature_degc = 35\n',
+    )
+    lost = [{joint.lost_steps for joint in fault.joints.values()} for fault in report.faults]
+    assert lost == [{None}, {None}, {0}]
+    assert outcome.fault is not None
+    told = "th1 (node 0x10) has started anew (boot-up message); its position is unknown: home it"
+    assert outcome.fault.message == told
+    assert report.passed, report.reasons
+    print_faults(outcome.to_dict())
+    assert capsys.readouterr().out.count("unknown after a reset") == 2
+
+
+def test_what_the_axes_of_another_board_have_lost_is_known(fast_kernel: Kernel) -> None:
+    _, report = played(fast_kernel, '[[fault]]\nat_s = 0.3\ndo = "watchdog"\njoint = "th4"\n', boards=TWO)
+    assert report.passed, report.reasons
+    lost = {name: joint.lost_steps for name, joint in report.faults[0].joints.items()}
+    assert lost == {"th1": 0, "th2": 0, "d3": None, "th4": None}
+
+
+def test_what_is_done_to_a_board_concerns_its_axes() -> None:
+    boards = (0, 0, 1, 1)
+    for of_one in (BrownOut(axis=2), WatchdogReset(axis=3), PowerUp(2), BusOff(3)):
+        assert concerned(of_one, boards) == [2, 3]
+    for of_all in (BrownOut(), WatchdogReset(), PowerUp(), BusOff(None), EmergencyStop(pressed=True)):
+        assert concerned(of_all, boards) == [0, 1, 2, 3]
+    assert concerned(DriverProtect(1, active=True), boards) == [1]
 
 
 def test_a_receiver_that_is_not_there_is_refused(fast_kernel: Kernel) -> None:
