@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.kernels import kernel_named
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.scenarios.harms import BusRepair, HostFault, HostFaultKind
+    from steptwin.host.twin.scenarios.not_begun import NotBegunError
     from steptwin.host.twin.scenarios.reactions import Motion, Reaction
     from steptwin.host.twin.scenarios.reading import read_scenario
     from steptwin.host.twin.scenarios.scenario import Fault, Scenario
@@ -123,6 +124,7 @@ __all__ = [
     "Measurements",
     "Motion",
     "Noise",
+    "NotBegunError",
     "NotVerifiedError",
     "OnFrame",
     "OscCapacitor",
@@ -236,6 +238,7 @@ _MODULES = {
     "host.twin.kernels": ("kernel_named",),
     "host.twin.outcome": ("Outcome",),
     "host.twin.scenarios.harms": ("BusRepair", "HostFault", "HostFaultKind"),
+    "host.twin.scenarios.not_begun": ("NotBegunError",),
     "host.twin.scenarios.reactions": ("Motion", "Reaction"),
     "host.twin.scenarios.reading": ("read_scenario",),
     "host.twin.scenarios.scenario": ("Fault", "Scenario"),

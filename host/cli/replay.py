@@ -101,7 +101,7 @@ def replay(
     if as_json:
         print_json(result.to_dict())
     else:
-        _say_result(result)
+        say_result(result)
     if to is not None:
         say(f"the replay's report, edges and bus log are in {to}/", err=as_json)
     if not result.equal:
@@ -152,14 +152,16 @@ def _power_up(robot: "Robot", stored: "StoredMachine | None", boards: str | None
     return power_up
 
 
-def _say_result(result: "Replayed") -> None:
+def say_result(result: "Replayed") -> None:
+    """Print what a replay has found, in some lines."""
     bus = result.bus
     clock = "on the board's clock" if bus.on_board_clock else "by a computer's clock"
     say(f"{bus.path}: {len(bus.frames)} frames {clock}, {result.played} of them played to {result.robot.name}")
     if result.left_out:
         say("left out: " + ", ".join(f"{count} {kind}" for kind, count in result.left_out.items()))
     if result.bus_faults:
-        say(f"not repeated: {result.bus_faults} faults of the bus")
+        differ = "" if result.equal else ": what differs may differ for that"
+        say(f"not repeated, because no log shows them: {', '.join(result.bus_faults)}{differ}")
     if bus.cut:
         say("the recording is cut off within a frame: it is compared up to there")
     same = "the same, to the microsecond" if bus.on_board_clock else "the nodes say the same"

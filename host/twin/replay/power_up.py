@@ -46,7 +46,7 @@ class PowerUp:
         locked_drawers: slots of the shelf whose drawers are locked.
         shelf_sensors: False if the shelf's sensors are not connected.
         operations: what was done to the machine, in order of time.
-        bus_faults: number of faults of the bus that were let loose; they are not repeated.
+        bus_faults: the faults of the bus that were let loose, in words; they are not repeated.
         until_counts: instant at which the recording ends; None if nothing tells it.
     """
 
@@ -61,7 +61,7 @@ class PowerUp:
     locked_drawers: Collection[str] = ()
     shelf_sensors: bool = True
     operations: tuple[Operated, ...] = ()
-    bus_faults: int = 0
+    bus_faults: tuple[str, ...] = ()
     until_counts: int | None = None
 
 
@@ -92,7 +92,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
         if report.run.bus.bitrate not in BITRATES:
             raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
         table = Table(report.document, "JSON object")
-        done = table.each("operations", lambda each: _operated(each, robot)) if "operations" in table else ()
+        done = table.each("operations", lambda each: _done(each, robot)) if "operations" in table else ()
         power_up = PowerUp(
             joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
             axes_per_board=(axes_per_board := _axes_per_board(table, robot)),
@@ -103,7 +103,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             stock=_stock(table),
             shelf_sensors=live or _waits_for_sensors(table, robot),
             operations=tuple(each for each in done if isinstance(each, Operated)),
-            bus_faults=sum(each is None for each in done) + _bus_faults(table, robot),
+            bus_faults=(*(each for each in done if isinstance(each, str)), *_bus_faults(table, robot)),
             until_counts=mark.until_counts if mark else round(report.run.simulated_s * 1_000_000) * COUNTS_PER_US,
         )
     return StoredMachine(folder, power_up, evidence)
@@ -144,21 +144,24 @@ def _waits_for_sensors(table: Table, robot: Robot) -> bool:
     return any(name in sensors for name in waited)
 
 
-def _bus_faults(table: Table, robot: Robot) -> int:
-    """Return how many faults of a scenario were the bus' own and have struck."""
+def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
+    """Return the faults of a scenario that were the bus' own and have struck."""
     if "faults" not in table:
-        return 0
+        return ()
 
-    def of_bus(fault: Table) -> bool:
+    def of_bus(fault: Table) -> str | None:
         with fault.section("do") as request:
             harm = read_request(robot, request.values)
-        return isinstance(harm, BusFault) and not fault.is_null("struck_s")
+        struck = isinstance(harm, BusFault) and not fault.is_null("struck_s")
+        return f"{fault.text('name')} ({request.text('do')})" if struck else None
 
-    return sum(table.each("faults", of_bus))
+    return tuple(each for each in table.each("faults", of_bus) if each is not None)
 
 
-def _operated(table: Table, robot: Robot) -> Operated | None:
-    """Return an operation of a report; None for a fault of the bus, or of a host."""
+def _done(table: Table, robot: Robot) -> Operated | str | None:
+    """Return an operation of a report, or a fault of the bus in words; None for one of a host, or the bus' repair."""
     at_s = table.number("at_s")
     harm = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
+    if isinstance(harm, BusFault):
+        return f"{table.text('do')} at {at_s:g} s"
     return Operated(round(at_s * COUNTS_PER_SECOND), harm) if isinstance(harm, Operation) else None

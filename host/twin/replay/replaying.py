@@ -35,7 +35,7 @@ class Replayed:
         robot: the machine.
         machine: the boards and what they did; `machine.run.save` writes the folder.
         played: number of frames that were sent to the boards.
-        bus_faults: number of faults of the bus in the recording, which are not repeated.
+        bus_faults: the faults of the bus in the recording, in words, which are not repeated.
         left_out: frames of the recording that were not played, by their kind in words.
         frames: the first frame that differs from the recording; None if there is none.
         edges: the first edge or step that differs from the stored run; None if there is none, or no stored run.
@@ -48,7 +48,7 @@ class Replayed:
     robot: Robot
     machine: ReplayedMachine
     played: int
-    bus_faults: int
+    bus_faults: tuple[str, ...]
     left_out: Mapping[str, int]
     frames: Difference | None
     edges: Difference | None
@@ -72,7 +72,8 @@ class Replayed:
             "replayed_frames": simulation.bus.frames,
             "left_out": dict(self.left_out),
             "cut": self.bus.cut,
-            "bus_faults_not_repeated": self.bus_faults,
+            "bus_faults_not_repeated": len(self.bus_faults),
+            "bus_faults": list(self.bus_faults),
             "equal": self.equal,
             "frames": None if self.frames is None else self.frames.to_dict(),
             "against": None if self.against is None else str(self.against),

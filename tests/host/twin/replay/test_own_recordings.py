@@ -8,6 +8,7 @@ import pytest
 
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.operations import BusOff, EmergencyStop, Scheduled, SetInput, StrangerSends, WatchdogReset
+from steptwin.host.cli.replay import say_result
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
@@ -215,18 +216,24 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
 @pytest.mark.parametrize(
     ("fault", "bus_faults"),
     [
-        ('at_s = 0.4\ndo = "estop"\npressed = true', 0),
-        ('at_position = { joint = "th1", value = -20 }\ndo = "supply"\nsupply_v = 8\nfor_s = 0.1', 0),
-        ('at_s = 0.3\ndo = "slip"\njoint = "th2"\nfull_steps = 8', 0),
-        ('at_s = 0.3\ndo = "host"\nhow = "death"', 0),
-        ('at_s = 0.3\ndo = "loss"\nframes = "records"\njoint = "th1"\ncount = 1', 1),
+        ('at_s = 0.4\ndo = "estop"\npressed = true', ()),
+        ('at_position = { joint = "th1", value = -20 }\ndo = "supply"\nsupply_v = 8\nfor_s = 0.1', ()),
+        ('at_s = 0.3\ndo = "slip"\njoint = "th2"\nfull_steps = 8', ()),
+        ('at_s = 0.3\ndo = "host"\nhow = "death"', ()),
+        ('at_s = 0.3\ndo = "stranger"\nid = 0x211\ndata = "02 00 07"', ()),
+        ('at_s = 0.3\ndo = "loss"\nframes = "records"\njoint = "th1"\ncount = 1', ("1 loss (loss)",)),
     ],
-    ids=["emergency stop", "supply at a position", "slip", "host", "bus"],
+    ids=["emergency stop", "supply at a position", "slip", "host", "stranger", "bus"],
 )
-def test_a_scenario(fault: str, bus_faults: int, fast_kernel: Kernel, tmp_path: Path) -> None:
-    """What was done to the machine is done again; a fault of the bus is not, as no log has it."""
+def test_a_scenario(
+    fault: str, bus_faults: tuple[str, ...], fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What was done to the machine is done again; a fault of the bus is not, as no log has it, and that is said."""
     outcome, _ = played(fast_kernel, f"[[fault]]\n{fault}\n")
     outcome.save(tmp_path)
     result = replayed(tmp_path, fast_kernel)
     assert result.bus_faults == bus_faults
     assert result.equal == (not bus_faults)
+    say_result(result)
+    why = "not repeated, because no log shows them: 1 loss (loss): what differs may differ for that"
+    assert (why in capsys.readouterr().out.splitlines()) == bool(bus_faults)
