@@ -15,7 +15,7 @@ from steptwin.host.client.plain_words import error_words, state_words
 from steptwin.host.client.shared_node import Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import error_text, state_text
-from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import (
     ENABLE_OPERATION,
@@ -25,7 +25,6 @@ from steptwin.protocol.cia402 import (
     ErrorCode,
     Mode,
     State,
-    Status,
 )
 from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_TPDO
 from steptwin.protocol.nmt import NmtCommand, NmtState
@@ -140,13 +139,10 @@ class AxisClient:
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
 
     def restart(self) -> DeviceFaultError:
-        """Return the error that says that the node has started anew, and whether its position is still known."""
-        known = False
-        with suppress(StepTwinError):
-            known = bool(self.read(od.STATUSWORD) & Status.POSITION_KNOWN)
-        unknown = "" if known else "; its position is unknown: home it"
-        return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_STARTED_ANEW}{unknown}").plainly(
-            f"{self.name}: its board has started anew{unknown}"
+        """Return the error that says that the node has started anew."""
+        unknown = "its position is unknown: home it"
+        return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_STARTED_ANEW}; {unknown}").plainly(
+            f"{self.name}: its board has started anew; {unknown}"
         )
 
     # --- objects
