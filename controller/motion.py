@@ -22,6 +22,8 @@ _SEGMENT_END_TERMS: Final = (k.START_Q16, k.COEFFICIENT_A, k.COEFFICIENT_B, k.CO
 EDGE_CAPACITY: Final = 1 << 16
 """Number of edges of one pin that fit between two drains."""
 _TICKS_PER_MS: Final = k.TICKS_PER_MS
+_SLACK_Q16: Final = 64
+"""More than all roundings of two evaluations of a segment, its parameter's included, add up to."""
 
 
 class AxisEvent(IntEnum):
@@ -286,6 +288,23 @@ class Motion:
             slot = (self._get(axis, k.QUEUE_HEAD) + i) % k.QUEUE_DEPTH
             entry = (axis * k.QUEUE_DEPTH + slot) * k.SEGMENT_FIELDS
             yield [int(self._queue[entry + field]) for field in fields]
+
+    def quiet_ticks(self, axis: int, steps: int) -> int:
+        """Return a number of ticks in which a running axis' counter certainly moves by less than `steps`.
+
+        It ends with the running segment at the latest, and a start or stop of the axis (`starts`) makes it void. The
+        slope of a cubic stays within its Bernstein coefficients a, a + b and a + 2b + 3c, and a group's time never
+        runs faster than ticks do.
+        """
+        a, b, c = (self._get(axis, field) for field in (k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C))
+        duration_ticks = self._get(axis, k.DURATION_TICKS)
+        left_ticks = ((duration_ticks << 16) - self._get(axis, k.ELAPSED_Q16)) >> 16
+        fastest = max(abs(a), abs(a + b), abs(a + 2 * b + 3 * c))
+        offset_q16 = abs(self._get(axis, k.POSITION_Q16) - self._get(axis, k.COUNTER) * k.STEP_Q16)
+        way_q16 = k.THRESHOLD_Q16 + (steps - 1) * k.STEP_Q16 - offset_q16 - _SLACK_Q16
+        if way_q16 <= 0:
+            return 0
+        return min(left_ticks, way_q16 * duration_ticks // fastest) if fastest else left_ticks
 
     # --- time forward, edges and events out
 

@@ -306,7 +306,11 @@ class Board:
     def _look(self) -> bool:
         """Read the inputs at the start of the next tick and show them to the firmware; return True if they changed."""
         motion = self.firmware.motion
-        self.drain()
+        if self._hot or self._heat_is_due or self._inputs.restless:
+            self.drain()
+        else:
+            for rotor in self._inputs.due_rotors(motion):
+                self._drain_axis(rotor)
         self._inputs.look(motion)
         if self._inputs.restless:
             self._inputs.expect(self._drivers.noisy_axes)

@@ -1,9 +1,10 @@
 """A board's inputs: the levels that the machine gives them, and the ticks at which the firmware must read them.
 
 The firmware sees the levels at the start of each servo tick. Pulses are computed many ticks at a time, and this module
-says how many: no driver counts pulses faster than one each PERIOD_MIN_COUNTS, so a switch that is d steps away keeps
-its level for at least (d - 1) of these periods. Next to a switch, motion is computed tick by tick. How far a step turns
-the motor depends on the driver's mode, which changes only while the axis stands: it is learned at each start.
+says how many. A switch that is d steps away keeps its level until the drivers have been given d pulses more. No driver
+counts pulses faster than one each PERIOD_MIN_COUNTS, and the firmware makes none before its running segment can cross
+the next thresholds. How far a step turns the motor depends on the driver's mode, which changes only while the axis
+stands: it is learned at each start.
 """
 
 from collections.abc import Sequence
@@ -208,14 +209,21 @@ class BoardInputs:
 
     def may_have_changed(self, motion: Motion) -> bool:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
-        due = [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
+        due = self._due(motion)
         bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
         put_off = all(self._put_off(axis, motion) for axis in due)
         self._first_due_tick = min(self._due_ticks.values()) if self._due_ticks else None
         return not put_off or bounces
 
+    def due_rotors(self, motion: Motion) -> set[int]:
+        """Return the rotors that switches follow which must be read at the start of the next tick."""
+        return {rotor for axis in self._due(motion) for rotor in self._travels[axis].rotors}
+
+    def _due(self, motion: Motion) -> list[int]:
+        return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
+
     def _put_off(self, axis: int, motion: Motion) -> bool:
-        """Put an axis' due tick off if it has made less than half the steps to its next switch; return True if so."""
+        """Put an axis' due tick off if it has made fewer steps than there are to its next switch; return True if so."""
         if axis in self._just_started:
             return False
         pulses, running = self._pulses_ahead(axis, motion), self._running(axis, motion)
@@ -223,21 +231,22 @@ class BoardInputs:
         if not running and pulses == 0:
             del self._due_ticks[axis]
             return True
-        if 2 * pulses >= distance_steps or not running:
+        if pulses >= distance_steps or not running:
             return False
-        self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(distance_steps - pulses))
+        self._due_ticks[axis] = motion.tick + self._quiet_ticks(axis, distance_steps - pulses, motion)
         return True
 
     def look(self, motion: Motion) -> None:
-        """Let the switches follow the axes up to the start of the next tick; all pulses before it are drained."""
-        self._just_started.clear()
+        """Let the due switches follow up to the start of the next tick; pulses of `due_rotors` before it are drained."""
         self._looked_tick = motion.tick
-        for rotor in {rotor for axis in self._due_ticks for rotor in self._travels[axis].rotors}:
+        for rotor in self.due_rotors(motion):
             self._settle(rotor, motion.tick * TICK_COUNTS)
-        for axis in list(self._due_ticks):
+        for axis in self._due(motion):
+            self._just_started.discard(axis)
             position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
             self._axes[axis].move(position - self._axes[axis].position_sixteenths)
-            self._due_ticks[axis] = motion.tick + max(1, self._quiet_ticks(self._steps_to_change(axis)))
+            left_steps = self._steps_to_change(axis) - self._pulses_ahead(axis, motion)
+            self._due_ticks[axis] = motion.tick + self._quiet_ticks(axis, left_steps, motion)
         self._first_due_tick = min(self._due_ticks.values(), default=None)
         if self._bouncers:
             self._bounce(motion.tick)
@@ -255,7 +264,11 @@ class BoardInputs:
                 ahead.append((counts[seen:], sixteenths[seen:]))
         self._ahead[rotor] = ahead
 
-    @staticmethod
-    def _quiet_ticks(distance_steps: int) -> int:
-        """Return the number of ticks during which a switch at a distance cannot change, however fast the axis moves."""
-        return (distance_steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS
+    def _quiet_ticks(self, axis: int, steps: int, motion: Motion) -> int:
+        """Return a number of ticks, 1 or more, before whose end none of an axis' rotors makes so many steps more."""
+        if steps <= 0:
+            return 1
+        running = [rotor for rotor in self._travels[axis].rotors if motion.running(rotor)]
+        by_segments = min((motion.quiet_ticks(rotor, steps) for rotor in running), default=0)
+        by_drivers = (steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS
+        return max(1, by_segments, by_drivers)
