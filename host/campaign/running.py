@@ -104,7 +104,7 @@ def perform(trial: Trial) -> Performance:
         message=message,
         outcome=outcome,
         claims=claims,
-        axes=board.evidence().axes,
+        axes=board.axes_evidence(),
         recovery=recovery,
         own_time=own_time,
         motors=_motors(trial, outcome),

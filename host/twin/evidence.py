@@ -26,14 +26,15 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
 }
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
+_NO_PHASES: Final = Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
 
 
 def axes_evidence(
-    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]
+    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]], *, currents: bool = True
 ) -> tuple[AxisEvidence, ...]:
     """Return the evidence of all axes since power-up; `axes` has each joint's board and its axis' number there."""
     return tuple(
-        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes, board.own_clock)
+        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes, board.own_clock, currents=currents)
         for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)
     )
 
@@ -68,10 +69,12 @@ def axis_evidence(
     axis: int,
     changes: Sequence[PinChange],
     clock: LocalClock | None = None,
+    *,
+    currents: bool = True,
 ) -> AxisEvidence:
     """Return the evidence of one axis' driver, with the pin changes that concern this axis.
 
-    What a board with a clock of its own has seen is told in the time of the bus, as a logic analyser would; values of
+    Without `currents` it says nothing of the phases, which take most of the time. What a board with a clock of its own has seen is told in the time of the bus, as a logic analyser would; values of
     violations stay as the board's clock has them.
     """
     evidence = AxisEvidence(
@@ -85,7 +88,7 @@ def axis_evidence(
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
         violations=_violations(trace.violations),
-        phases=_phases(trace.outputs),
+        phases=_phases(trace.outputs) if currents else _NO_PHASES,
         pins=_level_edges(axis, changes),
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
@@ -124,7 +127,7 @@ def _phases(outputs: Outputs) -> Phases:
     """Sample the phases at each instant at which they may change; keep those at which they do, and power-up."""
     counts = outputs.instants()
     if not counts.size:
-        return Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
+        return _NO_PHASES
     values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
     changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
     changed[:1] |= outputs.from_counts == 0

@@ -173,6 +173,8 @@ class Engine:
                 if each.watch is not None and each.watch.is_due(now_counts):
                     self._act(each, now_counts)
             self._waiting = [each for each in self._waiting if each.watch is not None]
+        if not self._waiting and self.start_counts is not None:
+            self.target.simulation.attendant = None  # nothing is left to do: each event would cost another look
 
     def _note_start(self, sync_counts: int, now_counts: int) -> None:
         """Note t = 0 of the motion, the first tick after the SYNC."""
