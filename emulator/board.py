@@ -310,7 +310,7 @@ class Board:
             self.drain()
         else:
             for rotor in self._inputs.due_rotors(motion):
-                self._drain_axis(rotor)
+                self.drain_axis(rotor)
         self._inputs.look(motion)
         if self._inputs.restless:
             self._inputs.expect(self._drivers.noisy_axes)

@@ -237,7 +237,7 @@ class BoardInputs:
         return True
 
     def look(self, motion: Motion) -> None:
-        """Let the due switches follow up to the start of the next tick; pulses of `due_rotors` before it are drained."""
+        """Let the switches that are due follow up to the start of the next tick; `due_rotors` are drained up to it."""
         self._looked_tick = motion.tick
         for rotor in self.due_rotors(motion):
             self._settle(rotor, motion.tick * TICK_COUNTS)

@@ -27,7 +27,7 @@ _TASKS_PER_THREAD: Final = 3
 _TASKS_MIN: Final = 4
 _THREADS_ASKED_EVERY_S: Final = 5.0
 _LOCAL: Final = {"distributed.worker.profile.enabled": False}
-"""Dask's settings for this computer's workers: they do not look every 10 ms at which line a run is."""
+"""Dask's settings for this computer's workers: without its profiler, which stops a run every 10 ms to note its line."""
 CONNECT_S: Final = 10.0
 """Longest wait for a scheduler's answer."""
 

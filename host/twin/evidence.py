@@ -74,8 +74,9 @@ def axis_evidence(
 ) -> AxisEvidence:
     """Return the evidence of one axis' driver, with the pin changes that concern this axis.
 
-    Without `currents` it says nothing of the phases, which take most of the time. What a board with a clock of its own has seen is told in the time of the bus, as a logic analyser would; values of
-    violations stay as the board's clock has them.
+    Without `currents` it says nothing of the phases, which take most of the time. What a board with a clock of its own
+    has seen is told in the time of the bus, as a logic analyser would; values of violations stay as the board's clock
+    has them.
     """
     evidence = AxisEvidence(
         name=name,

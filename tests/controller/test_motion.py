@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from steptwin.controller.backend import Kernel, python_kernel
-from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.kernel import TICK_COUNTS, TICKS_PER_MS
 from steptwin.controller.motion import STOP_MAX_MS, AxisEvent, Motion, Refusal, stop_segments
 from steptwin.controller.step_config import StepConfig
 from steptwin.protocol.timer import counts_of_ns
@@ -208,3 +208,41 @@ def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
     motion = moving(kernel)
     assert motion.advance(10**9) == 10**9
     assert motion.room_ticks > 0
+
+
+@given(
+    displacement=st.integers(-60 * STEP, 60 * STEP),
+    end_velocity=st.integers(-40_000, 40_000),
+    duration_ms=st.integers(1, 40),
+    begun_ticks=st.integers(0, 100),
+    steps=st.integers(1, 30),
+)
+def test_quiet_ticks_promise_fewer_steps(
+    displacement: int, end_velocity: int, duration_ms: int, begun_ticks: int, steps: int
+) -> None:
+    motion = moving(python_kernel())
+    assume(motion.push(0, displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
+    assume(begun_ticks < duration_ms * TICKS_PER_MS)
+    motion.start(0)
+    motion.advance(begun_ticks)
+    before, quiet_ticks = motion.counter_steps(0), motion.quiet_ticks(0, steps)
+    assert motion.tick + quiet_ticks <= duration_ms * TICKS_PER_MS
+    while quiet_ticks:
+        quiet_ticks -= 1
+        motion.advance(motion.tick + 1)
+        assert abs(motion.counter_steps(0) - before) < steps
+
+
+def test_quiet_ticks_are_all_but_one_at_constant_speed() -> None:
+    """One step takes 16 ms: the promise ends with the very tick that makes it, or one before, or with the segment."""
+    motion = moving(python_kernel())
+    for _ in range(2):
+        assert motion.push(0, STEP, STEP * 64 // 16, 16) is Refusal.ACCEPTED
+    motion.start(0)
+    motion.advance(16 * TICKS_PER_MS)
+    assert motion.quiet_ticks(0, 2) == 16 * TICKS_PER_MS  # the segment's end
+    counter, ticks = motion.counter_steps(0), motion.quiet_ticks(0, 1)
+    motion.advance(motion.tick + ticks)
+    assert motion.counter_steps(0) == counter
+    motion.advance(motion.tick + 2)
+    assert motion.counter_steps(0) == counter + 1
