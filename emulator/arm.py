@@ -1,10 +1,9 @@
 """The mechanism that motors turn, as data: bodies on a tree, and how their joints follow the rotors."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from steptwin.emulator.edges import FloatArray
+from steptwin.emulator.following import NO_PAIR, SliderPair
 
 BASE = -1
 """Parent of a body that hangs on the base."""
@@ -46,35 +45,23 @@ class Body:
         ]
 
 
-class Following(NamedTuple):
-    """How the bodies' joints follow the rotors at one pose.
-
-    Attributes:
-        places: shape (bodies,), the joints' positions in rad and m.
-        rates: shape (bodies,), their rates.
-        drifts: shape (bodies,), the part of their accelerations that does not come from the rotors'.
-        slopes: shape (bodies, axes), their derivatives by the rotors' angles.
-    """
-
-    places: FloatArray
-    rates: FloatArray
-    drifts: FloatArray
-    slopes: FloatArray
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Arm:
     """A mechanism of `bodies`, whose joints follow the rotors' angles in rad.
 
     Attributes:
         bodies: the tree, parents first.
-        slopes: shape (bodies, axes), rad or m of each joint for each rad of a rotor, where that is constant.
+        slopes: shape (bodies, axes), rad or m of each joint for each rad of a rotor.
         offsets: shape (bodies,), the joints' positions with all rotors at 0.
-        follow: for a mechanism in which joints do not follow linearly: takes the rotors' angles and speeds, each of
-            shape (axes,), and replaces `slopes` and `offsets`.
+        pair: two sliders and the platform that they carry, which follows them by no constant slope.
     """
 
     bodies: tuple[Body, ...]
     slopes: FloatArray
     offsets: FloatArray
-    follow: Callable[[FloatArray, FloatArray], Following] | None = None
+    pair: SliderPair | None = None
+
+    @property
+    def pair_numbers(self) -> list[float]:
+        """The pair as `following` stores it."""
+        return list(NO_PAIR) if self.pair is None else self.pair.numbers()

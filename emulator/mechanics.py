@@ -11,6 +11,7 @@ SI units: m, rad, kg, N m. Functions are plain and give the same bytes compiled 
 """
 
 from steptwin.controller.kernel import kernel_function
+from steptwin.emulator.following import follow
 from steptwin.emulator.rotor_kernel import (
     AXIS_FIELDS,
     ELASTIC,
@@ -282,37 +283,32 @@ def refresh(
 
 
 @kernel_function
-def follow_rotors(
-    slopes: list[float], offsets: list[float], state: list[float], places: list[float], rates: list[float],
-    count: int, axis_count: int,
-) -> None:  # fmt: skip
-    """Compute the joints' positions and rates of a mechanism in which they are linear in the rotors' coordinates."""
-    for body in range(count):
-        place, rate = offsets[body], 0.0
-        for axis in range(axis_count):
-            slope = slopes[body * axis_count + axis]
-            place += slope * state[axis * STATE_FIELDS + PLACE]
-            rate += slope * state[axis * STATE_FIELDS + RATE]
-        places[body], rates[body] = place, rate
-
-
-@kernel_function
 def needed_by(
-    bodies: list[float], motion: list[float], places: list[float], rates: list[float], accelerations: list[float],
-    place: list[float], rate: list[float], acceleration: list[float], torque: list[float], torques: list[float],
-    count: int, instants: int, gravity: float,
+    bodies: list[float], motion: list[float], pair: list[float], slopes: list[float], offsets: list[float],
+    state: list[float], places: list[float], rates: list[float], drifts: list[float], accelerations: list[float],
+    joint_torques: list[float], rad: list[float], rad_s: list[float], rad_s2: list[float], torques: list[float],
+    count: int, axis_count: int, instants: int, gravity: float,
 ) -> None:  # fmt: skip
-    """Compute what each joint needs at many instants.
+    """Compute what the arm needs at each rotor, `torques`, at many instants.
 
-    `places`, `rates`, `accelerations` and the result `torques` have `count` numbers for each instant; the other lists
-    have `count` numbers for the function's own use.
+    `rad`, `rad_s`, `rad_s2` and the result have a number for each axis and instant. `state` has STATE_FIELDS numbers
+    for each axis, the lists from `places` to `joint_torques` one for each body, all for the function's own use.
     """
     for instant in range(instants):
-        first = instant * count
+        first = instant * axis_count
+        for axis in range(axis_count):
+            state[axis * STATE_FIELDS + PLACE] = rad[first + axis]
+            state[axis * STATE_FIELDS + RATE] = rad_s[first + axis]
+        follow(pair, slopes, offsets, state, places, rates, drifts, count, axis_count)
         for body in range(count):
-            place[body], rate[body] = places[first + body], rates[first + body]
-            acceleration[body] = accelerations[first + body]
-        take_pose(bodies, motion, place, count)
-        inverse_dynamics(bodies, motion, rate, acceleration, gravity, torque, count)
-        for body in range(count):
-            torques[first + body] = torque[body]
+            acceleration = drifts[body]
+            for axis in range(axis_count):
+                acceleration += slopes[body * axis_count + axis] * rad_s2[first + axis]
+            accelerations[body] = acceleration
+        take_pose(bodies, motion, places, count)
+        inverse_dynamics(bodies, motion, rates, accelerations, gravity, joint_torques, count)
+        for axis in range(axis_count):
+            torque = 0.0
+            for body in range(count):
+                torque += slopes[body * axis_count + axis] * joint_torques[body]
+            torques[first + axis] = torque

@@ -7,7 +7,8 @@ import numpy as np
 from steptwin.emulator.arm import Arm
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.mechanics import GRAVITY_M_S2, MOTION_FIELDS
-from steptwin.emulator.rotor_backend import RotorBackend, fastest_rotors
+from steptwin.emulator.rotor_backend import Numbers, RotorBackend, fastest_rotors
+from steptwin.emulator.rotor_kernel import STATE_FIELDS
 from steptwin.emulator.rotors import Drive
 
 
@@ -46,26 +47,16 @@ def carried_torque_nm(
 ) -> FloatArray:  # fmt: skip
     """Return what the arm alone needs at each rotor, shape (n, axes): weights and what its masses' motion takes."""
     backend = backend or fastest_rotors()
-    places, rates, accelerations, slopes = _joints(arm, rad, rad_s, rad_s2)
-    instants, count = places.shape
-    tree = backend.numbers([value for body in arm.bodies for value in body.numbers()])
-    own = [backend.numbers([0.0] * count) for _ in range(4)]
-    torques = backend.numbers([0.0] * places.size)
-    motion = backend.numbers([0.0] * (count * MOTION_FIELDS))
-    given = [backend.numbers(values.ravel().tolist()) for values in (places, rates, accelerations)]
-    backend.need(tree, motion, *given, *own, torques, count, instants, gravity_m_s2)
-    at_joints = np.array(torques, dtype=np.float64).reshape(instants, count)
-    return np.asarray(np.einsum("nba,nb->na", slopes, at_joints))
+    (instants, axes), count = rad.shape, len(arm.bodies)
 
+    def zeros(length: int) -> Numbers:
+        return backend.numbers([0.0] * length)
 
-def _joints(
-    arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the joints' positions, rates and accelerations, (n, bodies), and their slopes, (n, bodies, axes)."""
-    if arm.follow is None:
-        slopes = np.broadcast_to(arm.slopes, (len(rad), *arm.slopes.shape))
-        return arm.offsets + rad @ arm.slopes.T, rad_s @ arm.slopes.T, rad_s2 @ arm.slopes.T, slopes
-    followed = [arm.follow(angles, speeds) for angles, speeds in zip(rad, rad_s, strict=True)]
-    slopes = np.array([one.slopes for one in followed])
-    accelerations = np.einsum("nba,na->nb", slopes, rad_s2) + np.array([one.drifts for one in followed])
-    return np.array([one.places for one in followed]), np.array([one.rates for one in followed]), accelerations, slopes
+    torques = zeros(rad.size)
+    backend.need(
+        backend.numbers([value for body in arm.bodies for value in body.numbers()]), zeros(count * MOTION_FIELDS),
+        backend.numbers(arm.pair_numbers), backend.numbers(arm.slopes.ravel().tolist()),
+        backend.numbers(arm.offsets.tolist()), zeros(axes * STATE_FIELDS), *(zeros(count) for _ in range(5)),
+        *(backend.rows(values) for values in (rad, rad_s, rad_s2)), torques, count, axes, instants, gravity_m_s2,
+    )  # fmt: skip
+    return np.array(torques, dtype=np.float64).reshape(instants, axes)

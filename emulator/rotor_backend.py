@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from steptwin.controller.kernel import Function
-from steptwin.emulator import mechanics, power_supply, rotor_kernel, rotor_run, sine
+from steptwin.emulator import following, mechanics, power_supply, rotor_kernel, rotor_run, sine
 from steptwin.emulator.edges import FloatArray
 from steptwin.emulator.mechanics import needed_by
 from steptwin.emulator.rotor_run import run_rotors
@@ -75,19 +75,17 @@ def compiled_rotors() -> RotorBackend:
             run_rotors,
             *3 * (numbers,),
             *2 * (indices,),
-            *17 * (numbers,),
-            *2 * (integer,),
-            numba.boolean,
-            *2 * (integer,),
+            *18 * (numbers,),
+            *4 * (integer,),
             *2 * (number,),
         ),
-        need=compiled(needed_by, *10 * (numbers,), *2 * (integer,), number),
+        need=compiled(needed_by, *15 * (numbers,), *3 * (integer,), number),
     )
 
 
 def _drop_stale(cache: Path) -> None:
     """Delete what was compiled before a source last changed: numba looks only at the function's own file."""
-    sources = (rotor_run, rotor_kernel, mechanics, power_supply, sine)
+    sources = (rotor_run, rotor_kernel, mechanics, following, power_supply, sine)
     changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in sources)
     for stem in ("rotor_run", "mechanics"):
         for index in cache.glob(f"{stem}.*.nbi"):

@@ -1,7 +1,8 @@
 """Turn rotors ms after ms: refresh the arm's masses, advance the rotors, keep their state."""
 
 from steptwin.controller.kernel import TICKS_PER_MS, kernel_function
-from steptwin.emulator.mechanics import follow_rotors, refresh
+from steptwin.emulator.following import follow
+from steptwin.emulator.mechanics import refresh
 from steptwin.emulator.rotor_kernel import DT_COUNTS, STATE_FIELDS, WORST, advance_rotors
 
 REFRESH_STEPS = 100
@@ -23,25 +24,22 @@ def keep(state: list[float], kept: list[float], row: int, axis_count: int) -> No
 @kernel_function
 def run_rotors(
     axes: list[float], state: list[float], events: list[float], ends: list[int], cursors: list[int],
-    bodies: list[float], motion: list[float], slopes: list[float], offsets: list[float],
+    bodies: list[float], motion: list[float], pair: list[float], slopes: list[float], offsets: list[float],
     places: list[float], rates: list[float], drifts: list[float],
     zeros: list[float], unit: list[float], torques: list[float], masses: list[float], matrix: list[float],
     inverse: list[float], bias: list[float], forces: list[float], supply: list[float], kept: list[float],
-    count: int, axis_count: int, linear: bool, first_step: int, steps: int,
-    first_counts: float, gravity: float,
+    count: int, axis_count: int, first_step: int, steps: int, first_counts: float, gravity: float,
 ) -> None:  # fmt: skip
     """Turn the rotors for some steps; at the end of each ms among them keep the state.
 
     Masses are refreshed at the beginning of each ms, so the result does not depend on how time is divided into calls.
-    With `linear` the joints follow the rotors by `slopes` and `offsets`; otherwise `places`, `rates`, `drifts` and
-    `slopes` hold for the whole call. For the other arguments see `advance_rotors` and `refresh`.
+    For the arguments see `advance_rotors`, `refresh` and `follow`.
     """
     done = row = 0
     while done < steps:
         into = (first_step + done) % REFRESH_STEPS
         if into == 0:
-            if linear:
-                follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
+            follow(pair, slopes, offsets, state, places, rates, drifts, count, axis_count)
             refresh(
                 bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse,
                 bias, count, axis_count, gravity,

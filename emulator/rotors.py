@@ -15,7 +15,7 @@ import numpy as np
 from steptwin.controller.kernel import TICKS_PER_MS
 from steptwin.emulator import mechanics
 from steptwin.emulator import rotor_kernel as rk
-from steptwin.emulator.arm import Arm, Following
+from steptwin.emulator.arm import Arm
 from steptwin.emulator.edges import FloatArray, Int64Array
 from steptwin.emulator.motor import FULL_STEPS_PER_TOOTH, Motor
 from steptwin.emulator.power_supply import GIVEN_J, HIGHEST_V, LOST_J, LOWEST_V, PowerSupply
@@ -174,7 +174,7 @@ class Rotors:
         gravity_m_s2: float = mechanics.GRAVITY_M_S2,
     ) -> None:
         self._backend = backend or fastest_rotors()
-        self._arm, self._gravity = arm, gravity_m_s2
+        self._gravity = gravity_m_s2
         self._axes, self._bodies = len(drives), len(arm.bodies)
         numbers = self._backend.numbers
         self._parameters = numbers([value for drive in drives for value in drive.numbers()])
@@ -186,6 +186,7 @@ class Rotors:
         self._state = numbers(
             [value for drive, angle in zip(drives, rotor_rad, strict=True) for value in _rest(drive, angle)]
         )
+        self._pair = numbers(arm.pair_numbers)
         self._slopes, self._offsets = numbers(arm.slopes.ravel().tolist()), numbers(arm.offsets.tolist())
         self._storage = _Storage(self._backend, self._bodies, self._axes)
         self._rows = np.empty((0, rk.EVENT_FIELDS))
@@ -282,45 +283,17 @@ class Rotors:
         into = self._steps % REFRESH_STEPS
         rows = (into + steps) // REFRESH_STEPS
         kept = self._backend.numbers([0.0] * (rows * size))
-        if self._arm.follow is None:
-            self._run(kept, steps)
-        else:
-            row, left = 0, steps
-            while left:
-                into = self._steps % REFRESH_STEPS
-                if into == 0:
-                    self._take(self._arm.follow(self._column(rk.PLACE), self._column(rk.RATE)))
-                part = min(REFRESH_STEPS - into, left)
-                ended = self._backend.numbers([0.0] * size)
-                self._run(ended, part)
-                left -= part
-                if into + part == REFRESH_STEPS:
-                    kept[row * size : (row + 1) * size] = ended
-                    row += 1
-        return np.array(kept, dtype=np.float64).reshape(rows, self._axes, rk.STATE_FIELDS)
-
-    def _run(self, kept: Numbers, steps: int) -> None:
         storage = self._storage
         self._backend.run(
             self._parameters, self._state, self._table, self._ends, self._cursors,
-            self._tree, storage.motion, self._slopes, self._offsets, storage.places, storage.rates, storage.drifts,
-            storage.zeros, storage.unit, storage.torques, storage.masses, storage.matrix,
-            storage.inverse, storage.bias, storage.forces, self._supply, kept,
-            self._bodies, self._axes, self._arm.follow is None, self._steps, steps,
-            float(self.counts), self._gravity,
+            self._tree, storage.motion, self._pair, self._slopes, self._offsets,
+            storage.places, storage.rates, storage.drifts,
+            storage.zeros, storage.unit, storage.torques, storage.masses, storage.matrix, storage.inverse,
+            storage.bias, storage.forces, self._supply, kept,
+            self._bodies, self._axes, self._steps, steps, float(self.counts), self._gravity,
         )  # fmt: skip
         self._steps += steps
-
-    def _take(self, following: Following) -> None:
-        numbers = self._backend.numbers
-        self._storage.places, self._storage.rates = (
-            numbers(following.places.tolist()),
-            numbers(following.rates.tolist()),
-        )
-        self._storage.drifts, self._slopes = (
-            numbers(following.drifts.tolist()),
-            numbers(following.slopes.ravel().tolist()),
-        )
+        return np.array(kept, dtype=np.float64).reshape(rows, self._axes, rk.STATE_FIELDS)
 
     def _each(self, field: int) -> list[float]:
         return [float(value) for value in self._state[field :: rk.STATE_FIELDS]]

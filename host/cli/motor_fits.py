@@ -8,7 +8,7 @@ from steptwin.host.cli.output import print_json, print_table, say, warn
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.motors.fitting import Fit, JointFit
+    from steptwin.host.twin.motors.fitting import Fit, JointFit, Ramp
 
 
 def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
@@ -30,6 +30,8 @@ def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
         return
     _print_own(fits)
     say("")
+    _print_ramps(fits)
+    say("")
     _print_pull_out(fits)
     say("")
     _print_others(fits)
@@ -40,6 +42,7 @@ def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
     for fit in fits:
         if not fit.own.would_do:
             warn(f"{fit.name}: {fit.own.motor}: {_shortage(fit.own)}")
+    warn_of_steep_homings(fits)
     say(f"motors: with {dynamics.payload_kg:g} kg at the tool and {dynamics.supply_v:g} V ([A] masses)")
 
 
@@ -61,6 +64,34 @@ def _print_own(fits: "tuple[JointFit, ...]") -> None:
         for fit in fits
     ]
     print_table(heads, rows, text_columns=2)
+
+
+def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
+    """Warn of each joint whose homing accelerates it harder than its motor manages."""
+    for fit in fits:
+        if fit.homing is not None and fit.homing.too_steep:
+            warn(
+                f"{fit.name}: homing stalls at {fit.homing.asked:g} {fit.unit}/s2 where the arm is hardest to turn: its"
+                f" motor manages {fit.homing.managed:.0f} (joints.{fit.name}.homing.acceleration in the robot's file)"
+            )
+
+
+def _print_ramps(fits: "tuple[JointFit, ...]") -> None:
+    heads = ["joint", "unit", "acceleration_max", "motor manages", "homing", "motor manages"]
+    rows = [
+        [
+            fit.name,
+            f"{fit.unit}/s2",
+            *_asked_and_managed(fit.moving),
+            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing)),
+        ]
+        for fit in fits
+    ]
+    print_table(heads, rows, text_columns=2)
+
+
+def _asked_and_managed(ramp: "Ramp") -> tuple[str, str]:
+    return f"{ramp.asked:g}", f"{ramp.managed:.0f}"
 
 
 def _print_pull_out(fits: "tuple[JointFit, ...]") -> None:

@@ -178,6 +178,15 @@ def print_motors(verdict: "MotorVerdict") -> None:
     )
 
 
+def warn_of_payloads(document: Mapping[str, Any], payload_kg: float) -> None:
+    """Warn if the scenario of a stored run has changed the payload, of which motors after the run know nothing."""
+    requests = [fault.get("do", {}) for fault in document.get("faults", ()) if fault.get("strikes")]
+    given = [request["payload_kg"] for request in requests if request.get("do") == "payload"]
+    if given:
+        told = ", then ".join(f"{each:g} kg" for each in given)
+        warn(f"the run's scenario has changed the payload to {told}: these motors turn {payload_kg:g} kg all along")
+
+
 _UNITS: Final = {"current_a": " A", "payload_kg": " kg", "stretch": ""}
 _SAID: Final = {
     "current_a": "lowest current",

@@ -15,6 +15,7 @@ from steptwin.host.cli.motor_report import (
     motors_of,
     print_margins,
     print_motors,
+    warn_of_payloads,
     with_load,
     write_pictures,
 )
@@ -109,6 +110,7 @@ def _tell_run(
         print_json({"robot": robot.name, "job": run.report.document["job"], **found})
     else:
         print_motors(ran.verdict)
+        warn_of_payloads(run.report.document, ran.verdict.payload_kg)
         if margins is not None:
             print_margins(margins)
     if out is not None:

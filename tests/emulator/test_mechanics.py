@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steptwin.emulator import mechanics
 from steptwin.emulator.arm import BASE, Arm, Body
+from steptwin.emulator.following import follow
 from steptwin.emulator.mechanics import GRAVITY_M_S2, MOTION_FIELDS
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.emulator.power_supply import PowerSupply
@@ -207,14 +208,13 @@ def refreshed_each_step() -> RotorBackend:
     """Return the plain functions, with masses that are refreshed at every step of 10 us instead of every ms."""
 
     def run(
-        axes: Any, state: Any, events: Any, ends: Any, cursors: Any, bodies: Any, motion: Any, slopes: Any,
+        axes: Any, state: Any, events: Any, ends: Any, cursors: Any, bodies: Any, motion: Any, pair: Any, slopes: Any,
         offsets: Any, places: Any, rates: Any, drifts: Any, zeros: Any, unit: Any, torques: Any, masses: Any,
         matrix: Any, inverse: Any, bias: Any, forces: Any, supply: Any, kept: Any, count: int, axis_count: int,
-        linear: bool, first_step: int, steps: int, first_counts: float, gravity: float,
+        first_step: int, steps: int, first_counts: float, gravity: float,
     ) -> None:  # fmt: skip
-        assert linear
         for step in range(steps):
-            mechanics.follow_rotors(slopes, offsets, state, places, rates, count, axis_count)
+            follow(pair, slopes, offsets, state, places, rates, drifts, count, axis_count)
             mechanics.refresh(
                 bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse,
                 bias, count, axis_count, gravity,

@@ -33,6 +33,8 @@ _POSES: Final = 64
 _CURVE_SPEEDS: Final = 25
 _ALMOST_NONE: Final = 1e-6
 """Part of the highest speed at which friction already opposes, but nothing else depends on speed."""
+_CLOSE: Final = 1e-3
+"""Precision of an acceleration that a motor manages, relative to it, and the least one in the joint's unit."""
 TABLE_RPM: Final = (0.0, 60.0, 120.0, 240.0, 360.0, 480.0, 600.0, 900.0, 1200.0)
 """Speeds at which a pull-out curve is told."""
 
@@ -68,12 +70,34 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
+class Ramp:
+    """How hard a joint's axis accelerates by the robot's file, and how hard its motor lets it; mm/s^2 or deg/s^2.
+
+    Attributes:
+        asked: by the file.
+        managed: the highest that the motor manages at every pose, while the other axes stand; 0 if there is none. A
+            ramp begins at once, so that the rotor swings twice as far as the ramp's torque takes it.
+    """
+
+    asked: float
+    managed: float
+
+    @property
+    def too_steep(self) -> bool:
+        """True if the file asks for more than the motor manages."""
+        return self.asked > self.managed
+
+
+@dataclass(frozen=True, slots=True)
 class JointFit:
     """A joint's own motor, and all of the catalogue in its place.
 
     Attributes:
         name: the joint.
+        unit: of its positions.
         own: its motor at the drivers' current.
+        moving: its acceleration_max, at up to the joint's highest speed.
+        homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
         rpm_max: the motor's speed at the joint's highest one.
         inertia_kgm2: of the rotor with all that it moves, at the motor's shaft, where that is greatest.
         natural_hz: of small oscillations about the field with that inertia, the lowest there is.
@@ -83,7 +107,10 @@ class JointFit:
     """
 
     name: str
+    unit: str
     own: Fit
+    moving: Ramp
+    homing: Ramp | None
     rpm_max: float
     inertia_kgm2: float
     natural_hz: float
@@ -98,7 +125,10 @@ class JointFit:
         ]
         return {
             "name": self.name,
+            "unit": self.unit,
             "own": self.own.to_dict(),
+            "moving": asdict(self.moving),
+            "homing": None if self.homing is None else asdict(self.homing),
             "rpm_max": self.rpm_max,
             "inertia_kgm2": self.inertia_kgm2,
             "natural_hz": self.natural_hz,
@@ -142,15 +172,21 @@ def fits_of(
         drive = drive_of(joint)
         widest = int(np.argmax(inertias[:, axis]))
         inertia = float(inertias[widest, axis])
+        curve = curves.of(drive.motor, own_a)
+        ramps = _Ramps(robot, arm, joints, axis, drive, curve, inertias[:, axis])
+        homing = joint.homing
         fits.append(
             JointFit(
                 name=joint.name,
-                own=_fit(drive, own_a, curves.of(drive.motor, own_a), demands, axis),
+                unit=joint.unit,
+                own=_fit(drive, own_a, curve, demands, axis),
+                moving=ramps.up_to(joint.axis_speed_max or joint.speed_max, joint.acceleration_max),
+                homing=None if homing is None else ramps.up_to(homing.search_speed, homing.acceleration),
                 rpm_max=60.0 * (joint.axis_speed_max or joint.speed_max) / joint.transmission.travel_per_rev,
                 inertia_kgm2=inertia + drive.motor.rotor_inertia_kgm2,
                 natural_hz=natural_hz(drive, own_a, inertia),
                 pose=dict(zip(robot.joint_names, joints[widest].tolist(), strict=True)),
-                pull_out_nm=tuple(curves.of(drive.motor, own_a).at(np.array(TABLE_RPM)).tolist()),
+                pull_out_nm=tuple(curve.at(np.array(TABLE_RPM)).tolist()),
                 others=tuple(_in_place(drive, motor, curves, demands, axis) for motor in others),
             )
         )
@@ -206,6 +242,48 @@ def _fit(drive: Drive, current_a: float, curve: Curve, demands: _Demands, axis: 
         rpm=float(abs(rad_s[least]) / RAD_S_PER_RPM),
         margin=float(margins[least]),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ramps:
+    """What finds the accelerations that one axis' motor manages; `inertia_kgm2`, shape (poses,), is what it turns."""
+
+    robot: Robot
+    arm: Arm
+    joints: FloatArray
+    axis: int
+    drive: Drive
+    curve: Curve
+    inertia_kgm2: FloatArray
+
+    def up_to(self, speed: float, asked: float) -> Ramp:
+        """Return what is asked and managed at speeds up to `speed`, either way, in the joint's unit per s or s^2."""
+        rad_per_unit = 2.0 * pi / self.robot.joints[self.axis].transmission.travel_per_rev
+        speeds = rad_per_unit * speed * np.array([_ALMOST_NONE, -_ALMOST_NONE, 1.0, -1.0])
+        rad_s = np.tile(speeds, len(self.joints))
+        rates = np.zeros((rad_s.size, len(self.robot.joints)))
+        rates[:, self.axis] = rad_s
+        rad = np.repeat(_rotors(self.robot, self.joints), speeds.size, axis=0)
+        steady_nm = carried_torque_nm(self.arm, rad, rates, np.zeros_like(rates))[:, self.axis]
+        inertia_kgm2 = np.repeat(self.inertia_kgm2, speeds.size)
+        available = self.curve.at(rad_s / RAD_S_PER_RPM)
+        before = rotor_torque_nm(self.drive, steady_nm, rad_s, np.zeros_like(rad_s))
+
+        def enough(rad_s2: float) -> bool:
+            for each in (rad_s2, -rad_s2):
+                ramp = np.full_like(rad_s, each)
+                needed = rotor_torque_nm(self.drive, steady_nm + inertia_kgm2 * ramp, rad_s, ramp)
+                if (np.abs(2.0 * needed - before) > available).any():
+                    return False
+            return True
+
+        low, high = 0.0, 2.0 * self.drive.most_nm / self.drive.motor.rotor_inertia_kgm2
+        while high - low > _CLOSE * high:
+            middle = (low + high) / 2.0
+            low, high = (middle, high) if enough(middle) else (low, middle)
+            if high < _CLOSE * rad_per_unit:
+                break
+        return Ramp(asked, low / rad_per_unit)
 
 
 def _poses(robot: Robot) -> FloatArray:

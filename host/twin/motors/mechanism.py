@@ -1,21 +1,19 @@
 """A robot's arm as the bodies that its motors turn."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import pi, radians
 from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.arm import BASE, Arm, Body, Following
+from steptwin.emulator.arm import BASE, Arm, Body
+from steptwin.emulator.following import SliderPair
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import AssemblyMode, HybridArm, make_kinematics
+from steptwin.host.robots.kinematics import HybridArm, make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable
 from steptwin.host.robots.motor import JointLink
 from steptwin.host.robots.robot import Robot
-
-_EPSILON_S: Final = 1e-5
-"""Time by which a mechanism is moved to and fro to find how its slopes change."""
 
 _PLATFORM: Final = ("th1", "z2", "z3", "th4")
 """Variables of the hybrid arm's chain."""
@@ -117,15 +115,20 @@ def _of_point(mass_kg: float, arm_m: FloatArray) -> FloatArray:
 
 def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], payload_kg: float) -> Arm:
     chain, names, _ = _chain(kinematics.dh, _PLATFORM, links, payload_kg)
-    waist = names.index("th1")
-    geometry = kinematics.geometry
+    geometry, by_rotor = kinematics.geometry, joints_by_rotor(robot)
     sliders = tuple(
-        _body(waist, slides=True, fixed=_upright(radius_mm), link=links[name])
+        _body(names.index("th1"), slides=True, fixed=_upright(radius_mm), link=links[name])
         for name, radius_mm in (("Z5", geometry.l2_mm - geometry.h_mm), ("Z6", geometry.l2_mm + geometry.h_mm))
     )
-    follow = _following(robot, kinematics)
-    start = follow(np.zeros(len(robot.joints)), np.zeros(len(robot.joints)))
-    return Arm((*chain, *sliders), start.slopes, start.places, follow)
+    names = [*names, "Z5", "Z6"]
+    slopes = np.zeros((len(names), len(robot.joints)))
+    for body, name in enumerate(names):
+        if name in robot.joint_names:
+            joint = robot.index_of(name)
+            slopes[body] = _SI[robot.joints[joint].unit] * by_rotor[joint]
+    left, right, across, up = (names.index(name) for name in ("Z5", "Z6", "z2", "z3"))
+    pair = SliderPair(left, right, across, up, 1e-3 * geometry.h_mm, 1e-3 * geometry.L_mm)
+    return Arm((*chain, *sliders), slopes, np.zeros(len(names)), pair)
 
 
 def _upright(radius_mm: float) -> FloatArray:
@@ -133,35 +136,3 @@ def _upright(radius_mm: float) -> FloatArray:
     frame = np.eye(4)
     frame[0, 3] = 1e-3 * radius_mm
     return frame
-
-
-def _following(robot: Robot, kinematics: HybridArm) -> Callable[[FloatArray, FloatArray], Following]:
-    by_rotor = joints_by_rotor(robot)
-    th1, left, right, th4 = (robot.index_of(name) for name in ("th1", "Z5", "Z6", "th4"))
-    scales = np.array([_SI[Unit.DEG], 1e-3, 1e-3, _SI[Unit.DEG], 1e-3, 1e-3])
-    half_mm = kinematics.sliders.h_mm
-
-    def places(joints: FloatArray) -> tuple[float, float]:
-        z2, z3 = kinematics.sliders.forward(joints[left], joints[right], AssemblyMode.ABOVE)
-        return float(z2), float(z3)
-
-    def slopes(rotors: FloatArray) -> FloatArray:
-        joints = by_rotor @ rotors
-        z2, z3 = places(joints)
-        # The sliders' rates follow from the platform's (`slider_pair`): dZ = dz3 + steep dz2; solved for the platform.
-        steep_left, steep_right = (z2 + half_mm) / (z3 - joints[left]), (z2 - half_mm) / (z3 - joints[right])
-        rows = np.zeros((6, len(joints)))
-        rows[0, th1] = rows[3, th4] = rows[4, left] = rows[5, right] = 1.0
-        rows[1, [left, right]] = np.array([1.0, -1.0]) / (steep_left - steep_right)
-        rows[2] = rows[4] - steep_left * rows[1]
-        return np.asarray(scales[:, None] * (rows @ by_rotor))
-
-    def follow(rotors: FloatArray, speeds: FloatArray) -> Following:
-        joints = by_rotor @ rotors
-        here = slopes(rotors)
-        ahead, behind = slopes(rotors + _EPSILON_S * speeds), slopes(rotors - _EPSILON_S * speeds)
-        drifts = (ahead - behind) @ speeds / (2.0 * _EPSILON_S)
-        at = np.array([joints[th1], *places(joints), joints[th4], joints[left], joints[right]])
-        return Following(scales * at, here @ speeds, drifts, here)
-
-    return follow

@@ -10,6 +10,7 @@ from steptwin import load_robot
 from steptwin.emulator.mechanics import GRAVITY_M_S2
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.emulator.rotors import Drive
+from steptwin.host.robots import robot_names
 from steptwin.host.twin.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 from tests.emulator.motor_bench import natural_hz as stiff_hz
@@ -38,6 +39,30 @@ def test_a_lift_needs_its_weight_its_acceleration_and_its_friction(fits: tuple[J
     assert fit.own.rpm == pytest.approx(60.0 * joint.speed_max / joint.transmission.travel_per_rev)
     assert fit.inertia_kgm2 == pytest.approx(mass_kg * metres_per_rad**2 + motor.rotor_inertia_kgm2)
     assert fit.natural_hz == pytest.approx(stiff_hz(motor, fit.inertia_kgm2, current_a=1.5))
+
+
+def test_a_lift_manages_the_acceleration_whose_swing_takes_its_torque(fits: tuple[JointFit, ...]) -> None:
+    """m (g + 2 a) r / efficiency + friction + 2 J a / r is the pull-out torque at the highest speed."""
+    robot = load_robot("lab-scara")
+    assert robot.dynamics is not None
+    joint, fit = robot.joints[0], fits[0]
+    assert joint.motor is not None
+    mass_kg = robot.dynamics.payload_kg + sum(each.link.mass_kg for each in robot.joints if each.link)
+    metres_per_rad = 1e-3 * joint.transmission.travel_per_rev / (2.0 * pi)
+    through_gear = mass_kg * metres_per_rad / joint.motor.efficiency
+    spun = CATALOGUE[joint.motor.model].rotor_inertia_kgm2 / metres_per_rad
+    left_nm = fit.own.torque_available_nm - joint.motor.friction_nm - through_gear * GRAVITY_M_S2
+    expected = left_nm / (2.0 * (through_gear + spun))
+    assert fit.moving.managed == pytest.approx(1e3 * expected, rel=1e-3)
+    assert fit.moving.asked == joint.acceleration_max
+    assert fit.homing is not None
+    assert fit.homing.managed > fit.moving.managed  # the search is slower
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_motors_manage_the_homings_of_our_robots(name: str) -> None:
+    ramps = {fit.name: fit.homing for fit in fits_of(load_robot(name), others=())}
+    assert [joint for joint, ramp in ramps.items() if ramp and ramp.too_steep] == []
 
 
 def test_all_motors_of_the_catalogue_are_judged_by_the_margin_that_is_left(fits: tuple[JointFit, ...]) -> None:

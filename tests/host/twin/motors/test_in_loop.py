@@ -8,8 +8,10 @@ import pytest
 from steptwin.controller.backend import Kernel
 from steptwin.emulator.operations import Payload, Scheduled, Slip
 from steptwin.emulator.rotor_watch import RotorWatch
-from steptwin.host.cli.motor_report import print_motors
+from steptwin.emulator.rotors import RotorRecord, Rotors
+from steptwin.host.cli.motor_report import print_motors, warn_of_payloads
 from steptwin.host.common.errors import InputError
+from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -26,7 +28,7 @@ from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
 from tests.host.twin.scenarios.short_runs import played
-from tests.host.twin.test_excitation import Master
+from tests.host.twin.test_excitation import HOMING, Master
 
 TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))
 LIMIT_METHOD = 17
@@ -122,7 +124,12 @@ class TestAnotherPayload:
         assert min(slips) > 0.3
         assert (verdict.payload_kg, verdict.other_payloads_kg) == (0.1, (100.0,))
         print_motors(verdict)
-        assert "motors: LOSE STEPS, with 0.1 kg, then 100 kg at the tool and 24 V" in capsys.readouterr().out
+        warn_of_payloads(report.to_dict(), verdict.payload_kg)
+        said = capsys.readouterr()
+        assert "motors: LOSE STEPS, with 0.1 kg, then 100 kg at the tool and 24 V" in said.out
+        assert "the run's scenario has changed the payload to 100 kg: these motors turn 0.1 kg all along" in said.err
+        warn_of_payloads(ran.to_dict() | {"faults": []}, verdict.payload_kg)
+        assert not capsys.readouterr().err
 
     def test_is_refused_without_motors(self, fast_kernel: Kernel) -> None:
         schedule = [Scheduled(72_000 * 20, Payload(5.0))]
@@ -216,6 +223,32 @@ def usual_homing(fast_kernel: Kernel) -> tuple[list[object], list[float]]:
     return homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True))
 
 
+@pytest.mark.parametrize(("name", "joint", "elbow"), [("lab-scara", "th2", "th3"), ("calibration-scara", "th1", "th2")])
+@pytest.mark.parametrize("too_steep", [False, True])
+def test_a_stretched_arm_homes_as_its_file_says_and_slips_if_it_homes_faster(
+    name: str, joint: str, elbow: str, too_steep: bool, fast_kernel: Kernel
+) -> None:
+    """At the pose with the greatest inertia, near the switch; at 720 deg/s2 it needs more torque than there is."""
+    robot = load_robot(name)
+    shoulder = robot.joint(joint)
+    assert shoulder.homing
+    if too_steep:
+        shoulder = replace(shoulder, homing=replace(shoulder.homing, acceleration=720.0))
+    board = BoardUnderTest(robot, stand_at={joint: shoulder.lower + 1.0, elbow: 0.0}, kernel=fast_kernel, motors=True)
+    master = Master(board, joint)
+    for each in robot.joint_names:
+        (master if each == joint else Master(board, each)).enable()
+    settings = homing_settings(shoulder)
+    assert settings
+    for address, value in settings.objects():
+        master.write(address, value, 1 if address == od.HOMING_METHOD else 4)
+    master.write(od.MODE_OF_OPERATION, HOMING, 1)
+    master.write(od.CONTROLWORD, 0x1F, 2)
+    board.wait(0.8 if too_steep else 4.0)
+    assert too_steep or master.read(od.STATUSWORD) & 0x1400 == 0x1400
+    assert (board.slipped()[joint] != 0) == too_steep
+
+
 @pytest.mark.parametrize("ticks", [1, 7])
 def test_the_length_of_stretches_changes_nothing(
     ticks: int,
@@ -278,7 +311,21 @@ def driven_into_its_stop(
 def test_a_motor_driven_into_its_stop_slips_and_never_goes_beyond(
     fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ours, after, believes, rests, slipped = driven_into_its_stop(fast_kernel)
+    stretches: list[tuple[int, float]] = []
+    advance = Rotors.advance_ticks
+
+    def recorded(rotors: Rotors, ticks: int) -> RotorRecord:
+        record = advance(rotors, ticks)
+        stretches.append((ticks, rotors.coordinates_rad()[0]))
+        return record
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Rotors, "advance_ticks", recorded)
+        ours, after, believes, rests, slipped = driven_into_its_stop(fast_kernel)
+    stop_rad = 2.0 * np.pi * STOP_DEG / TEACHING.joints[0].transmission.travel_per_rev
+    met = next(index for index, (_, rad) in enumerate(stretches) if rad >= stop_rad)
+    assert max(ticks for ticks, _ in stretches[:met]) > 10
+    assert stretches[met][0] == 1  # its jerk may throw another joint into its switch
     degrees = ours.positions[:, 0]
     a_cycle = 4.0 * TEACHING.joints[0].transmission.microsteps / TEACHING.steps_per_unit[0]
     assert believes == pytest.approx(130.0, abs=0.03)

@@ -6,18 +6,33 @@ from numpy.typing import NDArray
 
 from steptwin import load_robot
 from steptwin.emulator.arm import BASE, Arm
+from steptwin.emulator.following import follow
+from steptwin.emulator.rotor_kernel import PLACE, RATE, STATE_FIELDS
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.mechanism import arm_of, joints_by_rotor
 
 Array = NDArray[np.float64]
+HYBRID = load_robot("hybrid-arm")
+
+
+def hybrid_arm() -> Arm:
+    return arm_of(HYBRID, 0.0)
+
+
+def followed(arm: Arm, rotors: Array, speeds: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the joints' positions, rates, drifts and slopes where the rotors are."""
+    count, axes = arm.slopes.shape
+    slopes, state = arm.slopes.ravel().tolist(), [0.0] * (axes * STATE_FIELDS)
+    state[PLACE::STATE_FIELDS], state[RATE::STATE_FIELDS] = rotors.tolist(), speeds.tolist()
+    places, rates, drifts = ([0.0] * count for _ in range(3))
+    follow(arm.pair_numbers, slopes, arm.offsets.tolist(), state, places, rates, drifts, count, axes)
+    return np.array(places), np.array(rates), np.array(drifts), np.array(slopes).reshape(count, axes)
 
 
 def joint_places(arm: Arm, rotors: Array) -> Array:
-    if arm.follow:
-        return arm.follow(rotors, np.zeros(len(rotors))).places
-    return arm.offsets + arm.slopes @ rotors
+    return followed(arm, rotors, np.zeros(len(rotors)))[0]
 
 
 def frames(arm: Arm, rotors: Array) -> list[Array]:
@@ -55,26 +70,44 @@ def test_a_payload_hangs_at_the_tools_tip(name: str) -> None:
     np.testing.assert_allclose(1e3 * tip, pose[:3], atol=1e-5)
 
 
-@pytest.mark.parametrize("name", robot_names())
-def test_rates_and_drifts_are_the_derivatives_of_the_joints(name: str) -> None:
-    robot = load_robot(name)
-    arm = arm_of(robot, 0.0)
-    if arm.follow is None:
-        return
-    _, rotors = random_rotors(robot, 2)
-    speeds, step = np.array([3.0, 40.0, -25.0, 2.0]), 1e-5
-    here = arm.follow(rotors, speeds)
-    before, after = (joint_places(arm, rotors + sign * step * speeds) for sign in (-1, 1))
-    np.testing.assert_allclose(here.rates, (after - before) / (2 * step), rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(
-        here.drifts, (after - 2 * here.places + before) / step**2, rtol=1e-2, atol=1e-4 * np.abs(here.rates).max()
-    )
+def test_rates_and_drifts_are_the_derivatives_of_the_joints() -> None:
+    """Differences of fourth order of the positions, which the kinematics give."""
+    arm = hybrid_arm()
+    _, rotors = random_rotors(HYBRID, 2)
+    speeds, step = np.array([3.0, 40.0, -25.0, 2.0]), 2e-4
+    places, rates, drifts, slopes = followed(arm, rotors, speeds)
+    far, near = ([joint_places(arm, rotors + sign * steps * step * speeds) for sign in (-1, 1)] for steps in (2, 1))
+    first = (8.0 * (near[1] - near[0]) - (far[1] - far[0])) / (12.0 * step)
+    second = (16.0 * (near[0] + near[1]) - far[0] - far[1] - 30.0 * places) / (12.0 * step**2)
+    np.testing.assert_allclose(rates, first, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(drifts, second, rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(slopes @ speeds, rates, rtol=1e-12, atol=1e-15)
+    assert np.count_nonzero(np.abs(drifts) > 1e-3) == 2
+
+
+def test_the_platform_stays_where_slipped_sliders_would_tear_its_links() -> None:
+    """Links of 350 mm hold sliders up to 2 sqrt(l^2 - h^2) apart: just before it the platform follows, not beyond."""
+    arm, farthest_m = hybrid_arm(), 2e-3 * np.sqrt(350.0**2 - 150.0**2)
+    pair, axis = arm.pair, HYBRID.index_of("Z5")
+    assert pair
+    slopes, count = arm.slopes.ravel().tolist(), len(arm.bodies)
+    state = [0.0] * (4 * STATE_FIELDS)
+    places, rates, drifts = ([0.0] * count for _ in range(3))
+
+    def platform(apart_m: float) -> list[float]:
+        state[axis * STATE_FIELDS + PLACE] = apart_m / slopes[pair.left * 4 + axis]
+        follow(arm.pair_numbers, slopes, arm.offsets.tolist(), state, places, rates, drifts, count, 4)
+        return [places[pair.across], places[pair.up], *slopes]
+
+    usual, last = platform(0.2), platform(farthest_m - 1e-6)
+    assert usual != last
+    assert np.isfinite(last).all()
+    assert platform(farthest_m + 1e-6) == last
 
 
 def test_sliders_of_the_hybrid_arm_are_on_their_screws() -> None:
     """A slider's origin is l2 -/+ h from the waist's axis, at l1 + Z."""
-    robot = load_robot("hybrid-arm")
-    arm, geometry = arm_of(robot, 0.0), robot.geometry
+    robot, arm, geometry = HYBRID, hybrid_arm(), HYBRID.geometry
     joints, rotors = random_rotors(robot, 3)
     for index, name, side in ((4, "Z5", -1), (5, "Z6", 1)):
         origin = 1e3 * frames(arm, rotors)[index][:3, 3]
