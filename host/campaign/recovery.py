@@ -22,7 +22,7 @@ _STEPS_OFF_MAX: Final = 1.0
 """Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two
 servo ticks, a rotor that was put back by part of a step is found up to a step away."""
 _TURNING_PERCENT: Final = 10.0
-"""Part of the joints' speeds and accelerations for motors that turn: not every one manages all of it (docs/motors.md)."""
+"""Part of the joints' speeds and accelerations for motors that turn: not every one manages all (docs/motors.md)."""
 _TOKEN: Final = 1
 """Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0

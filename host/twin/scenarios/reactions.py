@@ -6,7 +6,7 @@ reaction is not certain: both it and none are right.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import inf
 from typing import Final, TypeGuard
@@ -321,7 +321,7 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "another payload",
         lambda harm, _: isinstance(harm, Payload),
-        _UNKNOWABLE,
+        replace(_UNKNOWABLE, codes=(ErrorCode.LIMIT_SWITCH, ErrorCode.GROUP_STOPPED)),
         "a board without encoders cannot know whether its motors keep step; the verdict tells a slip; after it a limit"
         " switch may come",
     ),
