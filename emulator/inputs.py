@@ -44,6 +44,8 @@ class BoardInputs:
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
         self._followed = {rotor for axis in self._switched for rotor in self._travels[axis].rotors}
         """Axes whose rotors move along a way with switches."""
+        self._coupled = {axis: self._coupled_with(axis) for axis in self._switched}
+        """The axes whose switches must be read together, because their ways share rotors, by axis."""
         self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
         """Moves of the rotors that the switches have not followed yet, by axis: instants and sixteenths."""
         self._held_pulses = [0] * len(start_sixteenths)
@@ -68,6 +70,13 @@ class BoardInputs:
         """Tick at whose start a bouncing switch may show something else; None if none does."""
         self._starts_seen = 0
         """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
+
+    def _coupled_with(self, axis: int) -> set[int]:
+        coupled, rotors = {axis}, set(self._travels[axis].rotors)
+        while more := {other for other in self._switched if rotors & set(self._travels[other].rotors)} - coupled:
+            coupled |= more
+            rotors.update(*(self._travels[other].rotors for other in more))
+        return coupled
 
     def leave_drivers(self) -> None:
         """Follow the drivers' steps no more: from now on `place` tells where the rotors are."""
@@ -217,10 +226,15 @@ class BoardInputs:
 
     def due_rotors(self, motion: Motion) -> set[int]:
         """Return the rotors that switches follow which must be read at the start of the next tick."""
-        return {rotor for axis in self._due(motion) for rotor in self._travels[axis].rotors}
+        return {rotor for axis in self._to_read(motion) for rotor in self._travels[axis].rotors}
 
     def _due(self, motion: Motion) -> list[int]:
         return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
+
+    def _to_read(self, motion: Motion) -> list[int]:
+        """Return the axes that are due, and those on whose ways their rotors turn too: all must follow these at once."""
+        due = {other for axis in self._due(motion) for other in self._coupled[axis]}
+        return [axis for axis in self._due_ticks if axis in due]
 
     def _put_off(self, axis: int, motion: Motion) -> bool:
         """Put an axis' due tick off if it has made fewer steps than there are to its next switch; return True if so."""
@@ -239,9 +253,10 @@ class BoardInputs:
     def look(self, motion: Motion) -> None:
         """Let the switches that are due follow up to the start of the next tick; `due_rotors` are drained up to it."""
         self._looked_tick = motion.tick
+        axes = self._to_read(motion)
         for rotor in self.due_rotors(motion):
             self._settle(rotor, motion.tick * TICK_COUNTS)
-        for axis in self._due(motion):
+        for axis in axes:
             self._just_started.discard(axis)
             position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
             self._axes[axis].move(position - self._axes[axis].position_sixteenths)

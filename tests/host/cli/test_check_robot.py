@@ -178,7 +178,7 @@ def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> Non
     arm.write_text("name = 'x'\n", encoding="utf-8")
     assert run(["check", str(arm)]) == 2
     words = (
-        "has none of step, steps, sequences, fault, kinematics, joints, board:"
-        " it is no program and no scenario and no robot"
+        "has none of step, steps, sequences, fault, runs, motion, scenario, kinematics, joints, board:"
+        " it is no program and no scenario and no campaign and no robot"
     )
     assert capsys.readouterr().err == f"steptwin: {arm}: {words}\n"
