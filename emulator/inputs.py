@@ -232,7 +232,7 @@ class BoardInputs:
         return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
 
     def _to_read(self, motion: Motion) -> list[int]:
-        """Return the axes that are due, and those on whose ways their rotors turn too: all must follow these at once."""
+        """Return the axes that are due, and those on whose ways their rotors turn too: all follow these at once."""
         due = {other for axis in self._due(motion) for other in self._coupled[axis]}
         return [axis for axis in self._due_ticks if axis in due]
 
