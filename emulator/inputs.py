@@ -7,7 +7,7 @@ the next thresholds. How far a step turns the motor depends on the driver's mode
 stands: it is learned at each start.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class BoardInputs:
             for axis, travel in enumerate(self._travels)
         ]
         self._switched = [axis for axis, switches in enumerate(self._axes) if switches]
-        self._followed = {rotor for axis in self._switched for rotor in self._travels[axis].rotors}
+        self._followed = self._rotors_of(self._switched)
         """Axes whose rotors move along a way with switches."""
         self._coupled = {axis: self._coupled_with(axis) for axis in self._switched}
         """The axes whose switches must be read together, because their ways share rotors, by axis."""
@@ -72,10 +72,10 @@ class BoardInputs:
         """The motion's count of starts when moving axes were last collected: no other axis moves until it changes."""
 
     def _coupled_with(self, axis: int) -> set[int]:
-        coupled, rotors = {axis}, set(self._travels[axis].rotors)
-        while more := {other for other in self._switched if rotors & set(self._travels[other].rotors)} - coupled:
+        """Return the axes with switches whose ways share a rotor with this one's, or with one of theirs, and itself."""
+        coupled = {axis}
+        while more := {each for each in self._switched if self._rotors_of([each]) & self._rotors_of(coupled)} - coupled:
             coupled |= more
-            rotors.update(*(self._travels[other].rotors for other in more))
         return coupled
 
     def leave_drivers(self) -> None:
@@ -226,7 +226,10 @@ class BoardInputs:
 
     def due_rotors(self, motion: Motion) -> set[int]:
         """Return the rotors that switches follow which must be read at the start of the next tick."""
-        return {rotor for axis in self._to_read(motion) for rotor in self._travels[axis].rotors}
+        return self._rotors_of(self._to_read(motion))
+
+    def _rotors_of(self, axes: Iterable[int]) -> set[int]:
+        return {rotor for axis in axes for rotor in self._travels[axis].rotors}
 
     def _due(self, motion: Motion) -> list[int]:
         return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
@@ -254,7 +257,7 @@ class BoardInputs:
         """Let the switches that are due follow up to the start of the next tick; `due_rotors` are drained up to it."""
         self._looked_tick = motion.tick
         axes = self._to_read(motion)
-        for rotor in self.due_rotors(motion):
+        for rotor in self._rotors_of(axes):
             self._settle(rotor, motion.tick * TICK_COUNTS)
         for axis in axes:
             self._just_started.discard(axis)

@@ -11,6 +11,7 @@ from steptwin.emulator.mechanics import GRAVITY_M_S2
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.emulator.rotors import Drive
 from steptwin.host.robots import robot_names
+from steptwin.host.robots.joint import Joint
 from steptwin.host.twin.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 from tests.emulator.motor_bench import natural_hz as stiff_hz
@@ -23,14 +24,20 @@ def fits() -> tuple[JointFit, ...]:
     return fits_of(load_robot("lab-scara"))
 
 
-def test_a_lift_needs_its_weight_its_acceleration_and_its_friction(fits: tuple[JointFit, ...]) -> None:
-    """Upwards, at its highest speed and acceleration, the lift carries all links and the payload."""
+def lift() -> tuple[Joint, float, float]:
+    """Return the laboratory arm's lift, what it carries in kg, and its way in m for a radian of its motor."""
     robot = load_robot("lab-scara")
     assert robot.dynamics is not None
-    joint, fit = robot.joints[0], fits[0]
-    assert joint.motor is not None
+    joint = robot.joints[0]
     mass_kg = robot.dynamics.payload_kg + sum(each.link.mass_kg for each in robot.joints if each.link)
-    metres_per_rad = 1e-3 * joint.transmission.travel_per_rev / (2.0 * pi)
+    return joint, mass_kg, 1e-3 * joint.transmission.travel_per_rev / (2.0 * pi)
+
+
+def test_a_lift_needs_its_weight_its_acceleration_and_its_friction(fits: tuple[JointFit, ...]) -> None:
+    """Upwards, at its highest speed and acceleration, the lift carries all links and the payload."""
+    joint, mass_kg, metres_per_rad = lift()
+    fit = fits[0]
+    assert joint.motor is not None
     carried = mass_kg * (GRAVITY_M_S2 + 1e-3 * joint.acceleration_max) * metres_per_rad
     motor = CATALOGUE[joint.motor.model]
     spun = motor.rotor_inertia_kgm2 * 1e-3 * joint.acceleration_max / metres_per_rad
@@ -43,12 +50,9 @@ def test_a_lift_needs_its_weight_its_acceleration_and_its_friction(fits: tuple[J
 
 def test_a_lift_manages_the_acceleration_whose_swing_takes_its_torque(fits: tuple[JointFit, ...]) -> None:
     """m (g + 2 a) r / efficiency + friction + 2 J a / r is the pull-out torque at the highest speed."""
-    robot = load_robot("lab-scara")
-    assert robot.dynamics is not None
-    joint, fit = robot.joints[0], fits[0]
+    joint, mass_kg, metres_per_rad = lift()
+    fit = fits[0]
     assert joint.motor is not None
-    mass_kg = robot.dynamics.payload_kg + sum(each.link.mass_kg for each in robot.joints if each.link)
-    metres_per_rad = 1e-3 * joint.transmission.travel_per_rev / (2.0 * pi)
     through_gear = mass_kg * metres_per_rad / joint.motor.efficiency
     spun = CATALOGUE[joint.motor.model].rotor_inertia_kgm2 / metres_per_rad
     left_nm = fit.own.torque_available_nm - joint.motor.friction_nm - through_gear * GRAVITY_M_S2
