@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.outcome import Outcome
     from steptwin.host.twin.scenarios.harms import BusRepair, HostFault, HostFaultKind
     from steptwin.host.twin.scenarios.not_begun import NotBegunError
-    from steptwin.host.twin.scenarios.reactions import Motion, Reaction
+    from steptwin.host.twin.scenarios.reaction import Motion, Reaction
     from steptwin.host.twin.scenarios.reading import read_scenario
     from steptwin.host.twin.scenarios.scenario import Fault, Scenario
     from steptwin.host.twin.scenarios.triggers import (
@@ -239,7 +239,7 @@ _MODULES = {
     "host.twin.outcome": ("Outcome",),
     "host.twin.scenarios.harms": ("BusRepair", "HostFault", "HostFaultKind"),
     "host.twin.scenarios.not_begun": ("NotBegunError",),
-    "host.twin.scenarios.reactions": ("Motion", "Reaction"),
+    "host.twin.scenarios.reaction": ("Motion", "Reaction"),
     "host.twin.scenarios.reading": ("read_scenario",),
     "host.twin.scenarios.scenario": ("Fault", "Scenario"),
     "host.twin.scenarios.triggers": ("AtPosition", "AtRandom", "AtState", "AtTime", "Direction", "OnFrame"),

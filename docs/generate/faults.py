@@ -10,8 +10,9 @@ from steptwin.host.common.control import Do
 from steptwin.host.common.requests import FORMS
 from steptwin.host.papers.markdown import table
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.scenarios.reactions import DOCUMENTED, Motion, Reaction
-from steptwin.host.twin.scenarios.report import longest_ramp_ms
+from steptwin.host.twin.scenarios.reaction import Motion, Reaction
+from steptwin.host.twin.scenarios.reactions import DOCUMENTED
+from steptwin.host.twin.scenarios.standstill import longest_ramp_ms
 
 FAULTS_PAGE: Final = DOCS / "faults.md"
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"

@@ -10,7 +10,7 @@ import numpy as np
 from steptwin.host.campaign.performance import Performance
 from steptwin.host.campaign.row import Breach, Ended
 from steptwin.host.common.arrays import Int8Array, Int64Array
-from steptwin.host.twin.scenarios.reactions import Motion
+from steptwin.host.twin.scenarios.reaction import Motion
 from steptwin.host.verify import AxisEvidence
 
 _STEPS_OFF_MAX: Final = 0.5

@@ -15,8 +15,8 @@ from steptwin.host.record.folder import TEST_JOB
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.scenarios.played_document import played_document
 from steptwin.host.twin.scenarios.reading import read_scenario
-from steptwin.host.twin.scenarios.report import played_document
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.host.twin.unplanned_run import UnplannedRun

@@ -25,7 +25,8 @@ from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.lost_host import outlive
 from steptwin.host.twin.scenarios.not_begun import not_begun
-from steptwin.host.twin.scenarios.report import RunEnd, ScenarioReport, scenario_report
+from steptwin.host.twin.scenarios.report import ScenarioReport
+from steptwin.host.twin.scenarios.reporting import RunEnd, scenario_report
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP

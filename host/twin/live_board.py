@@ -40,7 +40,7 @@ from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
 from steptwin.host.twin.scenarios.host_condition import HostCondition
-from steptwin.host.twin.scenarios.report import played_document
+from steptwin.host.twin.scenarios.played_document import played_document
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring

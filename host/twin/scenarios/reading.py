@@ -13,7 +13,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.frames import read_identifier
 from steptwin.host.twin.control.operations import read_harm
 from steptwin.host.twin.scenarios.harms import Harm, why_endless
-from steptwin.host.twin.scenarios.reactions import Motion, Reaction
+from steptwin.host.twin.scenarios.reaction import Motion, Reaction
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import (
     AtPosition,

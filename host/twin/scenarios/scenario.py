@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from steptwin.host.twin.scenarios.harms import Harm, HostFault
-from steptwin.host.twin.scenarios.reactions import Reaction
+from steptwin.host.twin.scenarios.reaction import Reaction
 from steptwin.host.twin.scenarios.triggers import AtRandom, Trigger
 
 

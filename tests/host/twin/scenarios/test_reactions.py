@@ -15,9 +15,11 @@ from steptwin.host.cli.faults_on_purpose import print_faults
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.scenarios.not_begun import NotBegunError
-from steptwin.host.twin.scenarios.reactions import DOCUMENTED, GOES_ON, Motion, Reaction, concerned
-from steptwin.host.twin.scenarios.report import FaultReport, ScenarioReport, longest_ramp_ms
+from steptwin.host.twin.scenarios.reaction import GOES_ON, Motion, Reaction
+from steptwin.host.twin.scenarios.reactions import DOCUMENTED, concerned
+from steptwin.host.twin.scenarios.report import FaultReport, ScenarioReport
 from steptwin.host.twin.scenarios.scenario import Scenario
+from steptwin.host.twin.scenarios.standstill import longest_ramp_ms
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.host.twin.scenarios.short_runs import ROBOT, carry, played, scenario
 

@@ -7,7 +7,7 @@ from steptwin.emulator.operations import EmergencyStop, StuckSwitch
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind
-from steptwin.host.twin.scenarios.reactions import Motion, Reaction
+from steptwin.host.twin.scenarios.reaction import Motion, Reaction
 from steptwin.host.twin.scenarios.reading import parse_scenario, read_scenario
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
