@@ -3,7 +3,7 @@
 import gc
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -16,14 +16,11 @@ from steptwin.host.cli.arguments import (
     RobotFile,
     RobotName,
     ShelfStock,
-    dip_settings,
     joint_values,
-    name_value_pairs,
     one_robot,
-    warn_of_settings_left_out,
 )
-from steptwin.host.cli.faults_on_purpose import Faults, chosen_scenario, raise_unless_struck
-from steptwin.host.cli.option_names import naming_options
+from steptwin.host.cli.emulated_machine import machine_keywords, naming_machine_options
+from steptwin.host.cli.faults_on_purpose import Faults, raise_unless_struck
 from steptwin.host.cli.output import print_json, say, warn
 from steptwin.host.cli.panel_extra import require_extra
 from steptwin.host.cli.panel_process import panel_process, panel_words
@@ -38,6 +35,11 @@ if TYPE_CHECKING:
     from steptwin.host.twin.motors.figures import RotorFigures
     from steptwin.host.twin.served_board import ServedBoard
 
+_PARAMETERS: Final = (
+    *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
+    *("out", "log", "replace", "motors"),
+)
+"""Parameters of a served board whose options have their names."""
 _STATUS_EVERY_S = 0.5
 _WARN_FROM_MS = 100.0
 """Time for which the board's clock must have stood to be worth a warning; the next comes at twice the time told."""
@@ -112,28 +114,26 @@ def serve(
     Any number of python-can programs connect to it through a socketcand server; they see each other's frames. With -i
     the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
-    from steptwin.host.twin.axes_per_board import read_axes_per_board
-    from steptwin.host.twin.crystals import read_crystals
     from steptwin.host.twin.served_board import ServedBoard
 
     loaded = one_robot(robot, robot_file)
     if panel:
         require_extra()
         control_port = control_port or 0
-    standing = None
-    if stand_at is not None:
-        standing = joint_values(stand_at.split(), loaded.joint_names, "--stand-at")
-        _warn_outside(loaded, standing)
-    scenario = chosen_scenario(faults, loaded)
-    warn_of_settings_left_out(loaded, driver_profile)  # bad input is reported before a port is opened
-    parameters = (
-        *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
-        *("out", "log", "replace", "dip_microsteps", "stock", "motors"),
+    standing = None if stand_at is None else _standing(loaded, stand_at)
+    machine = machine_keywords(  # bad input is reported before a port is opened
+        loaded,
+        driver_profile=driver_profile,
+        dip_microsteps=dip_microsteps,
+        stock=stock,
+        locked_drawers=locked_drawer,
+        faults=faults,
+        motors=motors,
+        crystal=0 if crystal is None else crystal,
+        boards=boards,
     )
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
-        with naming_options(
-            *parameters, axes_per_board="--boards", locked_drawers="--locked-drawer", crystal_ppm="--crystal"
-        ):
+        with naming_machine_options(*_PARAMETERS):
             served = ServedBoard(
                 loaded,
                 stand_at=standing,
@@ -144,18 +144,11 @@ def serve(
                 interface=interface,
                 channel=channel,
                 bitrate=bitrate,
-                axes_per_board=None if boards is None else read_axes_per_board(boards, len(loaded.joints)),
                 speed=speed,
-                driver_profile=driver_profile,
-                dip_microsteps=dip_settings(dip_microsteps),
-                stock=name_value_pairs(stock) if stock else None,
-                locked_drawers=locked_drawer or (),
-                motors=motors,
-                scenario=scenario,
-                crystal_ppm=() if crystal is None else read_crystals(crystal),
                 out=out,
                 log=log,
                 replace=replace,
+                **machine,
             )
         if served.endpoint.remote:
             warn(f"{served.title}: other machines can drive this board")
@@ -165,17 +158,32 @@ def serve(
             say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
             open_panel(panel_words(served, name, host, interface, channel))
 
-        # A second signal changes nothing: the files are being completed then.
-        with on_signals(lambda _number, _frame: served.stop()):
-            failure = _run(served, announce)
-            document = served.report()
-            if as_json:
-                print_json(document)
-            else:
-                print_served(document, None if out is None or served.board.failures else Path(out))
+        document, failure = _serve(served, announce, out, as_json=as_json)
     if failure:
         raise failure
     raise_unless_struck(document)
+
+
+def _standing(robot: "Robot", stand_at: str) -> list[float]:
+    """Return where the machine stands; warn of joints outside their limits."""
+    standing = joint_values(stand_at.split(), robot.joint_names, "--stand-at")
+    _warn_outside(robot, standing)
+    return standing
+
+
+def _serve(
+    served: "ServedBoard", announce: Callable[[], None], out: str | None, *, as_json: bool
+) -> tuple[dict[str, Any], BusError | RecordingError | None]:
+    """Run the board until a signal ends it and print its report; return this, and what went wrong."""
+    # A second signal changes nothing: the files are being completed then.
+    with on_signals(lambda _number, _frame: served.stop()):
+        failure = _run(served, announce)
+        document = served.report()
+        if as_json:
+            print_json(document)
+        else:
+            print_served(document, None if out is None or served.board.failures else Path(out))
+    return document, failure
 
 
 def _warn_outside(robot: "Robot", standing: list[float]) -> None:

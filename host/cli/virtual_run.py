@@ -7,16 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from steptwin.host.cli.arguments import (
-    dip_settings,
-    finite_number,
-    joint_values,
-    name_value_pairs,
-    out_folder,
-    warn_of_settings_left_out,
-)
+from steptwin.host.cli.arguments import finite_number, joint_values, out_folder
 from steptwin.host.cli.chosen_motion import ChosenMotion
-from steptwin.host.cli.faults_on_purpose import chosen_scenario, print_faults, telling_of_faults
+from steptwin.host.cli.emulated_machine import machine_keywords, naming_machine_options
+from steptwin.host.cli.faults_on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.motor_report import (
     check_motors,
     keep_motors,
@@ -37,6 +31,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.input_changes import InputChange
     from steptwin.host.twin.kernels import Kernel
+    from steptwin.host.twin.machine_options import MachineKeywords
     from steptwin.host.twin.motors import MotorVerdict
     from steptwin.host.twin.outcome import Outcome
 
@@ -96,6 +91,19 @@ class EmulatedMachine:
             "--crystal": self.crystal_ppm or None,
         }
 
+    def keywords(self, robot: "Robot") -> "MachineKeywords":
+        """Return how the machine differs from the robot's file, read; raises as `machine_keywords`."""
+        return machine_keywords(
+            robot,
+            driver_profile=self.driver_profile,
+            dip_microsteps=self.dip_microsteps,
+            stock=self.stock,
+            locked_drawers=self.locked_drawers,
+            faults=self.faults,
+            motors=self.motors == "loop",
+            crystal=self.crystal_ppm,
+        )
+
 
 def run_virtual(
     robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, machine: EmulatedMachine, *, as_json: bool
@@ -106,7 +114,6 @@ def run_virtual(
         DeviceFaultError: a fault has ended a run without a scenario.
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
-    warn_of_settings_left_out(robot, machine.driver_profile)
     if machine.motors:
         check_motors(robot)
     outcome, folder = _executed(robot, motion, job, errand, machine, as_json=as_json)
@@ -129,16 +136,11 @@ def _executed(
         with naming_options("out"):
             keep_recording(machine.out)
     folder = out_folder(machine.out)
-    scenario = chosen_scenario(machine.faults, robot)
+    options = machine.keywords(robot)
     motion.say_summary(to_stderr=as_json)
     with (
         progress_bar(f"{robot.name} {job}") as progress,
-        naming_options(
-            *("dip_microsteps", "stock"),
-            cut_stream_s="--cut-stream",
-            locked_drawers="--locked-drawer",
-            crystal_ppm="--crystal",
-        ),
+        naming_machine_options(cut_stream_s="--cut-stream"),
         telling_of_faults(as_json=as_json),
     ):
         outcome = execute(
@@ -147,16 +149,10 @@ def _executed(
             _kernel(machine.kernel),
             stand_at=standing,
             cut_stream_s=machine.cut_stream_s,
-            driver_profile=machine.driver_profile,
-            dip_microsteps=dip_settings(machine.dip_microsteps),
             inputs=[_input_change(text) for text in machine.inputs or ()],
             errand=errand.errand,
-            stock=name_value_pairs(machine.stock) if machine.stock else None,
-            locked_drawers=machine.locked_drawers or (),
-            scenario=scenario,
-            motors=machine.motors == "loop",
-            crystal_ppm=machine.crystal_ppm,
             progress=telling_time(progress, "run") if machine.motors == "loop" else progress,
+            **options,
         )
     return outcome, folder
 

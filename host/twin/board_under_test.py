@@ -15,6 +15,7 @@ from steptwin.host.record.folder import TEST_JOB
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.played_document import played_document
 from steptwin.host.twin.scenarios.reading import read_scenario
 from steptwin.host.twin.scenarios.scenario import Scenario
@@ -110,24 +111,17 @@ class BoardUnderTest(EmbeddedBoard):
             robot,
             joints,
             kernel or fastest_kernel(),
-            self._script,
-            schedule,
-            driver_profile,
-            dip_microsteps,
-            motors=motors,
-            scenario=scenario,
-            crystals_ppm=[crystal_ppm],
+            MachineOptions(
+                driver_profile=driver_profile,
+                dip_microsteps=dip_microsteps,
+                motors=motors,
+                scenario=scenario,
+                crystal_ppm=crystal_ppm,
+            ),
+            bus_faults=self._script,
+            schedule=schedule,
         )
-        self._run = UnplannedRun(
-            robot,
-            self._simulation,
-            self._start_steps,
-            job=TEST_JOB,
-            driver_profile=self.driver_profile.name,
-            commissioned=True,
-            stock=self._stock,
-            operations=self.operations,
-        )
+        self._run = UnplannedRun(self._parts, self._simulation, self.operations, TEST_JOB)
 
     def steps(self) -> dict[str, int]:
         """Return each motor's position by the steps that its driver has made, in steps from its axis' zero.

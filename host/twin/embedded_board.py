@@ -1,6 +1,6 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import floor
 
@@ -9,20 +9,16 @@ from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import FaultScript
 from steptwin.emulator.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.rotors import RotorRecord
-from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.axes_per_board import check_axes_per_board
-from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import make_boards, microsteps_of
-from steptwin.host.twin.crystals import check_crystals
-from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.boards import microsteps_of
 from steptwin.host.twin.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.input_changes import InputChange, set_input
+from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
+from steptwin.host.twin.machine_parts import MachineParts
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
-from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.repeated_frames import whole_us_counts
 from steptwin.host.twin.scenarios.engine import Engine
@@ -30,10 +26,8 @@ from steptwin.host.twin.scenarios.harms import check_motors
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.host_network import FaultyNetwork
 from steptwin.host.twin.scenarios.moment import Moment
-from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
-from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
-from steptwin.host.twin.standing import standing_steps
+from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
@@ -51,19 +45,12 @@ class EmbeddedBoard:
         robot: Robot,
         start_joints: list[float],
         kernel: Kernel,
+        options: MachineOptions = AS_FILED,
+        *,
         bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
-        driver_profile_name: str | None = None,
-        dip_microsteps: Mapping[str, int] | None = None,
-        *,
         commissioned: bool = True,
-        stock: Mapping[str, str] | None = None,
-        locked_drawers: Collection[str] = (),
         shelf_sensors: bool = True,
-        scenario: Scenario | None = None,
-        motors: bool = False,
-        axes_per_board: Sequence[int] | None = None,
-        crystals_ppm: Sequence[int] = (),
     ) -> None:
         """Switch the board on, or the boards.
 
@@ -71,42 +58,26 @@ class EmbeddedBoard:
             robot: the machine.
             start_joints: positions at which it stands, mm and degrees.
             kernel: form of the firmware's kernel.
+            options: how it differs from the robot's file, and what happens to it.
             bus_faults: script of the bus' faults.
             schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
-            driver_profile_name: drivers that the board has instead of those in the robot's file.
-            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
             commissioned: True for a board whose flash holds the robot's settings, False for a new one.
-            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
-            locked_drawers: slots of the shelf whose drawers are locked.
             shelf_sensors: False if the shelf's sensors are not connected.
-            scenario: faults that happen to it.
-            motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
-            axes_per_board: number of axes on each of several boards, in the order of the joints; None: one board has
-                all.
-            crystals_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000, with which no
-                motors turn; empty: all are exact.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place, or the scenario names a joint that the robot does not have, or the robot's
-                file does not describe its motors and masses, or the boards have not as many axes as the robot, or a
-                crystal is too far off or motors turn with it.
+            InputError: as `MachineParts.of`, or the scenario names a joint that the robot does not have, or an
+                operation is for motors that turn, and there are none.
         """
         schedule = tuple(schedule)
         for each in schedule:
-            check_motors(each.operation, turning=motors)
-        per_board = [len(robot.joints)] if axes_per_board is None else list(axes_per_board)
-        check_axes_per_board(per_board, len(robot.joints))
-        check_crystals(crystals_ppm, len(per_board), motors=motors)
+            check_motors(each.operation, turning=options.motors)
         self.robot = robot
-        self.driver_profile = driver_profile(robot.board, driver_profile_name)
-        self._start_steps = standing_steps(robot, start_joints)
-        configs = board_configs(robot, start_joints, per_board, driver_profile_name, dip_microsteps, crystals_ppm)
-        boards = make_boards(robot, configs, kernel, commissioned=commissioned)
-        shelf = shelf_wiring(robot, start_joints, per_board, stock=stock, locked=locked_drawers, sensors=shelf_sensors)
-        self._stock = {} if shelf is None else dict(shelf.shelf.stock)
-        wiring = motor_wiring(robot, start_joints, per_board) if motors else None
-        self._simulation = Simulation(boards, Bus(robot.board.bitrate, bus_faults), schedule, shelf, wiring)
+        self._parts = MachineParts.of(
+            robot, start_joints, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors
+        )
+        self.driver_profile = self._parts.driver_profile
+        self._start_steps = self._parts.start_steps
+        self._simulation = self._parts.simulation(Bus(robot.board.bitrate, bus_faults), schedule)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
         if watch := self._simulation.rotor_watch:
@@ -116,6 +87,7 @@ class EmbeddedBoard:
         self._target = Target.of(robot, self._simulation, self._start_steps)
         self.operations = OperationLog(robot, self._simulation)
         """What is done to the machine beside its bus."""
+        scenario = options.scenario
         self.network = self._network(harmed=scenario is not None and scenario.harms_host)
         self.engine = None if scenario is None else Engine(scenario, self._target, self.host)
         """Plays the scenario; None without one."""
@@ -310,4 +282,4 @@ class EmbeddedBoard:
         if watch is None:
             return None
         watch.look_now(self._simulation.now_counts)
-        return shelf_evidence(watch.shelf, self._stock)
+        return shelf_evidence(watch.shelf, self._parts.stock)

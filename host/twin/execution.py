@@ -1,8 +1,9 @@
 """Run a plan from start to verdict: check the start, switch the board on, stream, wait for the end, verify."""
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 
@@ -21,13 +22,13 @@ from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.input_changes import InputChange
+from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
 from steptwin.host.twin.outcome import Outcome, RunFault
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.lost_host import outlive
 from steptwin.host.twin.scenarios.not_begun import not_begun
 from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.twin.scenarios.reporting import RunEnd, scenario_report
-from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -40,19 +41,12 @@ def execute(
     *,
     stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
-    driver_profile: str | None = None,
-    dip_microsteps: Mapping[str, int] | None = None,
     bus_faults: FaultScript | None = None,
     inputs: Sequence[InputChange] = (),
     errand: Errand | None = None,
-    stock: Mapping[str, str] | None = None,
-    locked_drawers: Collection[str] = (),
-    scenario: Scenario | None = None,
-    motors: bool = False,
-    axes_per_board: Sequence[int] | None = None,
-    crystal_ppm: int | Sequence[int] = 0,
     progress: Progress = lambda _: None,
     on_board: Callable[[EmbeddedBoard], None] = lambda _: None,
+    **machine: Unpack[MachineKeywords],
 ) -> Outcome:
     """Run a plan on an embedded board in virtual time, and verify every pulse.
 
@@ -62,24 +56,15 @@ def execute(
         kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
         stand_at: joint positions at which the emulated machine stands, mm and degrees; by default the plan's start.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
-        driver_profile: name of the drivers that the emulated board has instead of those in the robot's file; neither
-            the plan nor the firmware is told.
-        dip_microsteps: microsteps to which the switches of the drivers' modules are set instead of the robot file's, by
-            joint; neither the plan nor the firmware is told.
         bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
         inputs: changes of the machine's digital inputs during the motion.
         errand: what the motion is planned to do with the boxes of the robot's shelf; the emulated shelf holds the
-            errand's boxes, and each box must be where it is planned in the end.
-        stock: the boxes that the emulated shelf holds instead, by slot or spot; the plan is not told.
-        locked_drawers: slots of the emulated shelf whose drawers are locked; the plan is not told.
-        scenario: faults that happen on purpose; the outcome says whether each was answered as documented.
-        motors: let the robot's motors turn with the board, so that its switches follow the rotors.
-        axes_per_board: number of axes on each of several boards, in the order of the joints; by default one board has
-            all.
-        crystal_ppm: how fast the boards' crystals are, in parts per million from -1000 to 1000; of several boards each
-            one's; neither plan nor host is told.
+            errand's boxes unless `stock` says otherwise, and each box must be where it is planned in the end.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
+        machine: how the emulated machine differs from the robot's file, and what happens to it: the fields of
+            `MachineOptions`. The plan is not told; the outcome says whether each fault of a scenario was answered as
+            documented.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
@@ -88,90 +73,100 @@ def execute(
         DeviceFaultError, BusError: the board could not be set up, or no motion began: with a scenario, a
             `NotBegunError` as well, which has its report. A fault in motion is part of the outcome instead.
     """
+    robot = plan.robot
     if stand_at is not None:
         plan.check_start(stand_at)
-    records, waits = _records(plan, cut_stream_s), input_waits(plan)
-    if cut_stream_s is not None:
-        waits = tuple(wait for wait in waits if wait.at_s < cut_stream_s)
+    stream = _Stream.of(plan, cut_stream_s)
+    expected_shelf = errand.planned(robot.shelf) if errand and robot.shelf else None
+    options = _stocked(MachineOptions(**machine), errand)
     kernel = kernel or fastest_kernel()
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
-    start_joints = plan.start_joints if stand_at is None else stand_at
-    shelf = plan.robot.shelf
-    boards = len(axes_per_board or (1,))
-    crystals_ppm = (crystal_ppm,) * boards if isinstance(crystal_ppm, int) else tuple(crystal_ppm)
-    planned = errand.planned(shelf) if errand and shelf else None
-    if stock is None and errand is not None:
-        stock = errand.stock
     board = EmbeddedBoard(
-        plan.robot,
-        start_joints,
+        robot,
+        plan.start_joints if stand_at is None else stand_at,
         kernel,
-        bus_faults,
-        driver_profile_name=driver_profile,
-        dip_microsteps=dip_microsteps,
+        options,
+        bus_faults=bus_faults,
         commissioned=False,  # `set_up` writes every setting
-        stock=stock,
-        locked_drawers=locked_drawers,
         shelf_sensors=_looks_at_sensors(plan),
-        scenario=scenario,
-        motors=motors,
-        axes_per_board=axes_per_board,
-        crystals_ppm=crystals_ppm,
     )
     on_board(board)
     board.change_inputs(inputs)
-    machine = Machine(board, plan.robot.joint_names)
-    try:
-        set_up(machine, plan.robot, plan.start_units)
-        fault = _run(machine, board, plan, records, waits, progress)
-        machine.disconnect()
-    except (BusError, DeviceFaultError) as error:
-        fault = _given_up(error, board)
+    host = Machine(board, robot.joint_names)
+    fault = _drive(host, board, plan, stream, progress)
     timed_out = fault is not None and fault.timed_out
-    made = executed(plan, machine.holds_ms, timed_out=timed_out)
+    made = executed(plan, host.holds_ms, timed_out=timed_out)
     run = RunInfo(
-        robot=plan.robot.name,
+        robot=robot.name,
         job=job,
         duration_s=made.trajectory.duration_s,
         bus=board.bus_report(),
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(Expectation.of(plan.robot, made.trajectory, planned), board.evidence())
+    comparison = compare(Expectation.of(robot, made.trajectory, expected_shelf), board.evidence())
     rotors = board.rotor_trace(comparison.evidence)
     report = verify_comparison(comparison, run)
-    waits_made = waited(plan, machine.holds_ms, timed_out=timed_out)
-    played = _played(board, comparison, report, fault)
-    profile = board.driver_profile.name
-    operations = tuple(board.operations.requests())
     return Outcome(
         made,
         comparison,
         report,
         board.bus_log,
         fault,
-        profile,
-        waits_made,
-        played,
+        board.driver_profile.name,
+        waited(plan, host.holds_ms, timed_out=timed_out),
+        _played(board, comparison, report, fault),
         rotors,
-        operations,
-        axes_per_board=tuple(axes_per_board or ()),
-        crystals_ppm=crystals_ppm,
+        tuple(board.operations.requests()),
+        axes_per_board=tuple(options.axes_per_board or ()),
+        crystals_ppm=options.crystals_ppm,
     )
 
 
-def _run(
-    machine: Machine,
-    board: EmbeddedBoard,
-    plan: Plan,
-    records: tuple[AxisRecords, ...],
-    waits: tuple[InputWait, ...],
-    progress: Progress,
-) -> RunFault | None:
+@dataclass(frozen=True, slots=True)
+class _Stream:
+    """What a host sends of a plan: the records of each axis, and the waits for inputs between them."""
+
+    records: tuple[AxisRecords, ...]
+    waits: tuple[InputWait, ...]
+
+    @classmethod
+    def of(cls, plan: Plan, cut_s: float | None) -> "_Stream":
+        """Return all of a plan, or what comes before a time; raise InputError if that is outside the motion."""
+        waits = input_waits(plan)
+        if cut_s is None:
+            return cls(plan.records(), waits)
+        count = int(np.searchsorted(plan.times_ms[1:], cut_s * 1000, side="right"))
+        if not 0 < count < len(plan.times_ms) - 1:
+            first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
+            raise InputError(f"cut_stream_s={cut_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+        return cls(plan.records(count), tuple(wait for wait in waits if wait.at_s < cut_s))
+
+
+def _stocked(options: MachineOptions, errand: Errand | None) -> MachineOptions:
+    """Return options whose shelf holds an errand's boxes, unless they say what it holds."""
+    if errand is None or options.stock is not None:
+        return options
+    return replace(options, stock=errand.stock)
+
+
+def _drive(machine: Machine, board: EmbeddedBoard, plan: Plan, stream: _Stream, progress: Progress) -> RunFault | None:
+    """Set a machine up, stream a plan to it, and disconnect; return the fault that ended it after its start, if any."""
+    try:
+        set_up(machine, plan.robot, plan.start_units)
+        fault = _run(machine, board, plan, stream, progress)
+        machine.disconnect()
+    except (BusError, DeviceFaultError) as error:
+        return _given_up(error, board)
+    return fault
+
+
+def _run(machine: Machine, board: EmbeddedBoard, plan: Plan, stream: _Stream, progress: Progress) -> RunFault | None:
     """Stream a plan to a machine that is set up; return the fault that ended it after its start, if any."""
     try:
-        machine.run(records, plan.start_units, progress, output_commands(plan.robot, plan.trajectory), waits)
+        outputs = output_commands(plan.robot, plan.trajectory)
+        machine.run(stream.records, plan.start_units, progress, outputs, stream.waits)
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:
@@ -245,16 +240,6 @@ def _looks_at_sensors(plan: Plan) -> bool:
     """Return whether a motion waits for one of the shelf's sensors; without that it leaves the bus as it was."""
     sensors = plan.robot.shelf.sensors.values() if plan.robot.shelf else ()
     return any(wait.input in sensors for wait in waits_of(plan.trajectory))
-
-
-def _records(plan: Plan, cut_stream_s: float | None) -> tuple[AxisRecords, ...]:
-    if cut_stream_s is None:
-        return plan.records()
-    count = int(np.searchsorted(plan.times_ms[1:], cut_stream_s * 1000, side="right"))
-    if not 0 < count < len(plan.times_ms) - 1:
-        first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
-        raise InputError(f"cut_stream_s={cut_stream_s:g}: must be from {first_s:g} s to below {end_s:g} s")
-    return plan.records(count)
 
 
 def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> RunFault:

@@ -2,13 +2,9 @@
 
 import time
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import floor
 from pathlib import Path
 from typing import Any, Final
-
-import numpy as np
 
 from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
@@ -18,7 +14,6 @@ from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
 from steptwin.emulator.pacer import Pacer
-from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.surroundings import Surroundings
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
@@ -27,27 +22,29 @@ from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import axes_of, make_boards, microsteps_of
-from steptwin.host.twin.crystals import check_crystals, crystals_document
-from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.boards import axes_of
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
+from steptwin.host.twin.machine_parts import MachineParts
 from steptwin.host.twin.motors.figures import RotorFigures
-from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.operation_log import OperationLog
+from steptwin.host.twin.recording_report import (
+    JointFigures,
+    bus_figures,
+    load_percent,
+    mismatches,
+    recording_report,
+)
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.played_document import played_document
-from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.host.twin.scenarios.target import Target
-from steptwin.host.twin.shelf import shelf_evidence, shelf_wiring
-from steptwin.host.twin.standing import standing_steps
+from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RECORD_EVERY_S: Final = 0.5
 """Longest time for which the drivers' history is held in memory."""
@@ -107,19 +104,12 @@ class LiveBoard:
         robot: Robot,
         stand_at: list[float],
         kernel: Kernel,
+        options: MachineOptions = AS_FILED,
         *,
         bitrate: int,
         speed: float,
-        axes_per_board: Sequence[int] | None = None,
         out: Path | None = None,
         log: Path | None = None,
-        driver_profile_name: str | None = None,
-        dip_microsteps: Mapping[str, int] | None = None,
-        stock: Mapping[str, str] | None = None,
-        locked_drawers: Collection[str] = (),
-        motors: bool = False,
-        scenario: Scenario | None = None,
-        crystals_ppm: Sequence[int] = (),
     ) -> None:
         """Set the board up.
 
@@ -127,44 +117,34 @@ class LiveBoard:
             robot: the machine.
             stand_at: joint positions at which it stands, mm and degrees.
             kernel: form of the firmware's kernel.
+            options: how it differs from the robot's file, and what happens to it; times of a scenario count from the
+                first motion that a SYNC starts.
             bitrate: of the bus, in bit/s.
             speed: simulated seconds per second.
-            axes_per_board: number of axes on each board, in the order of the joints; None: one board has all.
             out: folder for all files.
             log: file for the bus log.
-            driver_profile_name: drivers that the board has instead of those in the robot's file.
-            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
-            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
-            locked_drawers: slots of the shelf whose drawers are locked.
-            motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
-            scenario: faults that happen to it; times count from the first motion that a SYNC starts.
-            crystals_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000; empty: all exact.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place, or the robot's file does not describe its motors and masses,
-                or the scenario has a fault of the host, which is a program of its own, or a crystal is too far off.
+            InputError: as `MachineParts.of`, or the scenario has a fault of the host, which is a program of its own.
             OSError: a file cannot be written.
         """
+        scenario = options.scenario
         if scenario is not None and scenario.harms_host:
             raise InputError(f"{scenario.name}: {_NO_HOST}")
         self.robot = robot
-        self.axes_per_board = tuple(axes_per_board or [len(robot.joints)])
-        check_crystals(crystals_ppm, len(self.axes_per_board), motors=motors)
-        self._crystals_ppm = tuple(crystals_ppm)
-        configs = board_configs(robot, stand_at, self.axes_per_board, driver_profile_name, dip_microsteps, crystals_ppm)
-        shelf = shelf_wiring(robot, stand_at, self.axes_per_board, stock=stock, locked=locked_drawers)
-        self._stock = {} if shelf is None else dict(shelf.shelf.stock)
+        self._parts = parts = MachineParts.of(robot, stand_at, kernel, options, stretch_ticks=_STRETCH_TICKS)
+        self._boards = parts.boards
+        self._axes = axes_of(self._boards)
+        """Board of each joint, and the number of the joint's axis on it."""
+        self.driver_profile = parts.driver_profile
         self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
         """What happened at the shelf up to the last `record`."""
-        self.driver_profile = driver_profile(robot.board, driver_profile_name)
         self._lines: list[str] = []
         """Lines of the bus log since the last `record`."""
-        start_steps = standing_steps(robot, stand_at)
-        edges = [ActiveEdge(module.active_edge) for config in configs for module in config.modules]
+        modules = [module for board in self._boards for module in board.config.modules]
         self._joints = [
-            _JointTotals(joint, steps, edge)
-            for joint, steps, edge in zip(robot.joints, start_steps, edges, strict=True)
+            _JointTotals(joint, steps, ActiveEdge(module.active_edge))
+            for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0
         """Part of the time between the last two calls of `record` in which the bus was busy, in percent."""
@@ -173,22 +153,18 @@ class LiveBoard:
         warm_up(kernel)
         self._next_axis = 0
         """The axis whose turn it is in `record_next`."""
-        self._boards = make_boards(robot, configs, kernel)
-        self._axes = axes_of(self._boards)
-        """Board of each joint, and the number of the joint's axis on it."""
         self._bus_log = None if log is None else BusLog(log)
-        self._plan = None if out is None else LivePlan(robot, self._axes, start_steps)
+        self._plan = None if out is None else LivePlan(robot, self._axes, parts.start_steps)
         self._motion = FollowedMotion(self._axes, self._plan)
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
-        wiring = motor_wiring(robot, stand_at, self.axes_per_board, _STRETCH_TICKS) if motors else None
-        simulation = Simulation(self._boards, self.bus, shelf=shelf, motors=wiring)
+        simulation = parts.simulation(self.bus)
         self.rotors: RotorFigures | None = None
         """What the rotors have done; None without motors."""
         if watch := simulation.rotor_watch:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
-        self._target = Target.of(robot, simulation, start_steps)
+        self._target = Target.of(robot, simulation, parts.start_steps)
         self._operations = OperationLog(robot, simulation, OPERATIONS_MAX)
         self.engine = None if scenario is None else Engine(scenario, self._target, HostCondition())
         """Plays the scenario; None without one."""
@@ -225,6 +201,11 @@ class LiveBoard:
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
         return self._target.surroundings
+
+    @property
+    def axes_per_board(self) -> tuple[int, ...]:
+        """Number of axes on each board, in the order of the joints."""
+        return tuple(board.config.axis_count for board in self._boards)
 
     # --- recording
 
@@ -337,15 +318,11 @@ class LiveBoard:
     @property
     def bus_load_percent(self) -> float:
         """Part of the time since power-up in which the bus was busy, in percent."""
-        return 100 * self.bus.busy_bits / (self.bus.bitrate * max(self.simulated_s, 1e-3))
+        return load_percent(self.bus, self.simulated_s)
 
     def bus_figures(self) -> dict[str, Any]:
         """Return the bus' bit rate, its number of frames and its load since power-up."""
-        return {
-            "bitrate": self.bus.bitrate,
-            "frames": self.bus.frames,
-            "load_percent": round(self.bus_load_percent, 3),
-        }
+        return bus_figures(self.bus, self.simulated_s)
 
     def real_time(self) -> dict[str, Any]:
         """Return the speed, and how late and how often held up the board was."""
@@ -356,7 +333,7 @@ class LiveBoard:
         watch = self.live.simulation.shelf_watch
         if watch is None:
             return None
-        now = shelf_evidence(watch.shelf, self._stock)
+        now = shelf_evidence(watch.shelf, self._parts.stock)
         return shelf_document(replace(now, events=(*self._shelf_events, *now.events)), 0)
 
     def lateness(self) -> dict[str, dict[str, float]]:
@@ -370,49 +347,29 @@ class LiveBoard:
 
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
-        return [microsteps for microsteps in microsteps_of(self.robot, self._axes) if not microsteps.agree]
+        return mismatches(self.robot, self.live.simulation)
 
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
-        joints = self._joints
-        started_counts = self._motion.start_counts
-        return {
-            "robot": self.robot.name,
-            "job": LIVE_JOB,
-            "driver_profile": self.driver_profile.name,
-            "duration_s": round(self.simulated_s, 6),
-            "simulated": True,
-            "passed": None,
-            "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
-            "no_plan": self._plan.lacking if self._plan else None,
-            "outputs": [],
-            "boards": list(self.axes_per_board),
-            **crystals_document(self._crystals_ppm),
-            "mismatches": [str(microsteps) for microsteps in self.mismatches()],
-            "axes": [
-                {
-                    "name": joint.name,
-                    "steps_start": joint.start_steps,
-                    "steps_end": floor(joint.end_steps),
-                    "pulses": joint.pulses,
-                    "violations": joint.violations,
-                }
-                for joint in joints
+        shelf = self.shelf()
+        return recording_report(
+            self._parts,
+            self.live.simulation,
+            [
+                JointFigures(joint.start_steps, joint.end_steps, joint.pulses, joint.violations)
+                for joint in self._joints
             ],
-            "joints": {
-                "names": list(self.robot.joint_names),
-                "start": self.robot.from_steps(np.array([joint.start_steps for joint in joints])).tolist(),
-                "end": self.robot.from_steps(np.array([joint.end_steps for joint in joints])).tolist(),
+            self._motion,
+            job=LIVE_JOB,
+            wall_s=self.wall_s,
+            happened={
+                "real_time": self.real_time(),
+                "operations": self._operations.requests(),
+                **({} if shelf is None else {"shelf": shelf}),
+                **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
+                **({} if self.engine is None else played_document(self.engine)),
             },
-            "bus": self.bus_figures(),
-            "real_time": self.real_time(),
-            "operations": self._operations.requests(),
-            **({} if (shelf := self.shelf()) is None else {"shelf": shelf}),
-            **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
-            **({} if self.engine is None else played_document(self.engine)),
-            "simulated_s": round(self.simulated_s, 6),
-            "wall_s": round(self.wall_s, 6),
-        }
+        )
 
 
 def _figures(lateness: Lateness) -> dict[str, float]:

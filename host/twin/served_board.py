@@ -1,11 +1,11 @@
 """Serve a robot's board in real time to every program that speaks CAN, in a thread of its own or in the caller's."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from steptwin.controller.backend import Kernel, fastest_kernel
 from steptwin.emulator.live_loop import LiveLoop
@@ -14,13 +14,11 @@ from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.control.port import ControlPort
-from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import LiveBoard
-from steptwin.host.twin.scenarios.scenario import Scenario
+from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
 from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.protocol.frame import BITRATES
 
@@ -50,19 +48,12 @@ class ServedBoard:
         interface: str | None = None,
         channel: str | None = None,
         bitrate: int | None = None,
-        axes_per_board: Sequence[int] | None = None,
         speed: float = 1.0,
-        driver_profile: str | None = None,
-        dip_microsteps: Mapping[str, int] | None = None,
-        stock: Mapping[str, str] | None = None,
-        locked_drawers: Collection[str] = (),
-        motors: bool = False,
-        scenario: Scenario | None = None,
-        crystal_ppm: Sequence[int] = (),
         kernel: Kernel | None = None,
         out: Path | str | None = None,
         log: Path | str | None = None,
         replace: bool = False,
+        **machine: Unpack[MachineKeywords],
     ) -> None:
         """Set the board up and open its endpoint.
 
@@ -77,44 +68,30 @@ class ServedBoard:
             interface: python-can's name of an interface on which the board is put instead.
             channel: of that interface.
             bitrate: of the bus, in bit/s; by default as in the robot's file.
-            axes_per_board: number of axes on each board, in the order of the joints; by default one board has all.
             speed: simulated seconds per second.
-            driver_profile: name of the drivers that the board has instead of those in the robot's file.
-            dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
-            stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
-            locked_drawers: slots of the shelf whose drawers are locked.
-            motors: let the robot's motors turn with the board, so that its switches follow the rotors; needs numba.
-            scenario: faults that happen to the board (docs/faults.md).
-            crystal_ppm: how fast each board's crystal is, in parts per million from -1000 to 1000; empty: all exact.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
             log: file that receives the bus log alone.
             replace: let `out` replace a run or a recording that the folder holds, and `log` an older file.
+            machine: how the machine differs from the robot's file, and what happens to it: the fields of
+                `MachineOptions`. Motors need numba.
 
         Raises:
             InputError: an argument is out of its range, or contradicts another one, or something would be replaced.
             BusError: the port is in use, or the bus cannot be opened.
             OSError: a file cannot be written.
         """
-        if bitrate is not None and bitrate not in BITRATES:
-            raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
+        options = MachineOptions(**machine)
+        bits_per_s = _checked_bitrate(robot.board.bitrate if bitrate is None else bitrate)
         if not SPEED_MIN <= speed <= SPEED_MAX:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
-        bits_per_s = bitrate or robot.board.bitrate
         standing = standing_joints(robot, stand_at)
-        if motors and not find_spec("numba"):
+        if options.motors and not find_spec("numba"):
             raise InputError(
                 "motors=True: without numba the rotors cannot keep real time; pip install 'steptwin[fast]'"
             )
-        if axes_per_board is not None:
-            check_axes_per_board(axes_per_board, len(robot.joints))
-        check_crystals(crystal_ppm, len(axes_per_board or [1]), motors=motors)
-        if replace and out is None and log is None:
-            raise InputError("replace=True: is for out=DIR and log=FILE")
-        if out is not None and not replace:
-            keep_any_run(out)
-        if log is not None and not replace:
-            keep_log(log)
+        options.boards_of(robot)
+        _check_replaced(out, log, replace=replace)
         folder = None if out is None else prepare_folder(out)
         self.endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
         with ExitStack() as on_error:
@@ -126,18 +103,11 @@ class ServedBoard:
                 robot,
                 standing,
                 kernel or fastest_kernel(),
+                options,
                 bitrate=bits_per_s,
                 speed=speed,
-                axes_per_board=axes_per_board,
                 out=folder,
                 log=None if log is None else Path(log),
-                driver_profile_name=driver_profile,
-                dip_microsteps=dip_microsteps,
-                stock=stock,
-                locked_drawers=locked_drawers,
-                motors=motors,
-                scenario=scenario,
-                crystals_ppm=crystal_ppm,
             )
             on_error.pop_all()
         self._loop = LiveLoop(self.board.live)
@@ -224,3 +194,22 @@ class ServedBoard:
     def call_every(self, dt_s: float, callback: Callable[[], None]) -> None:
         """Call back every `dt_s` seconds of wall time while the board runs; must be called before it runs."""
         self._loop.call_every(dt_s, callback)
+
+
+def _checked_bitrate(bitrate: int) -> int:
+    """Return a bit rate; raise InputError unless the bus can have it."""
+    if bitrate not in BITRATES:
+        raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
+    return bitrate
+
+
+def _check_replaced(out: Path | str | None, log: Path | str | None, *, replace: bool) -> None:
+    """Raise InputError if a folder or a file would be replaced that may not be, or `replace` is for nothing."""
+    if replace:
+        if out is None and log is None:
+            raise InputError("replace=True: is for out=DIR and log=FILE")
+        return
+    if out is not None:
+        keep_any_run(out)
+    if log is not None:
+        keep_log(log)

@@ -5,11 +5,8 @@ received, and there is no verdict. It has a waveform besides.
 """
 
 import time
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.record.bus_log import log_line
@@ -24,57 +21,39 @@ from steptwin.host.record.folder import (
     prepare_folder,
 )
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
-from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of, counted_steps, microsteps_of
-from steptwin.host.twin.crystals import crystals_document
+from steptwin.host.twin.boards import axes_of, counted_steps
 from steptwin.host.twin.evidence import axes_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
 from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.machine_parts import MachineParts
 from steptwin.host.twin.operation_log import OperationLog
+from steptwin.host.twin.recording_report import JointFigures, recording_report
 from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import Evidence, shelf_document
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import Frame
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class UnplannedRun:
     """Follows a simulated machine from now on; may be saved at any time, and again later."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        simulation: Simulation,
-        start_steps: Sequence[int],
-        *,
-        job: str,
-        driver_profile: str,
-        commissioned: bool,
-        stock: Mapping[str, str],
-        operations: OperationLog,
-    ) -> None:
+    def __init__(self, parts: MachineParts, simulation: Simulation, operations: OperationLog, job: str) -> None:
         """Follow a machine whose bus keeps its frames.
 
         Args:
-            robot: the machine.
+            parts: the machine.
             simulation: its boards and their bus.
-            start_steps: positions of the joints at power-up, in steps of the robot's file from their zeros.
-            job: what the report has in place of a job's name.
-            driver_profile: name of the drivers.
-            commissioned: True if the boards' flash held the robot's settings at power-up, False for new boards.
-            stock: the boxes in the robot's shelf at power-up.
             operations: what is done to the machine.
+            job: what the report has in place of a job's name.
         """
-        self._robot = robot
+        self._parts = parts
+        self._robot = parts.robot
         self._simulation = simulation
         self._axes = axes_of(simulation.boards)
-        self._start_steps = list(start_steps)
+        self._start_steps = parts.start_steps
         self._job = job
-        self._driver_profile = driver_profile
-        self._commissioned = commissioned
-        self._stock = dict(stock)
         self._began_s = time.perf_counter()
-        self._plan = LivePlan(robot, self._axes, start_steps)
+        self._plan = LivePlan(self._robot, self._axes, self._start_steps)
         self._motion = FollowedMotion(self._axes, self._plan)
         self._rows: list[str] = []
         """Rows of the plan up to the last time that it was saved."""
@@ -96,7 +75,7 @@ class UnplannedRun:
         if watch is None:
             return Evidence(self._motion.start_counts or 0, axes, outputs)
         watch.look_now(self._simulation.now_counts)
-        return Evidence(self._motion.start_counts or 0, axes, outputs, shelf_evidence(watch.shelf, self._stock))
+        return Evidence(self._motion.start_counts or 0, axes, outputs, shelf_evidence(watch.shelf, self._parts.stock))
 
     def save(self, folder: Path | str) -> None:
         """Write the folder; another run's files are replaced, those of a live board's recording are not.
@@ -124,7 +103,7 @@ class UnplannedRun:
         axes = tuple(
             AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
         )
-        return Header(self._robot.name, self._driver_profile, self._simulation.bus.bitrate, axes)
+        return Header(self._robot.name, self._parts.driver_profile.name, self._simulation.bus.bitrate, axes)
 
     def _all(self, evidence: Evidence) -> Piece:
         lines = [log_line(counts, frame) for counts, frame in self.bus_log]
@@ -137,45 +116,18 @@ class UnplannedRun:
 
     def _report(self, evidence: Evidence) -> dict[str, Any]:
         """Return the figures under the keys of a live board's report.json (docs/live.md)."""
-        robot, bus, now_s = self._robot, self._simulation.bus, self._simulation.now_s
-        started = self._motion.start_counts
-        ends = counted_steps(robot, self._start_steps, self._axes)
-        return {
-            "robot": robot.name,
-            "job": self._job,
-            "driver_profile": self._driver_profile,
-            "duration_s": round(now_s, 6),
-            "simulated": True,
-            "passed": None,
-            "commissioned": self._commissioned,
-            "started_s": None if started is None else started / COUNTS_PER_SECOND,
-            "no_plan": self._plan.lacking,
-            "outputs": [],
-            "boards": [board.config.axis_count for board in self._simulation.boards],
-            **crystals_document([board.config.crystal_ppm for board in self._simulation.boards]),
-            "mismatches": [str(each) for each in microsteps_of(robot, self._axes) if not each.agree],
-            "axes": [
-                {
-                    "name": axis.name,
-                    "steps_start": axis.start_steps,
-                    "steps_end": int(end // 1),
-                    "pulses": int(axis.clk_rise_counts.size),
-                    "violations": int(axis.violations.counts.size),
-                }
+        ends = counted_steps(self._robot, self._start_steps, self._axes)
+        shelf = {} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}
+        return recording_report(
+            self._parts,
+            self._simulation,
+            [
+                JointFigures(axis.start_steps, end, int(axis.clk_rise_counts.size), int(axis.violations.counts.size))
                 for axis, end in zip(evidence.axes, ends, strict=True)
             ],
-            "joints": {
-                "names": list(robot.joint_names),
-                "start": robot.from_steps(np.array(self._start_steps)).tolist(),
-                "end": robot.from_steps(np.array(ends)).tolist(),
-            },
-            "bus": {
-                "bitrate": bus.bitrate,
-                "frames": bus.frames,
-                "load_percent": round(100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3)), 3),
-            },
-            "operations": self._operations.requests(),
-            **({} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}),
-            "simulated_s": round(now_s, 6),
-            "wall_s": round(time.perf_counter() - self._began_s, 6),
-        }
+            self._motion,
+            job=self._job,
+            wall_s=time.perf_counter() - self._began_s,
+            at_power_up={"commissioned": self._parts.commissioned},
+            happened={"operations": self._operations.requests(), **shelf},
+        )

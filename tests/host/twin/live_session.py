@@ -5,6 +5,7 @@ from pathlib import Path
 from steptwin.controller.backend import Kernel
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
@@ -68,15 +69,17 @@ class LiveSession:
             ROBOT,
             list(ROBOT.home),
             kernel,
+            MachineOptions(
+                axes_per_board=axes_per_board,
+                crystal_ppm=crystals_ppm,
+                driver_profile=drivers,
+                motors=motors,
+                scenario=scenario,
+            ),
             bitrate=ROBOT.board.bitrate,
             speed=1.0,
-            axes_per_board=axes_per_board,
-            crystals_ppm=crystals_ppm,
             out=out,
             log=log,
-            driver_profile_name=drivers,
-            motors=motors,
-            scenario=scenario,
         )
         self.board.live.start(0, 0)
         self.now_ns = 0

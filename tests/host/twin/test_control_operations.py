@@ -47,6 +47,7 @@ from steptwin.host.twin.control.frames import cob_ids
 from steptwin.host.twin.control.operations import KINDS, WRITERS, read_request, request_of
 from steptwin.host.twin.control.state import MachineState
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State
@@ -61,7 +62,9 @@ class Machine:
     """The robot's four axes on two boards, enabled; the test lets time pass."""
 
     def __init__(self, kernel: Kernel) -> None:
-        self.board = LiveBoard(ROBOT, list(ROBOT.home), kernel, bitrate=1_000_000, speed=1.0, axes_per_board=(2, 2))
+        self.board = LiveBoard(
+            ROBOT, list(ROBOT.home), kernel, MachineOptions(axes_per_board=(2, 2)), bitrate=1_000_000, speed=1.0
+        )
         self.emergencies: list[tuple[int, int]] = []
         """Axis and error code of each EMCY."""
         self.board.live.view = self._hear

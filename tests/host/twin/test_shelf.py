@@ -17,6 +17,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.outcome import Outcome
 from steptwin.host.verify import shelf_contradictions
 from steptwin.protocol.cia402 import DigitalInput
@@ -148,7 +149,12 @@ def test_places_that_the_shelf_does_not_have(
 def test_a_live_board_has_the_same_shelf(waited: Outcome, fast_kernel: Kernel) -> None:
     """The host's frames of the run in virtual time, sent to a live board at their instants, do the same there."""
     board = LiveBoard(
-        ROBOT, waited.plan.start_joints, fast_kernel, bitrate=1_000_000, speed=1.0, stock={"A1": "screws"}
+        ROBOT,
+        waited.plan.start_joints,
+        fast_kernel,
+        MachineOptions(stock={"A1": "screws"}),
+        bitrate=1_000_000,
+        speed=1.0,
     )
     board.live.start(0, 0)
     now_ns = 0

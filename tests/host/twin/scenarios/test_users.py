@@ -14,6 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.twin.artefacts import scenario_faults
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtState, AtTime
@@ -91,10 +92,12 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
         ROBOT,
         list(ROBOT.home),
         fast_kernel,
+        MachineOptions(
+            axes_per_board=(2, 2),
+            scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True)))),
+        ),
         bitrate=1_000_000,
         speed=1.0,
-        axes_per_board=(2, 2),
-        scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True)))),
     )
     board.live.start(0, 0)
     now_ns = 0
@@ -126,7 +129,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
     dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
     with pytest.raises(InputError, match="dying: 'host' is for runs in virtual time"):
-        LiveBoard(ROBOT, list(ROBOT.home), fast_kernel, bitrate=1_000_000, speed=1.0, scenario=dying)
+        LiveBoard(ROBOT, list(ROBOT.home), fast_kernel, MachineOptions(scenario=dying), bitrate=1_000_000, speed=1.0)
 
 
 def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel) -> None:
