@@ -2,21 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 
 from steptwin.host.campaign.values import Template
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
-
-
-class Motors(Enum):
-    """When a run's motors turn."""
-
-    NEVER = "never"
-    AFTER = "after"
-    """After the run, by its record."""
-    IN_LOOP = "loop"
-    """As it goes, so that the switches follow the rotors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +66,7 @@ class ScenarioChoice:
         robots: names of the robots that meet it.
         weight: how often it is chosen, beside the others.
         vary: templates of parameters for its runs, instead of the campaign's, by name.
-        motors: when the motors of its runs turn; None: as the campaign says.
+        motors: when the motors of its runs turn; None: never.
     """
 
     name: str
@@ -84,7 +74,7 @@ class ScenarioChoice:
     robots: tuple[str, ...]
     weight: float
     vary: Mapping[str, Template] = field(default_factory=dict)
-    motors: Motors | None = None
+    motors: MotorsTurn | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +89,7 @@ class Campaign:
         scenarios: the scenarios to choose from.
         vary: a template for each parameter that varies, by its name in `variations.VARIATIONS`.
         recover: True to recover every machine after its run: repair it, reset, home, move.
-        motors: when the motors of its runs turn.
+        motors: when the motors of runs turn whose scenario does not say it; None: never.
     """
 
     runs: int
@@ -109,7 +99,7 @@ class Campaign:
     scenarios: tuple[ScenarioChoice, ...]
     vary: Mapping[str, Template]
     recover: bool = True
-    motors: Motors = Motors.NEVER
+    motors: MotorsTurn | None = None
 
     @property
     def seeds(self) -> range:

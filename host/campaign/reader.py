@@ -10,7 +10,6 @@ from steptwin.host.campaign.campaign import (
     FileMotion,
     JobMotion,
     MotionChoice,
-    Motors,
     RandomMoves,
     ScenarioChoice,
 )
@@ -22,6 +21,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.common.tables import Table, integer_from, toml_table
 from steptwin.host.common.text_file import read_text
 from steptwin.host.planning.jobs import job_fields, make_job
@@ -60,7 +60,8 @@ class _Reader:
 
     sources: Sources
     robots: Mapping[str, Robot] = field(default_factory=dict)
-    motors: Motors = Motors.NEVER
+    motors: MotorsTurn | None = None
+    """When the motors of runs turn whose scenario does not say it."""
     files: set[str] = field(default_factory=set)
 
     def campaign(self) -> Campaign:
@@ -76,7 +77,7 @@ class _Reader:
                 "motors": _motors,
             },
         )
-        self.robots, self.motors = self._robots(values["robots"]), values["motors"] or Motors.NEVER
+        self.robots, self.motors = self._robots(values["robots"]), values["motors"]
         motions = table.each("motion", self._motion, findings)
         scenarios = table.each("scenario", self._scenario, findings) if "scenario" in table else ()
         names = [choice.name for choice in scenarios]
@@ -90,7 +91,7 @@ class _Reader:
             first_seed=values["first_seed"] or 0,
             robots=self.robots,
             motions=motions,
-            scenarios=scenarios or (ScenarioChoice("nothing", {}, tuple(self.robots), 1.0),),
+            scenarios=scenarios or (ScenarioChoice("nothing", {}, tuple(self.robots), 1.0, motors=self.motors),),
             vary=vary,
             recover=values["recover"] is not False,
             motors=self.motors,
@@ -105,7 +106,7 @@ class _Reader:
 
     def _check_loop(self, scenario: ScenarioChoice, campaign: Campaign) -> None:
         """Raise InputError for a scenario with motors in the loop which some of its runs cannot have."""
-        if (scenario.motors or campaign.motors) is not Motors.IN_LOOP:
+        if scenario.motors is not MotorsTurn.IN_LOOP:
             return
         with prefixed(f"scenario {scenario.name}: "):
             for name in scenario.robots:
@@ -209,7 +210,7 @@ class _Reader:
         robots, weight = self._chosen_robots(table), _weight(table)
         name = table.name("name", NAME_CHARS_MAX)
         vary = self._vary(table.values.get("vary"))
-        motors = _motors(table, "motors") if "motors" in table else None
+        motors = _motors(table, "motors") if "motors" in table else self.motors
         own = {key: value for key, value in table.values.items() if key not in _SCENARIO_KEYS}
         if "file" in table:
             if own:
@@ -218,7 +219,7 @@ class _Reader:
             self.files.add(file)
             own = read_scenario_table(self.sources.path(file))
         template = read_template(own)
-        self._check_scenario(name, template, robots, turning=(motors or self.motors) is Motors.IN_LOOP)
+        self._check_scenario(name, template, robots, turning=motors is MotorsTurn.IN_LOOP)
         return ScenarioChoice(name, template, robots, weight, vary, motors)
 
     def _check_scenario(self, name: str, template: Template, robots: tuple[str, ...], *, turning: bool) -> None:
@@ -277,14 +278,14 @@ def read_scenario_table(path: str) -> dict[str, Any]:
     return table
 
 
-def _motors(table: Table, key: str) -> Motors:
+def _motors(table: Table, key: str) -> MotorsTurn | None:
     """Read when motors turn: true stands for after the run."""
     if isinstance(table.values[key], bool):
-        return Motors.AFTER if table.truth(key) else Motors.NEVER
+        return MotorsTurn.AFTER if table.truth(key) else None
     text = table.text(key)
-    if text != Motors.IN_LOOP.value:
-        raise InputError(f'{key}: {text!r} is none of true, false and "{Motors.IN_LOOP.value}"')
-    return Motors.IN_LOOP
+    if text != MotorsTurn.IN_LOOP:
+        raise InputError(f'{key}: {text!r} is none of true, false and "{MotorsTurn.IN_LOOP}"')
+    return MotorsTurn.IN_LOOP
 
 
 def _weight(table: Table) -> float:

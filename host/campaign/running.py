@@ -5,7 +5,7 @@ import time
 import traceback
 from functools import cache
 
-from steptwin.host.campaign.campaign import Campaign, Motors
+from steptwin.host.campaign.campaign import Campaign
 from steptwin.host.campaign.invariants import asked_of, breaches_of
 from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim, Performance
@@ -13,6 +13,7 @@ from steptwin.host.campaign.recovery import recover, steps_off
 from steptwin.host.campaign.row import Breach, Ended, Row, split_parameters
 from steptwin.host.campaign.trial import Trial, draw
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
@@ -86,7 +87,7 @@ def perform(trial: Trial) -> Performance:
             _kernel(),
             driver_profile=trial.setup.driver_profile,
             scenario=scenario,
-            motors=trial.motors is Motors.IN_LOOP,
+            motors=trial.motors is MotorsTurn.IN_LOOP,
             axes_per_board=trial.setup.axes_per_board,
             crystal_ppm=trial.setup.crystals_ppm,
             on_board=boards.append,
@@ -132,7 +133,7 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
 
 
 def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
-    if trial.motors is Motors.NEVER or outcome is None:
+    if trial.motors is None or outcome is None:
         return None
     return motors_of_run(trial.setup.robot, outcome.comparison, trace=outcome.rotors).verdict
 

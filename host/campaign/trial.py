@@ -11,13 +11,14 @@ from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
-from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, Motors, RandomMoves
+from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, RandomMoves
 from steptwin.host.campaign.values import AtPart, PlannedAt, drawn
 from steptwin.host.campaign.variations import VARIATIONS, Setup
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.common.tables import Table
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.jobs import make_job
@@ -57,7 +58,7 @@ class Trial:
         trajectory: the motion.
         slowable: whether it may be slower than drawn.
         recover: True to recover the machine afterwards.
-        motors: when its motors turn.
+        motors: when its motors turn; None: never.
     """
 
     seed: int
@@ -71,7 +72,7 @@ class Trial:
     trajectory: Trajectory = field(repr=False)
     slowable: bool = False
     recover: bool = True
-    motors: Motors = Motors.NEVER
+    motors: MotorsTurn | None = None
 
     def plan(self) -> Plan:
         """Plan the motion; raise InputError if the robot, as varied, cannot make it.
@@ -146,7 +147,7 @@ def draw(campaign: Campaign, seed: int) -> Trial:
         trajectory=trajectory,
         slowable=isinstance(motion, RandomMoves),
         recover=campaign.recover,
-        motors=campaign.motors if scenario.motors is None else scenario.motors,
+        motors=scenario.motors,
     )
 
 

@@ -39,7 +39,7 @@ def _document(campaign: "Campaign") -> dict[str, Any]:
         ],
         "vary": list(campaign.vary),
         "recover": campaign.recover,
-        "motors": campaign.motors.value,
+        "motors": campaign.motors or "never",
     }
 
 

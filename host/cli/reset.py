@@ -19,7 +19,7 @@ def reset(
 ) -> None:
     """Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.
 
-    Nodes that another master has stopped (NMT), or whose board has started anew, are started. Exit code 3: a cause
+    Nodes that another master has stopped (NMT), or whose board has restarted, are started. Exit code 3: a cause
     persists.
     """
     from steptwin.host.operate.recovering import reset

@@ -21,8 +21,9 @@ from steptwin.host.cli.faults_on_purpose import Faults
 from steptwin.host.cli.file_motion import InterpolationName
 from steptwin.host.cli.live_run import run_live
 from steptwin.host.cli.shelf_errand import choose_errand
-from steptwin.host.cli.virtual_run import EmulatedMachine, KernelName, MotorsTurn, run_virtual
+from steptwin.host.cli.virtual_run import EmulatedMachine, KernelName, run_virtual
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.motors_turn import MotorsTurn
 
 
 @command(

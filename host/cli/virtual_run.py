@@ -26,6 +26,7 @@ from steptwin.host.cli.report import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.cli.shelf_errand import ShelfErrand
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.common.levels import LEVELS
+from steptwin.host.common.motors_turn import MotorsTurn
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""
-MotorsTurn = Literal["after", "loop"]
-"""When the motors turn: after the run, or as it goes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +99,7 @@ class EmulatedMachine:
             stock=self.stock,
             locked_drawers=self.locked_drawers,
             faults=self.faults,
-            motors=self.motors == "loop",
+            motors=self.motors is MotorsTurn.IN_LOOP,
             crystal=self.crystal_ppm,
         )
 
@@ -151,7 +150,7 @@ def _executed(
             cut_stream_s=machine.cut_stream_s,
             inputs=[_input_change(text) for text in machine.inputs or ()],
             errand=errand.errand,
-            progress=telling_time(progress, "run") if machine.motors == "loop" else progress,
+            progress=telling_time(progress, "run") if machine.motors is MotorsTurn.IN_LOOP else progress,
             **options,
         )
     return outcome, folder

@@ -39,7 +39,7 @@ _HELD_UP_S: Final = 0.1
 """Time of being held up from which on that may have been the cause: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
 """Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
-_STARTED_ANEW: Final = "has started anew (boot-up message)"
+_RESTARTED: Final = "has restarted (boot-up message)"
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
 """Abort codes caused by another client: its request came between the segments of a string that this one reads."""
 _Answer = TypeVar("_Answer")
@@ -90,7 +90,7 @@ class AxisClient:
 
     @property
     def restarted(self) -> bool:
-        """True if the node has started anew since this client has enabled it, as after a reset of its board."""
+        """True if the node has restarted since this client has enabled it, as after a reset of its board."""
         return bool(self._boots_since_enabled)
 
     @property
@@ -139,10 +139,10 @@ class AxisClient:
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
 
     def restart(self) -> DeviceFaultError:
-        """Return the error that says that the node has started anew."""
+        """Return the error that says that the node has restarted."""
         unknown = "its position is unknown: home it"
-        return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_STARTED_ANEW}; {unknown}").plainly(
-            f"{self.name}: its board has started anew; {unknown}"
+        return DeviceFaultError(f"{self.name} (node 0x{self.node_id:02X}) {_RESTARTED}; {unknown}").plainly(
+            f"{self.name}: its board has restarted; {unknown}"
         )
 
     # --- objects
@@ -211,7 +211,7 @@ class AxisClient:
         dropped = f"; {malformed} answers without 8 bytes were dropped" if malformed else ""
         how = "does not answer" if error == _NO_ANSWER else "gives no valid answer"
         if self.restarted:
-            how = f"{_STARTED_ANEW} and {how}"
+            how = f"{_RESTARTED} and {how}"
         return BusError(f"{self.name}: node 0x{self.node_id:02X} {how} ({error}{dropped})").plainly(
             f"{self.name} {how}: is the machine switched on and connected?"
         )

@@ -22,7 +22,7 @@ def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
 
 
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
-    """Raise DeviceFaultError if a drive is in fault, or its node has started anew.
+    """Raise DeviceFaultError if a drive is in fault, or its node has restarted.
 
     The message names the axis in which the fault began.
     """

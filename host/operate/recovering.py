@@ -40,7 +40,7 @@ def emergency_stop(session: Session) -> list[AxisState]:
 def reset(session: Session) -> list[AxisState]:
     """Reset every drive that is in fault; the power of all these drives is off afterwards.
 
-    Nodes that another master has stopped, or that have started anew, are started (NMT): `wake` says how.
+    Nodes that another master has stopped, or that have restarted, are started (NMT): `wake` says how.
 
     Raises:
         InputError: a program that claims no lease runs a trajectory.

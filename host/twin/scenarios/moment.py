@@ -21,7 +21,7 @@ class AxisMoment:
         lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
             only its change means anything. None if nobody asked.
         board: number of the axis' board.
-        boot: object that a board replaces when it starts anew, as after a reset: then it counts from 0 again.
+        boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
     """
 
     state: State

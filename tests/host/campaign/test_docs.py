@@ -9,13 +9,13 @@ from random import Random
 import pytest
 
 from steptwin.host.campaign import Campaign, Ended, draw, read_campaign, run_seed, sources_of_file
-from steptwin.host.campaign.campaign import Motors
 from steptwin.host.campaign.invariants import INVARIANTS
 from steptwin.host.campaign.results import schema
 from steptwin.host.campaign.values import drawn, read_template
 from steptwin.host.campaign.variations import VARIATIONS
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import read_request
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
@@ -95,7 +95,7 @@ def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) 
     trials = [draw(replace(nightly, scenarios=(choice,)), seed) for seed, choice in enumerate(choices)]
     assert {len(trial.setup.crystals_ppm) for trial in trials} == {1, 2}
     assert {any(trial.setup.crystals_ppm) for trial in trials if trial.setup.axes_per_board is None} == {True, False}
-    assert {trial.motors for trial in trials} == {Motors.NEVER, Motors.IN_LOOP}
+    assert {trial.motors for trial in trials} == {None, MotorsTurn.IN_LOOP}
 
 
 def test_every_invariant_parameter_and_column_is_on_the_page() -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from steptwin.host.campaign import Campaign, Ended, Performance, draw, perform, run_seed, running
-from steptwin.host.campaign.campaign import Motors
 from steptwin.host.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.campaign.margins import MARGINS
 from steptwin.host.campaign.performance import Claim
 from steptwin.host.campaign.recovery import Recovery, steps_off
 from steptwin.host.campaign.running import run_trial
+from steptwin.host.common.motors_turn import MotorsTurn
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
@@ -46,7 +46,7 @@ def healthy(small: Campaign, seeds: dict[str, int]) -> Iterator[Performance]:
     """A run without a fault, the recovery after it, and motors that kept step: turning them has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "motors_of_run", lambda *_, **__: SimpleNamespace(verdict=_motors()))
-        yield perform(replace(draw(small, seeds["nothing"]), recover=True, motors=Motors.AFTER))
+        yield perform(replace(draw(small, seeds["nothing"]), recover=True, motors=MotorsTurn.AFTER))
 
 
 @pytest.fixture(scope="module")

@@ -121,7 +121,7 @@ def test_a_reset_starts_nodes_that_another_master_has_stopped(steptwin: CommandL
 
 
 @pytest.mark.parametrize("harm", [WatchdogReset(), BrownOut(for_ms=30)])
-def test_a_board_that_starts_anew_in_motion_is_told(
+def test_a_board_that_restarts_in_motion_is_told(
     harm: WatchdogReset | BrownOut, board: EmbeddedBoard, session: Session, steptwin: CommandLine
 ) -> None:
     struck: list[float] = []
@@ -131,7 +131,7 @@ def test_a_board_that_starts_anew_in_motion_is_told(
             struck.append(board.now_s())
             board.operate(harm)
 
-    told = r"^sx \(node 0x10\) has started anew \(boot-up message\); its position is unknown: home it$"
+    told = r"^sx \(node 0x10\) has restarted \(boot-up message\); its position is unknown: home it$"
     with pytest.raises(DeviceFaultError, match=told):
         move(session, GOAL, progress=halfway)
     assert board.now_s() - struck[0] < 0.2

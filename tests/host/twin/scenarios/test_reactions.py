@@ -360,7 +360,7 @@ def test_nobody_knows_what_was_lost_over_a_reset(fast_kernel: Kernel, capsys: py
     lost = [{joint.lost_steps for joint in fault.joints.values()} for fault in report.faults]
     assert lost == [{None}, {None}, {0}]
     assert outcome.fault is not None
-    told = "th1 (node 0x10) has started anew (boot-up message); its position is unknown: home it"
+    told = "th1 (node 0x10) has restarted (boot-up message); its position is unknown: home it"
     assert outcome.fault.message == told
     assert report.passed, report.reasons
     print_faults(outcome.to_dict())
