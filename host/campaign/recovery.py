@@ -21,8 +21,6 @@ _LONGER: Final = 10
 _STEPS_OFF_MAX: Final = 1.0
 """Steps by which a joint may stand elsewhere than reported after homing: where the edge of a switch falls between two
 servo ticks, a rotor that was put back by part of a step is found up to a step away."""
-_TURNING_PERCENT: Final = 10.0
-"""Part of the joints' speeds and accelerations for motors that turn: not every one manages all (docs/motors.md)."""
 _TOKEN: Final = 1
 """Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0
@@ -52,7 +50,7 @@ def recover(board: EmbeddedBoard) -> Recovery:
         _home(session)
         doing = "a move"
         goal = _goal(session)
-        move(session, goal, speed_percent=_TURNING_PERCENT if board.motors_turn else 100.0)
+        move(session, goal)
         wanted = goal_units(session, session.units(goal), goal)
         reported = session.machine.positions_units()
     except StepTwinError as error:

@@ -13,7 +13,7 @@ import numpy as np
 
 from steptwin.host.campaign.campaign import Campaign, FileMotion, JobMotion, RandomMoves
 from steptwin.host.campaign.values import AtPart, PlannedAt, drawn
-from steptwin.host.campaign.variations import VARIATIONS, Setup
+from steptwin.host.campaign.variations import Setup, set_up
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -127,11 +127,11 @@ def draw(campaign: Campaign, seed: int) -> Trial:
     robot = campaign.robots[name]
     motion = _weighted([each for each in campaign.motions if name in each.robots], _stream(seed, "motion")).motion
     scenario = _weighted([each for each in campaign.scenarios if name in each.robots], _stream(seed, "scenario"))
-    setup, varied = Setup(robot), {}
-    for parameter, template in {**campaign.vary, **scenario.vary}.items():
-        varied[parameter] = drawn(template, _stream(seed, f"vary.{parameter}"), robot)
-        with prefixed(f"vary.{parameter}: "):
-            setup = VARIATIONS[parameter](setup, varied[parameter])
+    varied = {
+        parameter: drawn(template, _stream(seed, f"vary.{parameter}"), robot)
+        for parameter, template in {**campaign.vary, **scenario.vary}.items()
+    }
+    setup = set_up(robot, varied)
     with prefixed(f"{motion}: "):
         options, trajectory = _motion(motion, name, robot, seed)
     table = drawn(scenario.table, _stream(seed, f"scenario.{scenario.name}"), robot)

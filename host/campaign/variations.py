@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Any, Final
 
-from steptwin.host.common.bad_input import outside, unknown
+from steptwin.host.common.bad_input import outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.planning.motions.stretched import STRETCH_MAX
@@ -13,7 +14,18 @@ from steptwin.host.robots.board_settings import DRIVER_PROFILES
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.crystals import check_crystals
+from steptwin.host.twin.motors import check_described
+from steptwin.host.twin.motors.managed_ramps import with_managed_ramps
 from steptwin.protocol.pvt import DURATION_MAX_MS
+
+
+class RampSource(Enum):
+    """Which accelerations the joints have, in moves, stops and homings."""
+
+    FILE = "file"
+    """Those of the robot's file."""
+    MOTORS = "motors"
+    """Those that its motors manage, with the payload and the friction drawn, where these are lower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +34,7 @@ class Setup:
 
     Attributes:
         robot: the robot as it is.
+        ramps: which accelerations it gets when everything else is drawn.
         record_ms: length of the PVT records.
         stretch: the motion's slowness.
         driver_profile: other drivers than the robot file's; None: those.
@@ -29,6 +42,7 @@ class Setup:
     """
 
     robot: Robot
+    ramps: RampSource = RampSource.FILE
     record_ms: int = DEFAULT_POINT_MS
     stretch: float = 1.0
     driver_profile: str | None = None
@@ -41,6 +55,22 @@ class Setup:
         if boards == 1:
             return None
         return tuple(axes * (number + 1) // boards - axes * number // boards for number in range(boards))
+
+
+def set_up(robot: Robot, varied: Mapping[str, object]) -> Setup:
+    """Return how a run of a robot is made with a value for each parameter, in whichever order they come.
+
+    Raises:
+        InputError: a parameter does not take its value, or the robot has no such parameter; the message names it.
+    """
+    setup = Setup(robot)
+    for parameter, value in varied.items():
+        with prefixed(f"vary.{parameter}: "):
+            setup = VARIATIONS[parameter](setup, value)
+    if setup.ramps is RampSource.FILE:
+        return setup
+    with prefixed("vary.ramps: "):
+        return replace(setup, robot=with_managed_ramps(setup.robot))
 
 
 def _payload(setup: Setup, value: object) -> Setup:
@@ -62,6 +92,16 @@ def _friction(setup: Setup, value: object) -> Setup:
         for joint in setup.robot.joints
     )
     return replace(setup, robot=replace(setup.robot, joints=joints))
+
+
+def _ramps(setup: Setup, value: object) -> Setup:
+    sources = {source.value: source for source in RampSource}
+    if value not in sources:
+        raise unknown("source", str(value), sources)
+    source = sources[str(value)]
+    if source is RampSource.MOTORS:
+        check_described(setup.robot)
+    return replace(setup, ramps=source)
 
 
 def _microsteps(setup: Setup, value: object) -> Setup:
@@ -114,6 +154,7 @@ def _whole(value: object) -> int:
 VARIATIONS: Final[Mapping[str, Callable[[Setup, Any], Setup]]] = {
     "payload_kg": _payload,
     "friction": _friction,
+    "ramps": _ramps,
     "microsteps": _microsteps,
     "driver_profile": _driver_profile,
     "record_ms": _record_ms,
@@ -121,6 +162,7 @@ VARIATIONS: Final[Mapping[str, Callable[[Setup, Any], Setup]]] = {
     "stretch": _stretch,
     "crystal_ppm": _crystal_ppm,
 }
-"""What each parameter of [vary] does: payload at the tool in kg, a factor of all motors' friction, microsteps of all
-axes, drivers that neither plan nor firmware know of, length of PVT records in ms, bit rate, a factor of slowness, how
-fast the board's crystal is in parts per million, or a list of it: one for each of so many boards."""
+"""What each parameter of [vary] does: payload at the tool in kg, a factor of all motors' friction, which accelerations
+the joints have, microsteps of all axes, drivers that neither plan nor firmware know of, length of PVT records in ms,
+bit rate, a factor of slowness, how fast the board's crystal is in parts per million, or a list of it: one for each
+of so many boards."""

@@ -8,7 +8,8 @@ from steptwin.host.cli.output import print_json, print_table, say, warn
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.motors.fitting import Fit, JointFit, Ramp
+    from steptwin.host.twin.motors.fitting import Fit, JointFit
+    from steptwin.host.twin.motors.ramps import Ramp
 
 
 def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
@@ -67,31 +68,35 @@ def _print_own(fits: "tuple[JointFit, ...]") -> None:
 
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
-    """Warn of each joint whose homing accelerates it harder than its motor manages."""
+    """Warn of each joint whose homing accelerates it harder than the motors manage."""
     for fit in fits:
-        if fit.homing is not None and fit.homing.too_steep:
+        ramp = fit.homing
+        if ramp is not None and ramp.too_steep:
+            what = "homing stalls" if ramp.weakest == fit.name else f"homing turns {ramp.weakest} out of step"
             warn(
-                f"{fit.name}: homing stalls at {fit.homing.asked:g} {fit.unit}/s2 where the arm is hardest to turn: its"
-                f" motor manages {fit.homing.managed:.0f} (joints.{fit.name}.homing.acceleration in the robot's file)"
+                f"{fit.name}: {what} at {ramp.asked:g} {fit.unit}/s2 where the arm is hardest to turn: its motors"
+                f" manage {ramp.managed:.0f} (joints.{fit.name}.homing.acceleration in the robot's file)"
             )
 
 
 def _print_ramps(fits: "tuple[JointFit, ...]") -> None:
-    heads = ["joint", "unit", "acceleration_max", "motor manages", "homing", "motor manages"]
+    heads = ["joint", "unit", "acceleration_max", "motors manage", "homing", "motors manage"]
     rows = [
         [
             fit.name,
             f"{fit.unit}/s2",
-            *_asked_and_managed(fit.moving),
-            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing)),
+            *_asked_and_managed(fit.moving, fit.name),
+            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing, fit.name)),
         ]
         for fit in fits
     ]
     print_table(heads, rows, text_columns=2)
 
 
-def _asked_and_managed(ramp: "Ramp") -> tuple[str, str]:
-    return f"{ramp.asked:g}", f"{ramp.managed:.0f}"
+def _asked_and_managed(ramp: "Ramp", name: str) -> tuple[str, str]:
+    """Return both in words, with the joint whose motor manages no more if it is another one."""
+    weakest = "" if ramp.weakest == name else f"{ramp.weakest}: "
+    return f"{ramp.asked:g}", f"{weakest}{ramp.managed:.0f}"
 
 
 def _print_pull_out(fits: "tuple[JointFit, ...]") -> None:

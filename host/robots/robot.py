@@ -63,17 +63,17 @@ class Robot:
     name: str
     title: str
     kinematics: str
-    geometry: Mapping[str, Dimension]
+    geometry: Mapping[str, Dimension] = field(hash=False)
     joints: tuple[Joint, ...]
     home: tuple[float, ...]
     board: BoardSettings
-    outputs: Mapping[str, Output] = field(default_factory=dict)
-    inputs: Mapping[str, Input] = field(default_factory=dict)
-    places: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    boxes: Mapping[str, Box] = field(default_factory=dict)
-    shelf: Shelf | None = None
+    outputs: Mapping[str, Output] = field(default_factory=dict, hash=False)
+    inputs: Mapping[str, Input] = field(default_factory=dict, hash=False)
+    places: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
+    boxes: Mapping[str, Box] = field(default_factory=dict, hash=False)
+    shelf: Shelf | None = field(default=None, hash=False)
     coupling: Coupling = field(default_factory=Coupling)
-    dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict)
+    dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict, hash=False)
     paper: str = ""
     dynamics: Dynamics | None = None
     toml: str = field(default="", repr=False, compare=False)

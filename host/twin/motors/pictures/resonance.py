@@ -12,7 +12,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import LIMIT, new_figure, write_inside
 from steptwin.host.twin.motors import MotorRun
 from steptwin.host.twin.motors.drives import drive_of
-from steptwin.host.twin.motors.fitting import carried_inertia, natural_hz
+from steptwin.host.twin.motors.fitting import natural_hz
+from steptwin.host.twin.motors.poses import carried_inertias
 from steptwin.host.twin.motors.resonance import SETTINGS, Electrics, resonance_map
 from steptwin.host.verify import RunInfo
 
@@ -56,7 +57,8 @@ def _greatest_inertias(ran: MotorRun) -> FloatArray:
     first = int(np.searchsorted(ran.trace.counts, ran.driving.start_counts))
     positions = ran.trace.positions[np.minimum(first + instants, len(ran.trace.positions) - 1)]
     robot = ran.driving.robot
-    return np.asarray(carried_inertia(robot, ran.driving.arms[1], robot.coupling.to_joints(positions)).max(axis=0))
+    inertias = carried_inertias(robot, ran.driving.arms[1], robot.coupling.to_joints(positions))
+    return np.asarray(np.diagonal(inertias, axis1=1, axis2=2).max(axis=0))
 
 
 def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> Any:

@@ -1,0 +1,185 @@
+"""How hard each joint may accelerate: what its motor manages, and what the others hold against.
+
+A ramp begins at once, so that each rotor swings twice as far as the ramp's torque takes it: what is needed before, and
+twice what the ramp adds, must be within the pull-out torque.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from steptwin.emulator.motor import RAD_S_PER_RPM
+from steptwin.emulator.needed_torque import carried_torque_nm, rotor_torque_nm
+from steptwin.emulator.rotors import Drive
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.motors.curves import Curves, own_current_a, standing_part
+from steptwin.host.twin.motors.drives import drive_of
+from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
+from steptwin.host.twin.motors.torques import Curve
+
+ALMOST_NONE: Final = 1e-6
+"""Part of the highest speed at which friction already opposes, but nothing else depends on speed."""
+_CLOSE: Final = 1e-3
+"""Precision of an acceleration that motors manage, relative to it, and the least one in the joint's unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """How hard a joint's axis accelerates by the robot's file, and how hard the motors let it; mm/s^2 or deg/s^2.
+
+    Attributes:
+        asked: by the file.
+        managed: the highest that the motors manage at every pose, while the other axes stand: the axis' own turns what
+            it must, those of the others hold against it. 0 if there is none.
+        weakest: the joint whose motor manages no more.
+    """
+
+    asked: float
+    managed: float
+    weakest: str
+
+    @property
+    def too_steep(self) -> bool:
+        """True if the file asks for more than the motors manage."""
+        return self.asked > self.managed
+
+
+@dataclass(frozen=True, slots=True)
+class JointRamps:
+    """The accelerations of a joint's axis.
+
+    Attributes:
+        moving: its acceleration_max, at up to its highest speed.
+        homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
+    """
+
+    moving: Ramp
+    homing: Ramp | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ramps:
+    """What finds the accelerations that a robot's motors manage.
+
+    Attributes:
+        robot: the robot.
+        at: its arm at many poses.
+        drives: of each axis.
+        curves: the pull-out torque of each axis' motor while it turns.
+        holding_nm: and while it stands.
+    """
+
+    robot: Robot
+    at: ArmAtPoses
+    drives: tuple[Drive, ...]
+    curves: tuple[Curve, ...]
+    holding_nm: tuple[float, ...]
+
+    @classmethod
+    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, current_a: float) -> Self:
+        """Return what finds the ramps of a robot with a phase current at full torque."""
+        drives = tuple(drive_of(joint) for joint in robot.joints)
+        standing_a = standing_part(robot) * current_a
+        return cls(
+            robot,
+            at,
+            drives,
+            tuple(curves.of(drive.motor, current_a) for drive in drives),
+            tuple(float(curves.of(drive.motor, standing_a).torque_nm[0]) for drive in drives),
+        )
+
+    def of_axis(self, axis: int) -> JointRamps:
+        """Return the ramps of an axis."""
+        joint = self.robot.joints[axis]
+        homing, element = joint.homing, abs(self.robot.coupling.joints_of(axis)[axis])
+        speed, acceleration = self.robot.axis_speeds_max[axis], self.robot.axis_accelerations_max[axis]
+        return JointRamps(
+            moving=Ramp(float(acceleration), *self._managed(axis, float(speed))),
+            homing=None if homing is None else self._homing(axis, element, homing.search_speed, homing.acceleration),
+        )
+
+    def _homing(self, axis: int, element: float, search_speed: float, acceleration: float) -> Ramp:
+        """Return the ramp of a homing, of the joint: a coupled axis moves faster by the coupling's element."""
+        managed, weakest = self._managed(axis, element * search_speed)
+        return Ramp(acceleration, managed / element, weakest)
+
+    def _managed(self, axis: int, speed: float) -> tuple[float, str]:
+        """Return the highest acceleration at speeds of an axis up to `speed`, and whose motor manages no more."""
+        drive, scale = self.drives[axis], float(rad_per_unit(self.robot)[axis])
+        most, weakest, loads = 2.0 * drive.most_nm / drive.motor.rotor_inertia_kgm2, axis, self._loads(axis, speed)
+        others = (other for other in range(len(self.drives)) if other != axis)
+        for motor in (axis, *others):
+            manages = loads(motor)
+            if not manages(most):
+                most, weakest = _highest(manages, most, _CLOSE * scale), motor
+        return most / scale, self.robot.joints[weakest].name
+
+    def _loads(self, axis: int, speed: float) -> Callable[[int], Callable[[float], bool]]:
+        """Return what tells of each motor whether it manages a ramp of an axis, in rad/s^2 of the axis' rotor."""
+        scale = float(rad_per_unit(self.robot)[axis])
+        speeds = scale * speed * np.array([ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0])
+        rad = np.repeat(self.at.rad, speeds.size, axis=0)
+        rates = np.zeros_like(rad)
+        rates[:, axis] = np.tile(speeds, len(self.at.rad))
+        steady_nm = carried_torque_nm(self.at.arm, rad, rates, np.zeros_like(rates))
+        inertias = np.repeat(self.at.inertias_kgm2[:, :, axis], speeds.size, axis=0)
+
+        def manages(motor: int) -> Callable[[float], bool]:
+            own = motor == axis
+            available = self.curves[axis].at(rates[:, axis] / RAD_S_PER_RPM) if own else self.holding_nm[motor]
+            return _Load(
+                self.drives[motor], steady_nm[:, motor], inertias[:, motor], rates[:, motor], float(own), available
+            ).within
+
+        return manages
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Load:
+    """What a ramp of an axis asks of a motor at poses and speeds; arrays of shape (n,).
+
+    Attributes:
+        drive: the motor with its gear.
+        steady_nm: torque that its gear carries without the ramp.
+        inertia_kgm2: torque that is added for each rad/s^2.
+        rad_s: its own speed; 0 for a motor that stands.
+        own: its own acceleration for each rad/s^2: 1 or 0.
+        available_nm: its pull-out torque.
+    """
+
+    drive: Drive
+    steady_nm: FloatArray
+    inertia_kgm2: FloatArray
+    rad_s: FloatArray
+    own: float
+    available_nm: FloatArray | float
+
+    def within(self, rad_s2: float) -> bool:
+        """Return whether the motor manages a ramp, upwards and downwards."""
+        return all(self._within(each) for each in (rad_s2, -rad_s2))
+
+    def _within(self, rad_s2: float) -> bool:
+        before = rotor_torque_nm(self.drive, self.steady_nm, self.rad_s, np.zeros_like(self.rad_s))
+        ramp = np.full_like(self.rad_s, self.own * rad_s2)
+        needed = rotor_torque_nm(self.drive, self.steady_nm + self.inertia_kgm2 * rad_s2, self.rad_s, ramp)
+        return bool((np.abs(2.0 * needed - before) <= self.available_nm).all())
+
+
+def _highest(manages: Callable[[float], bool], high: float, least: float) -> float:
+    """Return the highest value below `high` that is managed, by bisection; 0 if it is below `least`."""
+    low = 0.0
+    while high - low > _CLOSE * high and high > least:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if manages(middle) else (low, middle)
+    return low
+
+
+def ramps_of(robot: Robot) -> tuple[JointRamps, ...]:
+    """Return the accelerations of all joints; raise InputError if the robot's file does not describe its motors."""
+    at, fastest = ArmAtPoses.of(robot), robot.axis_speeds_max * rad_per_unit(robot)
+    curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM)
+    ramps = Ramps.of(robot, at, curves, own_current_a(robot))
+    return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))
