@@ -19,7 +19,7 @@ def with_managed_ramps(robot: Robot) -> Robot:
     """Return a robot whose accelerations, in moves, stops and homings, its motors manage; none becomes higher.
 
     Raises:
-        InputError: its file does not describe its motors and masses, or a motor cannot even carry its load.
+        InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
     """
     joints = zip(robot.joints, ramps_of(robot), strict=True)
     return replace(robot, joints=tuple(_gentler(joint, ramps) for joint, ramps in joints))
@@ -42,5 +42,6 @@ def _gentler(joint: Joint, ramps: JointRamps) -> Joint:
 def _part(joint: Joint, ramp: Ramp) -> float:
     """Return the part of the file's acceleration that remains."""
     if ramp.managed == 0.0:
-        raise InputError(f"{joint.name}: there is no ramp so slow that {ramp.weakest}'s motor manages it")
+        weak = f"{ramp.weakest}'s motor is too weak for {joint.name}'s highest speed"
+        raise InputError(f"{joint.name}: without any acceleration {weak}")
     return min(1.0, RAMP_PART * ramp.managed / ramp.asked)

@@ -12,7 +12,7 @@ from steptwin.host.campaign import Campaign, Ended, draw, read_campaign, run_see
 from steptwin.host.campaign.invariants import INVARIANTS
 from steptwin.host.campaign.results import schema
 from steptwin.host.campaign.values import drawn, read_template
-from steptwin.host.campaign.variations import VARIATIONS
+from steptwin.host.campaign.variations import VARIATIONS, RampSource
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.motors_turn import MotorsTurn
@@ -96,6 +96,9 @@ def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) 
     assert {len(trial.setup.crystals_ppm) for trial in trials} == {1, 2}
     assert {any(trial.setup.crystals_ppm) for trial in trials if trial.setup.axes_per_board is None} == {True, False}
     assert {trial.motors for trial in trials} == {None, MotorsTurn.IN_LOOP}
+    turning = [trial.setup for trial in trials if trial.motors is MotorsTurn.IN_LOOP]
+    assert {setup.ramps for setup in turning} == {RampSource.MOTORS}
+    assert {joint.transmission.microsteps for setup in turning for joint in setup.robot.joints} <= {8, 16}
 
 
 def test_every_invariant_parameter_and_column_is_on_the_page() -> None:

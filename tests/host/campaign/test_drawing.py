@@ -109,6 +109,21 @@ def test_the_robot_is_as_drawn(trials: list[Trial]) -> None:
     assert slower == pytest.approx(varied["stretch"], rel=0.01)
 
 
+def test_ramps_that_motors_manage_are_those_of_the_robot_as_drawn_wherever_they_are_named(wide: Campaign) -> None:
+    """A heavier payload lowers them; nothing asks what is drawn first. By default they are the file's."""
+    first = replace(wide, vary={"ramps": "motors", "payload_kg": 1.0, "friction": 2})
+    last = replace(wide, vary={"friction": 2, "payload_kg": 1.0, "ramps": "motors"})
+    light = replace(wide, vary={"ramps": "motors", "payload_kg": 0.1, "friction": 2})
+    by_file = replace(wide, vary={"ramps": "file", "payload_kg": 1.0, "friction": 2})
+    seed = next(seed for seed in range(20) if draw(wide, seed).robot_name == "lab-scara")
+    shoulder = [draw(campaign, seed).setup.robot.joint("th2") for campaign in (first, last, light, by_file, wide)]
+    assert shoulder[0] == shoulder[1]
+    ramps = [joint.acceleration_max for joint in shoulder[1:]]
+    assert ramps == [*sorted(ramps[:2]), 1500.0, 1500.0]
+    assert ramps[0] < ramps[1] < 65.0
+    assert draw(first, seed).plan().trajectory.duration_s > draw(by_file, seed).plan().trajectory.duration_s
+
+
 def test_random_moves_stay_within_reach(trials: list[Trial]) -> None:
     for trial in trials:
         if trial.motion == "random moves":
@@ -151,6 +166,7 @@ def test_parameters_say_where_they_are(trials: list[Trial]) -> None:
         ("options = { law", "options = { lew", "options: option 'lew' is unknown: did you mean law?"),
         ('name = "nothing"', 'name = "two"', "scenario: two are called 'two'"),
         ("payload_kg =", "payload =", "vary: parameter 'payload' is unknown: did you mean payload_kg?"),
+        ("friction = 2", 'ramps = "motor"', "vary.ramps: source 'motor' is unknown: did you mean motors?"),
         ("microsteps = 8", "microsteps = 4", "vary.microsteps: microsteps: 4 is not one of the TB6560's"),
         ("[500000, 1000000]", "[400000]", "vary.bitrate: bitrate: 400000 is not one of"),
         ("held = true", "hold = true", "teaching-scara: fault 1: hold: key 'hold' is unknown: did you mean held?"),

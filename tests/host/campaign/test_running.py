@@ -183,3 +183,39 @@ def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: floa
     )
     board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert steps_off(board, [200 * UNITS_PER_FULL_STEP // 2]) == [off]
+
+
+STEEP = """
+runs = 1
+robots = ["calibration-scara"]
+recover = false
+motors = "loop"
+
+[[motion]]
+moves = 1
+reach = 0.05
+
+[[scenario]]
+name = "emergency stop"
+[[scenario.fault]]
+do = "estop"
+pressed = true
+at_s = { part_of_motion = [0.4, 0.6] }
+
+[vary]
+stretch = 2.0
+ramps = "file"
+"""
+
+
+@pytest.mark.parametrize(
+    ("ramps", "broken"),
+    [("file", [("position", "the drive claims a position at which it is not", "th2: -64 steps off")]), ("motors", [])],
+)
+def test_a_stop_that_the_motors_do_not_manage_is_told(
+    ramps: str, broken: list[tuple[str, str, str]], tmp_path: Path
+) -> None:
+    """After it the drive knows what it has counted, its motor is four full steps away, and the campaign tells it."""
+    row = run_seed(campaign_of(STEEP.replace("file", ramps), tmp_path), 4)
+    assert (row.ended, row.codes, row.struck) == (Ended.STOPPED, ("0x9000",), (1,))
+    assert [(breach.invariant, breach.what, breach.detail) for breach in row.breaches] == broken

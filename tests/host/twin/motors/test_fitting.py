@@ -10,8 +10,8 @@ from steptwin import load_robot
 from steptwin.emulator.mechanics import GRAVITY_M_S2
 from steptwin.emulator.motor import CATALOGUE
 from steptwin.emulator.rotors import Drive
-from steptwin.host.robots import robot_names
 from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 from tests.emulator.motor_bench import natural_hz as stiff_hz
@@ -63,10 +63,38 @@ def test_a_lift_manages_the_acceleration_whose_swing_takes_its_torque(fits: tupl
     assert fit.homing.managed > fit.moving.managed  # the search is slower
 
 
-@pytest.mark.parametrize("name", robot_names())
-def test_motors_manage_the_homings_of_our_robots(name: str) -> None:
-    ramps = {fit.name: fit.homing for fit in fits_of(load_robot(name), others=())}
-    assert [joint for joint, ramp in ramps.items() if ramp and ramp.too_steep] == []
+@pytest.mark.parametrize("idle_percent", [None, 20, 50])
+def test_an_elbow_accelerates_as_the_shoulders_motor_holds_against(idle_percent: int | None) -> None:
+    """Twice what is left of its torque by the shoulder's friction and gear, which help to hold, is the pull-out torque.
+
+    The elbow goes so slowly that nothing depends on its speed; a module lowers the current of a motor that stands.
+    """
+    robot = load_robot("lab-scara")
+    if idle_percent:
+        board = replace(robot.board, driver_profile="3a-module", osc_pf=None, idle_percent=idle_percent)
+        robot = replace(robot, board=board)
+    slow = replace(robot.joint("th3"), speed_max=1e-3, homing=None)
+    robot = replace(robot, joints=tuple(slow if joint.name == "th3" else joint for joint in robot.joints))
+    _, shoulder, elbow, _ = fits_of(robot, others=())
+    drive = robot.joint("th2").motor
+    assert drive is not None
+    holding_nm = shoulder.pull_out_nm[0] * (idle_percent or 100) / 100
+    felt_nm = (holding_nm / 2.0 + drive.friction_nm) / (2.0 - 1.0 / drive.efficiency)
+    ratio = robot.joint("th2").transmission.ratio
+    expected = np.rad2deg(ratio * felt_nm / felt_inertia_kgm2(robot, shoulder.pose["th3"]))
+    assert elbow.moving.weakest == "th2"
+    assert elbow.moving.managed == pytest.approx(expected, rel=2e-3)
+
+
+def felt_inertia_kgm2(robot: Robot, elbow_deg: float) -> float:
+    """Return what the laboratory arm's shoulder feels of the elbow's acceleration, by the textbook's planar arm."""
+    assert robot.dynamics is not None
+    links = [robot.joint(name).link for name in ("th3", "th4")]
+    forearm, tool = (link for link in links if link is not None)
+    upper_m, fore_m, tip_kg = 0.4, 0.4, tool.mass_kg + robot.dynamics.payload_kg
+    moment = 1e-3 * forearm.mass_kg * forearm.centre_mm[0] + tip_kg * fore_m
+    own = forearm.inertia_kgm2[2] + forearm.mass_kg * (1e-3 * forearm.centre_mm[0]) ** 2 + tip_kg * fore_m**2
+    return float(own + tool.inertia_kgm2[2] + upper_m * moment * np.cos(np.deg2rad(elbow_deg)))
 
 
 def test_all_motors_of_the_catalogue_are_judged_by_the_margin_that_is_left(fits: tuple[JointFit, ...]) -> None:

@@ -15,6 +15,7 @@ from steptwin.host.operate.homing_settings import homing_settings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.execution import execute
@@ -223,6 +224,34 @@ def usual_homing(fast_kernel: Kernel) -> tuple[list[object], list[float]]:
     return homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True))
 
 
+def test_an_elbow_that_homes_too_hard_turns_the_shoulder_out_of_step(fast_kernel: Kernel) -> None:
+    """At 360 deg/s2, which its own motor manages; at the file's acceleration the shoulder's motor holds against it."""
+    for acceleration, lost in ((None, False), (360.0, True)):
+        board = BoardUnderTest(LAB, stand_at={"th2": 0.0, "th3": 5.0}, kernel=fast_kernel, motors=True)
+        start_homing(board, LAB, "th3", acceleration)
+        board.wait(0.6)
+        assert board.slipped()["th3"] == 0
+        assert (board.slipped()["th2"] != 0) == lost
+
+
+def start_homing(board: BoardUnderTest, robot: Robot, name: str, acceleration: float | None) -> Master:
+    """Let a joint home, all drives enabled, with another acceleration than the file's; return its axis' master."""
+    joint = robot.joint(name)
+    assert joint.homing
+    if acceleration:
+        joint = replace(joint, homing=replace(joint.homing, acceleration=acceleration))
+    masters = {each: Master(board, each) for each in robot.joint_names}
+    for master in masters.values():
+        master.enable()
+    settings = homing_settings(joint)
+    assert settings
+    for address, value in settings.objects():
+        masters[name].write(address, value, 1 if address == od.HOMING_METHOD else 4)
+    masters[name].write(od.MODE_OF_OPERATION, HOMING, 1)
+    masters[name].write(od.CONTROLWORD, 0x1F, 2)
+    return masters[name]
+
+
 @pytest.mark.parametrize(("name", "joint", "elbow"), [("lab-scara", "th2", "th3"), ("calibration-scara", "th1", "th2")])
 @pytest.mark.parametrize("too_steep", [False, True])
 def test_a_stretched_arm_homes_as_its_file_says_and_slips_if_it_homes_faster(
@@ -230,20 +259,9 @@ def test_a_stretched_arm_homes_as_its_file_says_and_slips_if_it_homes_faster(
 ) -> None:
     """At the pose with the greatest inertia, near the switch; at 720 deg/s2 it needs more torque than there is."""
     robot = load_robot(name)
-    shoulder = robot.joint(joint)
-    assert shoulder.homing
-    if too_steep:
-        shoulder = replace(shoulder, homing=replace(shoulder.homing, acceleration=720.0))
-    board = BoardUnderTest(robot, stand_at={joint: shoulder.lower + 1.0, elbow: 0.0}, kernel=fast_kernel, motors=True)
-    master = Master(board, joint)
-    for each in robot.joint_names:
-        (master if each == joint else Master(board, each)).enable()
-    settings = homing_settings(shoulder)
-    assert settings
-    for address, value in settings.objects():
-        master.write(address, value, 1 if address == od.HOMING_METHOD else 4)
-    master.write(od.MODE_OF_OPERATION, HOMING, 1)
-    master.write(od.CONTROLWORD, 0x1F, 2)
+    stand_at = {joint: robot.joint(joint).lower + 1.0, elbow: 0.0}
+    board = BoardUnderTest(robot, stand_at=stand_at, kernel=fast_kernel, motors=True)
+    master = start_homing(board, robot, joint, 720.0 if too_steep else None)
     board.wait(0.8 if too_steep else 4.0)
     assert too_steep or master.read(od.STATUSWORD) & 0x1400 == 0x1400
     assert (board.slipped()[joint] != 0) == too_steep
