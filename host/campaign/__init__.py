@@ -10,6 +10,7 @@ from steptwin.host.campaign.running import perform, row_of, run_seed
 from steptwin.host.campaign.sources import Sources, sources_of_file, sources_of_results
 from steptwin.host.campaign.summary import Summary, summarised
 from steptwin.host.campaign.trial import Trial, draw
+from steptwin.host.campaign.varied_file import with_varied_file
 from steptwin.host.campaign.workers import cluster, run_here, run_on
 
 __all__ = [
@@ -35,5 +36,6 @@ __all__ = [
     "sources_of_file",
     "sources_of_results",
     "summarised",
+    "with_varied_file",
     "write_report",
 ]

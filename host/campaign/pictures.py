@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,11 +25,20 @@ _BINS: Final = 24
 _POINTS_MAX: Final = 5000
 """Points drawn of each margin; the line of the least is of all runs."""
 _BEYOND: Final = -1.0
-"""Least margin that is shown: twice the limit."""
+"""Least margin that is shown, at twice the limit; runs below it are points there."""
 _MANY_POINTS: Final = 300
 _PARAMETERS_MAX: Final = 16
 """Parameters that get a picture: those that most runs have."""
 _VALUES_MIN: Final = 2
+_FEW_VALUES: Final = 8
+"""Values that get a column each; more of them are places on an axis."""
+_COLUMN_HALF: Final = 0.3
+"""Half the width of a column, of the distance between two."""
+_HEAP_BELOW: Final = 5.0
+"""Values above 0 are shown on a logarithmic axis if half of them are below the greatest divided by this."""
+_GOLDEN_RATIO: Final = (5.0**0.5 - 1.0) / 2.0
+_LEAST_LABEL: Final = "least of all runs"
+_LEAST_LINE: Final[Mapping[str, Any]] = {"color": "0.3", "linewidth": 1.0}
 _PICTURE_CHARS: Final = re.compile(r"[^A-Za-z0-9]+")
 
 
@@ -106,31 +115,101 @@ def _draw_margins(parameter: str, series: _Series, title: str) -> Figure:
     """Draw each margin over a parameter: a point a run, and the least of all runs."""
     values, passed = np.array(series.values), np.array(series.passed, dtype=bool)
     known = {name: np.array(margin) for name, margin in series.margins.items() if not np.isnan(margin).all()}
+    across = _across(values)
     figure = Figure(figsize=(WIDTH_INCHES, 0.9 + _MARGIN_INCHES * len(known)), layout="constrained")
     figure.suptitle(f"{title}: what was left to each limit, over {parameter}", x=0.01, ha="left")
     grid = figure.subplots(len(known), 1, sharex=True, squeeze=False)
-    for axes, (name, margin) in zip(grid[:, 0], known.items(), strict=True):
-        there = ~np.isnan(margin)
-        _draw_points(axes, values[there], margin[there], passed[there])
+    for axes, (name, margins) in zip(grid[:, 0], known.items(), strict=True):
+        there = ~np.isnan(margins)
+        beyond = np.count_nonzero(margins < _BEYOND)
+        margin = np.maximum(margins, _BEYOND)
+        across.prepare(axes)
+        _draw_points(axes, across.places(values)[there], margin[there], passed[there])
+        across.draw_least(axes, values[there], margin[there])
         axes.axhline(0.0, color=LIMIT, linestyle="--", linewidth=0.8)
         axes.set_ylabel(name)
         axes.set_ylim(max(min(0.0, float(margin[there].min())), _BEYOND) - 0.03, 1.03)
-        axes.set_title(f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs", loc="left", size=8)
+        said = f"{MARGINS[name].what}; {np.count_nonzero(there):,} runs"
+        axes.set_title(said + (f", {beyond:,} below the lower edge" if beyond else ""), loc="left", size=8)
         axes.grid(color="0.9")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=8)
     grid[-1, 0].set_xlabel(parameter)
     return figure
 
 
-def _draw_points(axes: Axes, values: FloatArray, margin: FloatArray, passed: BoolArray) -> None:
-    thinned = slice(None, None, max(1, len(values) // _POINTS_MAX))
-    size = 2.5 if len(values) > _MANY_POINTS else 6.0
+def _draw_points(axes: Axes, places: FloatArray, margin: FloatArray, passed: BoolArray) -> None:
+    thinned = slice(None, None, max(1, len(places) // _POINTS_MAX))
+    size = 2.5 if len(places) > _MANY_POINTS else 6.0
     for which, colour, label in ((passed, COUNTED, "passed"), (~passed, LIMIT, "failed")):
         shown = which[thinned]
-        x, y = values[thinned][shown], margin[thinned][shown]
+        x, y = places[thinned][shown], margin[thinned][shown]
         axes.plot(x, y, ".", color=colour, label=label, markersize=size, alpha=0.5)
-    places, least = least_in_bins(values, margin)
-    axes.plot(places, least, color="0.3", linewidth=1.0, drawstyle="steps-mid", label="least of all runs")
+
+
+class _Across(Protocol):
+    """How a parameter's values are laid out across a picture."""
+
+    def prepare(self, axes: Axes) -> None:
+        """Set the axis."""
+
+    def places(self, values: FloatArray) -> FloatArray:
+        """Return where the points of values are."""
+
+    def draw_least(self, axes: Axes, values: FloatArray, margin: FloatArray) -> None:
+        """Draw the least margin of all runs."""
+
+
+def _across(values: FloatArray) -> _Across:
+    distinct = np.unique(values)
+    return _Columns(distinct) if len(distinct) <= _FEW_VALUES else _Scale(over_decades(values))
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """A column for each of a few values, its points side by side: otherwise they would hide one another."""
+
+    values: FloatArray
+
+    def prepare(self, axes: Axes) -> None:
+        axes.set_xticks(range(len(self.values)), [f"{value:,.9g}" for value in self.values])
+        axes.set_xlim(-0.5, len(self.values) - 0.5)
+
+    def places(self, values: FloatArray) -> FloatArray:
+        # Multiples of the golden ratio fill a column evenly, whatever the number of points.
+        aside = np.arange(len(values)) * _GOLDEN_RATIO % 1.0
+        return np.searchsorted(self.values, values) + _COLUMN_HALF * (2.0 * aside - 1.0)
+
+    def draw_least(self, axes: Axes, values: FloatArray, margin: FloatArray) -> None:
+        held, least = least_in_bins(values, margin)
+        middles = np.searchsorted(self.values, held)
+        axes.hlines(least, middles - _COLUMN_HALF, middles + _COLUMN_HALF, label=_LEAST_LABEL, **_LEAST_LINE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """An axis of values, logarithmic if they span decades."""
+
+    logarithmic: bool
+
+    def prepare(self, axes: Axes) -> None:
+        if self.logarithmic:
+            axes.set_xscale("log")
+
+    def places(self, values: FloatArray) -> FloatArray:
+        return values
+
+    def draw_least(self, axes: Axes, values: FloatArray, margin: FloatArray) -> None:
+        held, least = least_in_bins(np.log10(values) if self.logarithmic else values, margin)
+        middles = 10.0**held if self.logarithmic else held
+        axes.plot(middles, least, drawstyle="steps-mid", label=_LEAST_LABEL, **_LEAST_LINE)
+
+
+def over_decades(values: FloatArray) -> bool:
+    """Return whether values are so small for the most part that even steps would show them in one heap.
+
+    Of values that are drawn with each factor as likely, over two decades, half are below a tenth of the greatest.
+    """
+    return bool(values.min() > 0.0 and np.median(values) <= values.max() / _HEAP_BELOW)
 
 
 def least_in_bins(values: FloatArray, margin: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:

@@ -75,12 +75,14 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
         tried(f"{cause.text}: {len(table.get('fault', ()))} faults")
         return _kind(run_trial(trial.with_table(table)).breaches) == wanted
 
-    table = {"seed": trial.scenario_seed} | placed(shrunk(dict(trial.table), fails), trial.plan())
+    smallest = shrunk(dict(trial.table), fails)
+    table = {"seed": trial.scenario_seed} | placed(smallest, trial.plan())
     head = [
         f"# {cause.text}",
         f"# {cause.runs} runs; the first: {trial.robot_name}, {trial.motion}, seed {trial.seed}. It is made again by",
         f"# steptwin campaign rerun {folder} {trial.seed} --out out/run-{trial.seed}",
         "# The same with this smallest scenario found: add --faults and this file's name.",
+        *(() if table.get("fault") else ("# It has no fault: the run fails alike without one.",)),
         "",
     ]
     return "\n".join(head) + toml_text(table)

@@ -1,11 +1,14 @@
 """Make the runs of a campaign: in this process, or on the workers of a Dask cluster, each run once."""
 
+import asyncio
 import gc
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+import signal
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from itertools import islice
 from logging import CRITICAL
+from multiprocessing import resource_tracker
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -16,7 +19,7 @@ from steptwin.host.campaign.running import run_seed
 from steptwin.host.common.errors import BusError, InputError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
 SEEDS_PER_TASK: Final = 4
 """Runs of a task: with some tenths of a second each, what a task costs the scheduler, 1 ms, does not count."""
@@ -28,8 +31,16 @@ _TASKS_MIN: Final = 4
 _THREADS_ASKED_EVERY_S: Final = 5.0
 _LOCAL: Final = {"distributed.worker.profile.enabled": False}
 """Dask's settings for this computer's workers: without its profiler, which stops a run every 10 ms to note its line."""
+_OF_THIS_COMPUTER: Final[Mapping[str, Any]] = {
+    "threads_per_worker": 1,
+    "dashboard_address": "127.0.0.1:0",  # without a page; any port, so that several campaigns may run at once
+    "scheduler_kwargs": {"dashboard": False},
+    "silence_logs": CRITICAL,
+}
 CONNECT_S: Final = 10.0
 """Longest wait for a scheduler's answer."""
+_LEAVE_S: Final = 0.25
+"""Time in which a worker may end its run when the campaign is broken off; then its process is killed."""
 
 
 class Batch(NamedTuple):
@@ -170,18 +181,39 @@ def cluster(workers: int, scheduler: str | None) -> "Iterator[Client]":
         with _connected(lambda: Client(scheduler, timeout=CONNECT_S, set_as_default=False), scheduler) as client:
             yield client
         return
-    with (
-        dask.config.set(_LOCAL),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",  # without a page; any port, so that several campaigns may run at once
-            scheduler_kwargs={"dashboard": False},
-            silence_logs=CRITICAL,
-        ) as local,
-        Client(local, set_as_default=False) as client,
-    ):
-        yield client
+    with dask.config.set(_LOCAL), ExitStack() as stack:
+        with _deaf_to_interrupts():
+            local = stack.enter_context(LocalCluster(n_workers=workers, **_OF_THIS_COMPUTER))
+        client = stack.enter_context(Client(local, set_as_default=False))
+        try:
+            yield client
+        except BaseException:
+            local.sync(_end_workers, local)
+            raise
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Let the workers that the block starts, and those that replace them later, not hear Ctrl-C.
+
+    A terminal sends it to all processes of a command. The campaign itself ends its workers, which would print
+    tracebacks. A process inherits the blocked signals of the thread that starts it, a thread those of the one that
+    starts it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # else it is started with the first worker, and unblocks the signal there
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+async def _end_workers(local: "LocalCluster") -> None:
+    """End a cluster's workers at once: otherwise each is waited for, four seconds and more, until its run ends."""
+    await asyncio.gather(*(nanny.close(timeout=_LEAVE_S) for nanny in local.workers.values()))
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 import os
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -11,6 +11,8 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, out_folder
 from steptwin.host.cli.campaign_progress import campaign_bar, tries_bar
 from steptwin.host.cli.campaign_report import print_summary
+from steptwin.host.cli.faults_on_purpose import print_faults
+from steptwin.host.cli.motor_report import keep_motors, motors_of, print_motors, with_motors
 from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.report import EXIT_NOT_VERIFIED, print_report
@@ -19,6 +21,7 @@ from steptwin.host.common.numbers import whole
 
 if TYPE_CHECKING:
     from steptwin.host.campaign import Campaign, Results, Summary
+    from steptwin.host.twin.outcome import Outcome
 
 _RERUN: Final = "rerun"
 _REPORT: Final = "report"
@@ -116,9 +119,14 @@ def _run(
     folder = out_folder(out)
     assert folder is not None
     results = Results(folder)
-    with results.writing():
-        sources.keep(folder, names)
-        _make_runs(made, results, processes, scheduler)
+    try:
+        with results.writing():
+            sources.keep(folder, names)
+            _make_runs(made, results, processes, scheduler)
+    except KeyboardInterrupt:
+        there = int(results.done(made.seeds).sum())
+        say(f"interrupted: {there} of {made.runs} runs are there; the same command makes the others", err=True)
+        raise
     _tell(results, made, folder, as_json=as_json)
 
 
@@ -173,32 +181,53 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 
 def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_json: bool) -> None:
-    from steptwin.host.campaign import draw, perform, read_scenario_table, row_of
+    from steptwin.host.campaign import draw, perform, read_scenario_table, row_of, with_varied_file
 
     kept, results = _kept(folder)
     if out is None:
         raise InputError("--out DIR is missing: the folder for the run's files")
-    trial = draw(kept, seed)
+    trial = with_varied_file(draw(kept, seed))
     if faults is not None:
         trial = trial.with_table(read_scenario_table(faults))
     run_folder = out_folder(out)
     assert run_folder is not None
     performance = perform(trial)
-    row = row_of(performance)
     if performance.outcome is None:
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
-    performance.outcome.save(run_folder)
+    row = row_of(performance)
+    document = _kept_run(performance.outcome, run_folder, turned=performance.motors is not None, as_json=as_json)
     if as_json:
-        print_json(performance.outcome.to_dict() | {"seed": seed, "breaches": [str(each) for each in row.breaches]})
+        drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
+        print_json(document | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})
     else:
-        print_report(performance.outcome.to_dict())
-        say(*(f"FAILED  {breach}" for breach in row.breaches))
-        say(f"report, edges, bus log and waveform are in {run_folder}/")
+        numbers = {name: f"{value:.7g}" for name, value in row.parameters.items()}
+        drawn_values = (f"{name} {value}" for name, value in {**numbers, **row.choices}.items())
+        say(
+            f"drawn for seed {seed}: {', '.join(drawn_values)}",
+            *(f"FAILED  {breach}" for breach in row.breaches),
+            f"report, edges, bus log and waveform are in {run_folder}/",
+        )
     stored = results.row(seed)
     if faults is None and stored is not None and stored != row:
         say(f"seed {seed}: the row in {folder} is another one: it was made by another version", err=True)
     if row.breaches:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _kept_run(outcome: "Outcome", folder: Path, *, turned: bool, as_json: bool) -> dict[str, Any]:
+    """Write the folder of a run that was made again, and print its report unless it is for --json; return it."""
+    pictures = outcome.save(folder)
+    document = outcome.to_dict()
+    ran = motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors) if turned else None
+    if ran is not None:
+        keep_motors(folder, ran, outcome.report.run, pictures=pictures)
+    if as_json:
+        return document if ran is None else with_motors(document, ran.verdict)
+    print_report(document)
+    print_faults(document)
+    if ran is not None:
+        print_motors(ran.verdict)
+    return document
 
 
 def _report(folder: Path, *, as_json: bool) -> None:

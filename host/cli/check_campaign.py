@@ -70,7 +70,8 @@ def _print(document: dict[str, Any]) -> None:
     say(f"varies: {', '.join(document['vary']) or 'nothing'}")
     after = "recovered after each run" if document["recover"] else "not recovered"
     motors = {"never": "", "after": ", motors turn after each run", "loop": ", motors turn as runs go"}
-    robots = f"{len(document['robots'])} robots, {after}{motors[document['motors']]}"
+    count = len(document["robots"])
+    robots = f"{count} robot{'s' if count > 1 else ''}, {after}{motors[document['motors']]}"
     say(f"campaign of {document['runs']} runs from seed {document['first_seed']}: {robots}")
 
 

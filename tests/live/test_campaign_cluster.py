@@ -1,10 +1,12 @@
 """A campaign on a real Dask cluster: a scheduler and two workers as processes, of which one is killed in the middle."""
 
+import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +15,7 @@ import pytest
 from steptwin.host.campaign import Campaign, Results, Row, cluster, run_here, run_on
 from steptwin.host.campaign import workers as workers_module
 from steptwin.host.cli.app import run
+from tests.emulator.live_rig import TIMEOUT_S, await_true
 from tests.host.campaign.campaigns import SMALL, campaign_of
 
 RUNS: Final = 24
@@ -96,3 +99,28 @@ def test_a_scheduler_that_is_not_there_is_named(
     words = ["campaign", str(file), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:1"]
     assert run(words) == 4
     assert "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="looks for processes as Linux shows them")
+def test_an_interrupt_ends_the_workers_without_their_tracebacks(tmp_path: Path) -> None:
+    """A terminal sends Ctrl-C to all processes of a command: here as soon as there are workers, and once more."""
+    file = tmp_path / "small.toml"
+    file.write_text(SMALL.replace("runs = 6", "runs = 1000"), encoding="utf-8")
+    words = [sys.executable, "-m", "steptwin", "campaign", str(file), "--out", str(tmp_path / "out"), "--workers", "2"]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        await_true(lambda: _workers_of(process.pid) == 2, "two workers")
+        for _ in range(2):
+            os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 130
+    assert re.fullmatch(r"interrupted: \d+ of 1000 runs are there; the same command makes the others\n+", errors)
+    await_true(lambda: _workers_of(process.pid) == 0, "the workers' end")
+
+
+def _workers_of(group: int) -> int:
+    """Return how many of the processes of a group are workers."""
+    count = 0
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended meanwhile
+            count += b"spawn_main" in path.read_bytes() and os.getpgid(int(path.parent.name)) == group
+    return count

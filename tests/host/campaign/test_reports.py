@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steptwin.host.campaign import Breach, Ended, Row, summarised
-from steptwin.host.campaign.pictures import least_in_bins
+from steptwin.host import campaign as campaign_package
+from steptwin.host.campaign import Breach, Campaign, Ended, Row, summarised
+from steptwin.host.campaign.pictures import least_in_bins, over_decades
 from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import refusal, run_json
 from tests.host.campaign.campaigns import SMALL
@@ -32,7 +34,7 @@ pressed = true
 at_s = { part_of_motion = [0.5, 0.9] }
 expect = { motion = "goes-on" }
 """,
-).replace("record_ms = { choose = [5, 10] }", "record_ms = 10")
+).replace("record_ms = { choose = [5, 10] }", "record_ms = 10\nmicrosteps = 8")
 """A campaign in which an emergency stop is expected to change nothing, so that some of its runs fail."""
 
 
@@ -90,6 +92,13 @@ def test_the_least_margin_is_found_in_each_bin() -> None:
     assert least == pytest.approx([0.81, 0.61, 0.41, 0.21, 0.0])
 
 
+def test_values_over_decades_have_a_logarithmic_axis() -> None:
+    assert over_decades(np.geomspace(0.002, 0.2, 99))
+    assert not over_decades(np.linspace(0.002, 0.2, 99))
+    assert not over_decades(np.array([0.0, 0.002, 0.2]))
+    assert (over_decades(np.array([1.0, 1.0, 5.0])), over_decades(np.array([1.0, 1.01, 5.0]))) == (True, False)
+
+
 # --- the command
 
 
@@ -134,6 +143,22 @@ def test_the_report_has_pictures_and_the_smallest_scenario(evening: Path) -> Non
     assert set(fault) == {"do", "pressed", "at_s", "expect"}
 
 
+def test_what_was_drawn_is_told_with_the_faults(
+    evening: Path, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = tmp_path / "empty.toml"
+    empty.write_text("", encoding="utf-8")
+    seed = str(found["causes"][0]["seeds"][0])
+    words = ["campaign", "rerun", str(evening), seed, "--out", str(tmp_path / "run")]
+    assert run(words) == 1
+    told = capsys.readouterr().out
+    assert "2 of 2 faults struck" in told
+    assert f"drawn for seed {seed}: record_ms 10, microsteps 8, random moves.moves 1, " in told
+    assert "FAILED  answer: " in told
+    assert run([*words, "--faults", str(empty)]) == 0
+    assert "FAILED" not in capsys.readouterr().out
+
+
 def test_a_run_is_made_again_with_all_its_files(
     evening: Path, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,6 +167,9 @@ def test_a_run_is_made_again_with_all_its_files(
     document = run_json(capsys, *words, exit_code=1)
     assert (document["seed"], document["breaches"][0]) == (cause["seeds"][0], cause["example"])
     assert {"edges.npz", "trace.vcd", "report.json", "bus.log"} <= {path.name for path in (tmp_path / "run").iterdir()}
+    assert document["parameters"]["microsteps"] == 8
+    again = run_json(capsys, "verify", str(tmp_path / "run"), exit_code=3)  # by the folder's robot, as it was varied
+    assert again["axes"] == document["axes"]
     smallest = run_json(capsys, *words, "--faults", str(evening / "report" / "cause-1.toml"), exit_code=1)
     assert len(smallest["faults"]) == 1 < len(document["faults"])
 
@@ -159,6 +187,20 @@ def test_a_run_is_made_again_with_all_its_files(
 )
 def test_wrong_words_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert refusal(capsys, "campaign", *words) == message
+
+
+def test_an_interrupted_campaign_says_how_far_it_came(
+    evening: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
+        yield [replace(ROW, seed=next(iter(seeds)))]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign_package, "run_here", interrupted)
+    words = ["campaign", str(evening.parent / "failing.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
+    for there in (1, 2):
+        assert run(words) == 130
+        assert f"interrupted: {there} of 6 runs are there; the same command makes the others" in capsys.readouterr().err
 
 
 def test_a_folder_is_needed(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:

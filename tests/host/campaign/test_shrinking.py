@@ -62,10 +62,13 @@ def test_a_failure_without_any_fault_shrinks_to_none() -> None:
     assert shrunk({"fault": FAULTS}, lambda _: True) == {"fault": []}
 
 
-_TEXTS = st.dictionaries(st.sampled_from("abc"), st.one_of(st.text(), st.floats(-1e9, 1e9), st.booleans()))
+_TEXTS = st.dictionaries(
+    st.sampled_from(["a", "b", "drawer-A1", "two words", 'ä".']),
+    st.one_of(st.text(), st.floats(-1e9, 1e9), st.booleans()),
+)
 
 
 @given(st.lists(_TEXTS, min_size=1, max_size=2), _TEXTS)
 def test_written_tables_are_read_again(tables: list[dict[str, Any]], inner: dict[str, Any]) -> None:
-    table = {"seed": 3, **inner, "fault": tables, "until": {"numbers": [1, 2.5], **inner}}
+    table = {"seed": 3, **inner, "fault": tables, "until": {"numbers": [1, 2.5], **inner, "deep": {"er": inner}}}
     assert tomllib.loads(toml_text(table)) == table
