@@ -52,8 +52,10 @@ def _within(joint: Joint, rate_max_hz: float) -> Joint:
 
 def _state(joint: Joint, keys: dict[str, Any]) -> None:
     keys["microsteps"] = joint.transmission.microsteps
-    keys["speed_max"] = joint.speed_max
-    if joint.axis_speed_max:
-        keys["axis_speed_max"] = joint.axis_speed_max
+    for key in ("speed_max", "acceleration_max", "axis_speed_max", "axis_acceleration_max"):
+        if getattr(joint, key) is not None:
+            keys[key] = getattr(joint, key)
+    if joint.homing is not None:
+        keys["homing"]["acceleration"] = joint.homing.acceleration
     if joint.motor is not None:
         keys["motor"]["friction_nm"] = joint.motor.friction_nm

@@ -27,7 +27,7 @@ _RERUN: Final = "rerun"
 _REPORT: Final = "report"
 
 
-@command("evening.toml --out out/evening", "rerun out/evening 4711 --out out/run-4711")
+@command("evening.toml --out out/evening", "rerun out/evening 471 --out out/471")
 def campaign(
     words: Annotated[
         list[str] | None,

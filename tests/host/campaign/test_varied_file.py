@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.host.campaign import draw, with_varied_file
 from steptwin.host.campaign.trial import Trial
-from steptwin.host.campaign.variations import VARIATIONS, Setup
+from steptwin.host.campaign.variations import set_up
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
@@ -21,9 +21,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Trial:
 
 def _filed(trial: Trial, robot: Robot, **varied: Any) -> tuple[Robot, Robot]:
     """Return a robot as varied, and as the file of its run has it."""
-    setup = Setup(robot)
-    for name, value in varied.items():
-        setup = VARIATIONS[name](setup, value)
+    setup = set_up(robot, varied)
     filed = with_varied_file(replace(trial, setup=setup)).setup.robot
     assert filed == setup.robot
     return setup.robot, read_robot(filed.toml)
@@ -38,6 +36,13 @@ def test_a_varied_robot_is_in_its_file(trial: Trial, name: str) -> None:
     assert {joint.transmission.microsteps for joint in filed.joints} == {2}
 
 
+def test_ramps_that_the_motors_manage_are_in_the_file(trial: Trial) -> None:
+    robot = load_robot("teaching-scara")
+    varied, filed = _filed(trial, robot, ramps="motors")
+    assert filed == varied
+    assert filed != robot
+
+
 @pytest.mark.parametrize("name", robot_names())
 def test_speeds_for_which_the_drivers_are_too_slow_are_lowered(trial: Trial, name: str) -> None:
     varied, filed = _filed(trial, load_robot(name), microsteps=16)
@@ -49,11 +54,11 @@ def test_speeds_for_which_the_drivers_are_too_slow_are_lowered(trial: Trial, nam
 
 def test_what_is_not_in_the_file_leaves_its_text(trial: Trial) -> None:
     robot = load_robot("teaching-scara")
-    varied = with_varied_file(replace(trial, setup=VARIATIONS["record_ms"](Setup(robot), 5)))
+    varied = with_varied_file(replace(trial, setup=set_up(robot, {"record_ms": 5})))
     assert varied.setup.robot.toml == robot.toml
 
 
 def test_a_robot_says_which_seed_it_is_of(trial: Trial) -> None:
-    setup = VARIATIONS["microsteps"](Setup(load_robot("teaching-scara")), 8)
+    setup = set_up(load_robot("teaching-scara"), {"microsteps": 8})
     text = with_varied_file(replace(trial, setup=setup)).setup.robot.toml
     assert text.startswith("# teaching-scara as drawn for seed 3 of a campaign\n")
