@@ -4,9 +4,10 @@ A ramp begins at once, so that each rotor swings twice as far as the ramp's torq
 twice what the ramp adds, must be within the pull-out torque.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from math import inf
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -32,19 +33,36 @@ class Ramp:
 
     Attributes:
         asked: by the file.
-        managed: the highest that the motors manage at every pose, while the other axes stand: the axis' own turns what
-            it must, those of the others hold against it. 0 if there is none.
-        weakest: the joint whose motor manages no more.
+        by_motor: the highest that the motor of each joint, by its name, manages at every pose, while the other axes
+            stand: the axis' own turns what it must, those of the others hold against it. 0 if there is none, infinite
+            for a motor that does not feel it.
     """
 
     asked: float
-    managed: float
-    weakest: str
+    by_motor: Mapping[str, float]
+
+    @property
+    def managed(self) -> float:
+        """The highest that all motors manage."""
+        return min(self.by_motor.values())
+
+    @property
+    def weakest(self) -> str:
+        """The joint whose motor manages no more."""
+        return min(self.by_motor, key=lambda name: self.by_motor[name])
 
     @property
     def too_steep(self) -> bool:
         """True if the file asks for more than the motors manage."""
         return self.asked > self.managed
+
+    def lowered_to(self, part: float) -> float:
+        """Return the file's acceleration, at most a part of the one that all motors manage."""
+        return min(self.asked, part * self.managed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return {"asked": self.asked, "managed": self.managed, "weakest": self.weakest}
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,44 +115,44 @@ class Ramps:
         homing, element = joint.homing, abs(self.robot.coupling.joints_of(axis)[axis])
         speed, acceleration = self.robot.axis_speeds_max[axis], self.robot.axis_accelerations_max[axis]
         return JointRamps(
-            moving=Ramp(float(acceleration), *self._managed(axis, float(speed))),
+            moving=Ramp(float(acceleration), self._managed(axis, float(speed))),
             homing=None if homing is None else self._homing(axis, element, homing.search_speed, homing.acceleration),
         )
 
     def _homing(self, axis: int, element: float, search_speed: float, acceleration: float) -> Ramp:
         """Return the ramp of a homing, of the joint: a coupled axis moves faster by the coupling's element."""
-        managed, weakest = self._managed(axis, element * search_speed)
-        return Ramp(acceleration, managed / element, weakest)
+        of_axis = self._managed(axis, element * search_speed)
+        return Ramp(acceleration, {name: managed / element for name, managed in of_axis.items()})
 
-    def _managed(self, axis: int, speed: float) -> tuple[float, str]:
-        """Return the highest acceleration at speeds of an axis up to `speed`, and whose motor manages no more."""
+    def _managed(self, axis: int, speed: float) -> dict[str, float]:
+        """Return the highest acceleration at speeds of an axis up to `speed` that each motor manages."""
         drive, scale = self.drives[axis], float(rad_per_unit(self.robot)[axis])
-        most, weakest, loads = 2.0 * drive.most_nm / drive.motor.rotor_inertia_kgm2, axis, self._loads(axis, speed)
-        others = (other for other in range(len(self.drives)) if other != axis)
-        for motor in (axis, *others):
-            manages = loads(motor)
-            if not manages(most):
-                most, weakest = _highest(manages, most, _CLOSE * scale), motor
-        return most / scale, self.robot.joints[weakest].name
+        most, loads = 2.0 * drive.most_nm / drive.motor.rotor_inertia_kgm2, self._loads(axis, speed)
+        return {
+            name: inf if load.within(most) else _highest(load.within, most, _CLOSE * scale) / scale
+            for name, load in zip(self.robot.joint_names, loads, strict=True)
+        }
 
-    def _loads(self, axis: int, speed: float) -> Callable[[int], Callable[[float], bool]]:
-        """Return what tells of each motor whether it manages a ramp of an axis, in rad/s^2 of the axis' rotor."""
-        scale = float(rad_per_unit(self.robot)[axis])
-        speeds = scale * speed * np.array([ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0])
+    def _loads(self, axis: int, speed: float) -> list["_Load"]:
+        """Return what a ramp of an axis asks of each motor."""
+        speeds = float(rad_per_unit(self.robot)[axis]) * speed * np.array([ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0])
         rad = np.repeat(self.at.rad, speeds.size, axis=0)
         rates = np.zeros_like(rad)
         rates[:, axis] = np.tile(speeds, len(self.at.rad))
         steady_nm = carried_torque_nm(self.at.arm, rad, rates, np.zeros_like(rates))
         inertias = np.repeat(self.at.inertias_kgm2[:, :, axis], speeds.size, axis=0)
-
-        def manages(motor: int) -> Callable[[float], bool]:
-            own = motor == axis
-            available = self.curves[axis].at(rates[:, axis] / RAD_S_PER_RPM) if own else self.holding_nm[motor]
-            return _Load(
-                self.drives[motor], steady_nm[:, motor], inertias[:, motor], rates[:, motor], float(own), available
-            ).within
-
-        return manages
+        turning_nm = self.curves[axis].at(rates[:, axis] / RAD_S_PER_RPM)
+        return [
+            _Load(
+                drive=drive,
+                steady_nm=steady_nm[:, motor],
+                inertia_kgm2=inertias[:, motor],
+                rad_s=rates[:, motor],
+                own=float(motor == axis),
+                available_nm=turning_nm if motor == axis else self.holding_nm[motor],
+            )
+            for motor, drive in enumerate(self.drives)
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
