@@ -76,10 +76,11 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
         return _kind(run_trial(trial.with_table(table)).breaches) == wanted
 
     smallest = shrunk(dict(trial.table), fails)
-    table = {"seed": trial.scenario_seed} | placed(smallest, trial.plan())
+    table = {"name": trial.scenario, "seed": trial.scenario_seed} | placed(smallest, trial.plan())
     head = [
         f"# {cause.text}",
-        f"# {cause.runs} runs; the first: {trial.robot_name}, {trial.motion}, seed {trial.seed}. It is made again by",
+        f"# Runs that failed so: {cause.runs}. The first: {trial.robot_name}, {trial.motion}, seed {trial.seed}.",
+        "# It is made again by",
         f"# steptwin campaign rerun {folder} {trial.seed} --out out/run-{trial.seed}",
         "# The same with this smallest scenario found: add --faults and this file's name.",
         *(() if table.get("fault") else ("# It has no fault: the run fails alike without one.",)),

@@ -20,7 +20,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import whole
 
 if TYPE_CHECKING:
-    from steptwin.host.campaign import Campaign, Results, Summary
+    from steptwin.host.campaign import Campaign, Results, Summary, Trial
     from steptwin.host.twin.outcome import Outcome
 
 _RERUN: Final = "rerun"
@@ -200,10 +200,8 @@ def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_j
         drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
         print_json(document | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})
     else:
-        numbers = {name: f"{value:.7g}" for name, value in row.parameters.items()}
-        drawn_values = (f"{name} {value}" for name, value in {**numbers, **row.choices}.items())
         say(
-            f"drawn for seed {seed}: {', '.join(drawn_values)}",
+            f"drawn for seed {seed}: {_drawn(trial if faults is None else trial.with_table({}))}",
             *(f"FAILED  {breach}" for breach in row.breaches),
             f"report, edges, bus log and waveform are in {run_folder}/",
         )
@@ -212,6 +210,11 @@ def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_j
         say(f"seed {seed}: the row in {folder} is another one: it was made by another version", err=True)
     if row.breaches:
         raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _drawn(trial: "Trial") -> str:
+    values = trial.parameters.items()
+    return ", ".join(f"{name} {f'{value:.7g}' if isinstance(value, float) else value}" for name, value in values)
 
 
 def _kept_run(outcome: "Outcome", folder: Path, *, turned: bool, as_json: bool) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.output import print_table, say
+from steptwin.host.cli.output import number_of, print_table, say
 
 if TYPE_CHECKING:
     from steptwin.host.campaign import Summary
@@ -26,14 +26,18 @@ def print_summary(summary: "Summary") -> None:
         ]
         print_table(["nearest to the limit", "left %", "seed", "robot", "scenario"], worst)
     if len(summary.versions) > 1:
-        say("made by several versions: " + ", ".join(f"{name} {runs} runs" for name, runs in summary.versions.items()))
+        say(
+            "made by several versions: "
+            + ", ".join(f"{name} {number_of(runs, 'run')}" for name, runs in summary.versions.items())
+        )
     for reason, runs in summary.refused.items():
-        say(f"not made: {runs} runs: {reason}")
+        say(f"not made: {number_of(runs, 'run')}: {reason}")
     for name in summary.never_struck:
-        say(f"{name}: its faults never all struck in {summary.struck[name].runs} runs: it proves nothing")
+        runs_met = number_of(summary.struck[name].runs, "run")
+        say(f"{name}: its faults never all struck in {runs_met}: it proves nothing")
     for cause in summary.causes:
         more = ", ..." if cause.runs > _SEEDS_SHOWN else ""
-        say(f"{cause.runs} runs: {cause.text}", f"  such as: {cause.example}")
+        say(f"{number_of(cause.runs, 'run')}: {cause.text}", f"  such as: {cause.example}")
         say(f"  seeds {', '.join(map(str, cause.seeds[:_SEEDS_SHOWN]))}{more}")
     say(_verdict(summary))
 
@@ -48,9 +52,9 @@ def _verdict(summary: "Summary") -> str:
     times = f"SIMULATED {summary.simulated_s:.0f} s in {summary.work_s:.0f} s of work"
     if summary.causes:
         failed = summary.all.runs - summary.all.passed
-        verdict = f"FAILED: {failed} runs broke an invariant, {len(summary.causes)} causes"
+        verdict = f"FAILED: {number_of(failed, 'run')} broke an invariant, {number_of(len(summary.causes), 'cause')}"
     elif summary.never_struck:
-        verdict = f"FAILED: {len(summary.never_struck)} scenarios never struck"
+        verdict = f"FAILED: {number_of(len(summary.never_struck), 'scenario')} never struck"
     elif not summary.all.runs:
         verdict = "FAILED: no run was made"
     else:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from steptwin.host.cli.checked_file import CheckedFile
-from steptwin.host.cli.output import print_table, say
+from steptwin.host.cli.output import number_of, print_table, say
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 
@@ -70,9 +70,8 @@ def _print(document: dict[str, Any]) -> None:
     say(f"varies: {', '.join(document['vary']) or 'nothing'}")
     after = "recovered after each run" if document["recover"] else "not recovered"
     motors = {"never": "", "after": ", motors turn after each run", "loop": ", motors turn as runs go"}
-    count = len(document["robots"])
-    robots = f"{count} robot{'s' if count > 1 else ''}, {after}{motors[document['motors']]}"
-    say(f"campaign of {document['runs']} runs from seed {document['first_seed']}: {robots}")
+    robots = f"{number_of(len(document['robots']), 'robot')}, {after}{motors[document['motors']]}"
+    say(f"campaign of {number_of(document['runs'], 'run')} from seed {document['first_seed']}: {robots}")
 
 
 def _whose(document: dict[str, Any], choice: dict[str, Any]) -> list[str]:

@@ -49,6 +49,11 @@ def pose_text(pose: dict[str, float]) -> str:
     return f"tool: x {x} mm, y {y} mm, z {z} mm, {attitude} deg"
 
 
+def number_of(count: int, noun: str) -> str:
+    """Return a number of things in words, as in `1 run` and `2 runs`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def fixed(value: float, decimals: int = 4) -> str:
     """Return a position with a fixed number of decimals; what rounds to 0 has no sign."""
     return f"{value:z.{decimals}f}"

@@ -44,7 +44,15 @@ def _mark_slip(axes: Axes, ran: MotorRun, axis: int) -> None:
     at_s = ran.driving.seconds(slip_counts)
     axes.axvline(at_s, color=LIMIT, linewidth=1.5)
     axes.annotate(
-        f"slips at {at_s:.3f} s", (at_s, 1.0), xycoords=("data", "axes fraction"), va="bottom", color=LIMIT, size=8
+        f"slips at {at_s:.3f} s",
+        (at_s, 1.0),
+        (3.0, -2.0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        va="top",
+        color=LIMIT,
+        size=8,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
     )
 
 
