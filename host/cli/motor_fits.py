@@ -69,14 +69,11 @@ def _print_own(fits: "tuple[JointFit, ...]") -> None:
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
     """Warn of each joint whose homing accelerates it harder than the motors manage."""
+    from steptwin.host.twin.motors.steep_homings import steep_homing
+
     for fit in fits:
-        ramp = fit.homing
-        if ramp is not None and ramp.too_steep:
-            what = "homing stalls" if ramp.weakest == fit.name else f"homing turns {ramp.weakest} out of step"
-            warn(
-                f"{fit.name}: {what} at {ramp.asked:g} {fit.unit}/s2 where the arm is hardest to turn: its motors"
-                f" manage {ramp.managed:.0f} (joints.{fit.name}.homing.acceleration in the robot's file)"
-            )
+        if fit.homing is not None and fit.homing.too_steep:
+            warn(steep_homing(fit.name, fit.unit, fit.homing))
 
 
 def _print_ramps(fits: "tuple[JointFit, ...]") -> None:

@@ -132,6 +132,8 @@ def serve(
         crystal=0 if crystal is None else crystal,
         boards=boards,
     )
+    if motors:
+        _warn_of_steep_homings(loaded, driver_profile)
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
         with naming_machine_options(*_PARAMETERS):
             served = ServedBoard(
@@ -169,6 +171,15 @@ def _standing(robot: "Robot", stand_at: str) -> list[float]:
     standing = joint_values(stand_at.split(), robot.joint_names, "--stand-at")
     _warn_outside(robot, standing)
     return standing
+
+
+def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
+    """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
+    from steptwin.host.twin.drivers import driver_profile
+    from steptwin.host.twin.motors.steep_homings import steep_homings
+
+    for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):
+        warn(line)
 
 
 def _serve(

@@ -48,6 +48,15 @@ def scenario_faults(board: BoardUnderTest) -> str:
     return "\n".join(lines)
 
 
+def stalling_homings(board: BoardUnderTest) -> str:
+    """Return in words which motors stall as their joints are homed; empty without motors that turn with the board."""
+    if not board.motors_turn:
+        return ""
+    from steptwin.host.twin.motors.steep_homings import steep_homings
+
+    return "\n".join(steep_homings(board.robot, board.driver_profile))
+
+
 def _words(fault: BusFault) -> str:
     """Return a fault of the bus in words: its kind, and all else that is not as usual."""
     chosen = (f"{field.name}={getattr(fault, field.name)}" for field in fields(fault) if _differs(fault, field))

@@ -85,6 +85,7 @@ def steptwin_make_board(
         crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000.
     """
     from steptwin.host.common.errors import InputError
+    from steptwin.host.twin.artefacts import stalling_homings
     from steptwin.host.twin.board_under_test import BoardUnderTest
 
     boards: list[BoardUnderTest] = []
@@ -122,6 +123,8 @@ def steptwin_make_board(
     yield make
     for board in boards:
         _tell(request.node, board)
+        if _has_failed(request.node):
+            _add(request.node, {"motors": stalling_homings(board)})
     _keep(request.node, [board.save for board in boards], _artefacts(request.config, tmp_path_factory))
 
 
@@ -135,12 +138,16 @@ def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
 
 def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefacts: Path) -> None:
     """Save the folder of each board of a test that has failed, and add to its report where they are."""
-    if not node.stash.get(_FAILED, False):
+    if not _has_failed(node):
         return
     from steptwin.host.twin.artefacts import folders_of, kept
 
     for save, folder in zip(saves, folders_of(node.nodeid, artefacts), strict=False):
         _add(node, {"run folder": kept(save, folder)})
+
+
+def _has_failed(node: pytest.Item) -> bool:
+    return node.stash.get(_FAILED, False)
 
 
 def _add(node: pytest.Item, sections: Mapping[str, str]) -> None:

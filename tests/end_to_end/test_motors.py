@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.robots import load_robot
 from steptwin.host.twin.motors.pictures import resonance
 from tests.end_to_end.command_line import refusal, run_json
 
@@ -155,3 +156,14 @@ def test_motors_in_the_loop_tell_what_they_tell_after_the_run(
     assert (
         refusal(capsys, *words, "--motors=lop") == "Invalid value for '--motors': 'lop' is not one of 'after', 'loop'."
     )
+
+
+def test_a_server_warns_of_homings_that_stall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The warning comes before the wrong port is refused; our own robots' files give no reason for one."""
+    steep = tmp_path / "steep.toml"
+    steep.write_text(load_robot("lab-scara").toml.replace("acceleration = 45.0", "acceleration = 720.0"))
+    for robot, warned in (("lab-scara", []), (str(steep), ["th2: homing stalls at 720 deg/s2"])):
+        assert run(["serve", robot, "--motors", "--port", "70000"]) == 2
+        *warnings, refusal = capsys.readouterr().err.splitlines()
+        assert [line.removeprefix("steptwin: warning: ").partition(" where")[0] for line in warnings] == warned
+        assert "--port 70000" in refusal

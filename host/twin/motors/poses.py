@@ -6,7 +6,6 @@ from math import pi
 from typing import Final, Self
 
 import numpy as np
-from scipy.stats import qmc
 
 from steptwin.emulator.arm import Arm
 from steptwin.emulator.needed_torque import carried_torque_nm
@@ -18,6 +17,8 @@ from steptwin.host.twin.motors.mechanism import arm_of
 
 _POSES: Final = 64
 """Poses at which the arm is looked at, besides home."""
+_PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19)
+"""Bases of Halton's sequence, one for each axis that a board may drive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,10 +48,29 @@ class ArmAtPoses:
 def _poses(robot: Robot) -> FloatArray:
     """Return home and other poses that the mechanism can take, shape (n, joints): Halton's sequence over the ranges."""
     lower, upper = ([getattr(joint, side) for joint in robot.joints] for side in ("lower", "upper"))
-    spread = qmc.scale(qmc.Halton(len(lower), scramble=False).random(_POSES + 1)[1:], lower, upper)
+    spread = np.array(lower) + halton(_POSES, len(lower)) * np.subtract(upper, lower)
     joints = np.vstack([[robot.home], spread])
     possible = np.isfinite(make_kinematics(robot).forward(joints)).all(axis=1)
     return np.asarray(joints[possible])
+
+
+def halton(count: int, dimensions: int) -> FloatArray:
+    """Return the first points of Halton's sequence after 0, shape (count, dimensions), from 0 to below 1.
+
+    J. H. Halton, Numerische Mathematik 2 (1960): a coordinate is the point's number in a prime base, mirrored at the
+    point. scipy.stats has it, too, and takes a second to import, by which a served board would start later.
+
+    Raises:
+        ValueError: there are more dimensions than a board drives axes.
+    """
+    points = np.zeros((count, dimensions))
+    for axis, base in zip(range(dimensions), _PRIMES[:dimensions], strict=True):
+        numbers, weight = np.arange(1, count + 1), 1.0
+        while numbers.any():
+            weight /= base
+            points[:, axis] += weight * (numbers % base)
+            numbers //= base
+    return points
 
 
 def carried_inertias(robot: Robot, arm: Arm, joints: FloatArray) -> FloatArray:

@@ -195,9 +195,13 @@ def _highest(manages: Callable[[float], bool], high: float, least: float) -> flo
     return low
 
 
-def ramps_of(robot: Robot) -> tuple[JointRamps, ...]:
-    """Return the accelerations of all joints; raise InputError if the robot's file does not describe its motors."""
+def ramps_of(robot: Robot, current_a: float | None = None) -> tuple[JointRamps, ...]:
+    """Return the accelerations of all joints, with the phase current of the robot's drivers or another one.
+
+    Raises:
+        InputError: the robot's file does not describe its motors and masses.
+    """
     at, fastest = ArmAtPoses.of(robot), robot.axis_speeds_max * rad_per_unit(robot)
     curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM)
-    ramps = Ramps.of(robot, at, curves, own_current_a(robot))
+    ramps = Ramps.of(robot, at, curves, own_current_a(robot) if current_a is None else current_a)
     return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))

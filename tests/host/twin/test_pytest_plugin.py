@@ -146,6 +146,21 @@ def test_a_failure_shows_the_last_frames_on_the_bus(pytester: pytest.Pytester) -
     assert "steptwin bus" not in passed.stdout.str()
 
 
+def test_a_failure_with_motors_names_the_homings_that_stall(pytester: pytest.Pytester) -> None:
+    steep = load_robot("lab-scara").toml.replace("acceleration = 45.0", "acceleration = 720.0")
+    pytester.path.joinpath("steep.toml").write_text(steep)
+    code = """
+        import pytest
+
+        @pytest.mark.steptwin("steep.toml", motors=True)
+        def test_board(steptwin_board):
+            assert not steptwin_board
+        """
+    result = outcomes(pytester, code)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*Captured steptwin motors (SIMULATED) teardown*", "th2: homing * at 720*"])
+
+
 FAILS_AFTER_A_LOSS = """
     import pytest
     from steptwin import BusFault, BusFaultKind

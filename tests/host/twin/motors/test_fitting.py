@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from steptwin import load_robot
 from steptwin.emulator.mechanics import GRAVITY_M_S2
@@ -13,6 +14,7 @@ from steptwin.emulator.rotors import Drive
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
+from steptwin.host.twin.motors.poses import halton
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 from tests.emulator.motor_bench import natural_hz as stiff_hz
 
@@ -137,3 +139,12 @@ def test_a_motor_that_must_turn_faster_than_it_can_would_not_do() -> None:
     assert not weak.would_do
     assert weak.torque_available_nm < own.torque_available_nm
     assert weak.rpm == own.rpm
+
+
+def test_poses_are_spread_by_haltons_sequence() -> None:
+    """As scipy has it, for as many axes as a board drives; its first point is 0."""
+    theirs = qmc.Halton(8, scramble=False).random(65)[1:]
+    np.testing.assert_allclose(halton(64, 8), theirs, rtol=1e-14)
+    np.testing.assert_array_equal(halton(4, 2), [[1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9], [1 / 8, 4 / 9]])
+    with pytest.raises(ValueError, match="shorter"):
+        halton(1, 9)
