@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from steptwin import __version__
+from steptwin.host.campaign.source_version import source_version
 
 
 class Ended(StrEnum):
@@ -61,7 +61,7 @@ class Row:
         duration_s: duration of the planned motion.
         simulated_s: simulated time of the whole run.
         wall_s: time that it took.
-        version: the version of StepTwin that made the run.
+        version: the version of StepTwin that made the run, with a digest of its sources.
     """
 
     seed: int
@@ -82,7 +82,7 @@ class Row:
     duration_s: float = 0.0
     simulated_s: float = 0.0
     wall_s: float = field(default=0.0, compare=False)
-    version: str = field(default=__version__, compare=False)
+    version: str = field(default_factory=source_version, compare=False)
 
     @property
     def passed(self) -> bool:

@@ -12,10 +12,10 @@ from multiprocessing import resource_tracker
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from steptwin import __version__
 from steptwin.host.campaign.campaign import Campaign
 from steptwin.host.campaign.row import Breach, Ended, Row
 from steptwin.host.campaign.running import run_seed
+from steptwin.host.campaign.source_version import source_version
 from steptwin.host.common.errors import BusError, InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ _LEAVE_S: Final = 0.25
 
 
 class Batch(NamedTuple):
-    """The rows of a task, and the version of StepTwin that made them."""
+    """The rows of a task, and the `source_version` that made them."""
 
     version: str
     rows: list[Row]
@@ -58,7 +58,7 @@ def run_here(campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
 
 def run_batch(campaign: Campaign, seeds: Sequence[int]) -> Batch:
     """Make the runs of a task."""
-    batch = Batch(__version__, [run_seed(campaign, seed) for seed in seeds])
+    batch = Batch(source_version(), [run_seed(campaign, seed) for seed in seeds])
     _spare_what_lives()
     return batch
 
@@ -114,8 +114,9 @@ def run_on(client: "Client", campaign: Campaign, seeds: Iterable[int]) -> Iterat
             for seed in some if len(some) > 1 else ():
                 hand_out([seed])
         else:
-            if batch.version != __version__:
-                raise InputError(f"a worker has StepTwin {batch.version}, this is {__version__}: they must be the same")
+            if batch.version != source_version():
+                versions = f"a worker has StepTwin {batch.version}, this is {source_version()}"
+                raise InputError(f"{versions}: they must be the same")
             yield batch.rows
         task.release()
         fill_up()

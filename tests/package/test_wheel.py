@@ -6,10 +6,12 @@ import sys
 import tarfile
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
 import steptwin
+from steptwin.host.campaign.source_version import digest_of
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
@@ -57,6 +59,12 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/lab-scara.toml"} <= names
+
+
+def test_the_wheel_has_the_digest_of_the_checkout(wheel: Path, tmp_path: Path) -> None:
+    with ZipFile(wheel) as file:
+        file.extractall(tmp_path)
+    assert digest_of(tmp_path / "steptwin") == digest_of(ROOT / "steptwin")
 
 
 def test_the_wheel_from_an_sdist_is_the_same(wheel: Path, tmp_path: Path) -> None:
