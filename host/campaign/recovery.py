@@ -27,6 +27,14 @@ _LAG_MAX_FULL_STEPS: Final = 1.0
 """Full steps by which a rotor that turns with the board may lag while it finds a switch: a load angle of 90 degrees."""
 
 
+_SWING_MAX_FULL_STEPS: Final = 0.1
+"""Way in _LOOK_S within which a rotor stands: it swings by that much, or less."""
+_LOOK_S: Final = 0.1
+_LOOKS: Final = 10
+"""Instants at which it is looked at in this time: several in each swing, which take 0.2 s at most."""
+_SETTLING_MAX_S: Final = 10.0
+
+
 @dataclass(frozen=True, slots=True)
 class Recovery:
     """What became of the machine.
@@ -46,10 +54,15 @@ def recover(board: EmbeddedBoard) -> Recovery:
     board.wait(_QUIET_S)
     try:
         reset(session)
+        if board.motors_turn:
+            _let_settle(session, board)
         doing = "homing"
         _home(session)
+        standing = session.demanded_units()
+        if off := _off(board, standing):
+            return Recovery("homing found another position", off)
         doing = "a move"
-        goal = _goal(session)
+        goal = _goal(session, standing)
         move(session, goal)
         wanted = goal_units(session, session.units(goal), goal)
         reported = session.machine.positions_units()
@@ -58,7 +71,32 @@ def recover(board: EmbeddedBoard) -> Recovery:
     for joint, units, expected in zip(board.robot.joints, reported, wanted, strict=True):
         if abs(units - expected) * joint.transmission.microsteps > UNITS_PER_FULL_STEP:
             return Recovery("a move ended elsewhere", f"{joint.name}: at {units} instead of {expected}")
-    return _compared(board, reported)
+    off = _off(board, reported)
+    return Recovery("a motor did not follow a move", off) if off else Recovery()
+
+
+def _let_settle(session: Session, board: EmbeddedBoard) -> None:
+    """Switch the drives on and wait until no rotor swings: a homing that began meanwhile would stall.
+
+    A driver that is switched on again takes its rotor up to two full steps away, and little damps the swing.
+    """
+    with session.in_charge("hold", known=False):
+        end_s = board.now_s() + _SETTLING_MAX_S
+        while board.now_s() < end_s and _swing(board):
+            pass
+
+
+def _swing(board: EmbeddedBoard) -> bool:
+    """Return whether a rotor has moved in _LOOK_S, which pass."""
+    seen = []
+    for _ in range(_LOOKS):
+        board.wait(_LOOK_S / _LOOKS)
+        seen.append(board.rotor_positions())
+    ways = (max(places) - min(places) for places in zip(*seen, strict=True))
+    return any(
+        way > _SWING_MAX_FULL_STEPS * joint.transmission.microsteps
+        for way, joint in zip(ways, board.robot.joints, strict=True)
+    )
 
 
 class _Unhurried:
@@ -92,9 +130,9 @@ def _home(session: Session) -> None:
         home_robot(session, joints=names, together=True, stay=True)
 
 
-def _goal(session: Session) -> list[float]:
-    """Return a position near the present one, each joint within its limits, on the side where its range is longer."""
-    standing = session.positions(session.demanded_units())
+def _goal(session: Session, units: list[int]) -> list[float]:
+    """Return a position near another one, each joint within its limits, on the side where its range is longer."""
+    standing = session.positions(units)
     return [_near(joint, position) for position, joint in zip(standing, session.robot.joints, strict=True)]
 
 
@@ -105,14 +143,14 @@ def _near(joint: Joint, position: float) -> float:
     return within + (way if within < middle else -way)
 
 
-def _compared(board: EmbeddedBoard, reported_units: list[int]) -> Recovery:
-    """Compare where the drives say they are with where the motors are."""
+def _off(board: EmbeddedBoard, reported_units: list[int]) -> str:
+    """Return the first joint whose motor is not where its drive says it is, and how far off; empty if all are."""
     off = steps_off(board, reported_units)
     for joint, steps in zip(board.robot.joints, off, strict=True):
         lag = _LAG_MAX_FULL_STEPS * joint.transmission.microsteps if board.motors_turn else 0.0
         if abs(steps) > _STEPS_OFF_MAX + lag:
-            return Recovery("homing found another position", f"{joint.name}: {steps:+.4g} steps")
-    return Recovery()
+            return f"{joint.name}: {steps:+.4g} steps"
+    return ""
 
 
 def steps_off(board: EmbeddedBoard, reported_units: list[int]) -> list[float]:

@@ -74,6 +74,25 @@ def test_a_seed_gives_the_same_row(small: Campaign, seeds: dict[str, int], stopp
     assert run_trial(replace(draw(small, seeds["emergency stop"]), recover=True)) == running.row_of(stopped)
 
 
+@pytest.mark.parametrize(
+    ("comparison", "failed"), [(1, "homing found another position"), (2, "a motor did not follow a move")]
+)
+def test_a_motor_that_is_elsewhere_after_the_recovery_is_told_by_what_brought_it_there(
+    comparison: int, failed: str, small: Campaign, seeds: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last joint is found three steps off after homing, or not before the move."""
+    comparisons = []
+
+    def off(board: EmbeddedBoard, units: list[int]) -> list[float]:
+        comparisons.append(units)
+        steps = steps_off(board, units)
+        return [*steps[:-1], 3.0] if len(comparisons) == comparison else steps
+
+    monkeypatch.setattr("steptwin.host.campaign.recovery.steps_off", off)
+    run = perform(replace(draw(small, seeds["nothing"]), recover=True))
+    assert run.recovery == Recovery(failed, "th4: +3 steps")
+
+
 def _with_pulse_while_off(run: Performance) -> Performance:
     """Return the run with one rise of STEP before the drive was first enabled."""
     axis = run.axes[0]
