@@ -182,10 +182,13 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_json: bool) -> None:
     from steptwin.host.campaign import draw, perform, read_scenario_table, row_of, with_varied_file
+    from steptwin.host.record.folder import keep_recording
 
     kept, results = _kept(folder)
     if out is None:
         raise InputError("--out DIR is missing: the folder for the run's files")
+    with naming_options("out"):
+        keep_recording(out)
     trial = with_varied_file(draw(kept, seed))
     if faults is not None:
         trial = trial.with_table(read_scenario_table(faults))

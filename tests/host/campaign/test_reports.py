@@ -14,6 +14,8 @@ from steptwin.host import campaign as campaign_package
 from steptwin.host.campaign import Breach, Campaign, Ended, Row, summarised
 from steptwin.host.campaign.pictures import least_in_bins, over_decades
 from steptwin.host.cli.app import run
+from steptwin.host.record.folder.layout import RECORDING
+from steptwin.host.record.folder.recording_layout import HEADER
 from tests.end_to_end.command_line import refusal, run_json
 from tests.host.campaign.campaigns import SMALL
 from tests.host.campaign.test_results import ROW
@@ -187,6 +189,17 @@ def test_a_run_is_made_again_with_all_its_files(
 )
 def test_wrong_words_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert refusal(capsys, "campaign", *words) == message
+
+
+def test_a_run_that_is_made_again_replaces_no_recording(
+    evening: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header = tmp_path / "live" / RECORDING / HEADER
+    header.parent.mkdir(parents=True)
+    header.touch()
+    told = refusal(capsys, "campaign", "rerun", str(evening), "0", "--out", str(tmp_path / "live"))
+    assert "the recording of a live board that was interrupted" in told
+    assert [path.name for path in (tmp_path / "live").iterdir()] == [RECORDING]
 
 
 def test_an_interrupted_campaign_says_how_far_it_came(
