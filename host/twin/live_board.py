@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,7 +10,6 @@ from steptwin.controller.backend import Kernel
 from steptwin.controller.kernel import TICK_COUNTS
 from steptwin.emulator.bus import Bus
 from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.lateness import Lateness
 from steptwin.emulator.live import LiveSimulation, warm_up
 from steptwin.emulator.pacer import Pacer
@@ -19,19 +18,18 @@ from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.microsteps import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of
 from steptwin.host.twin.evidence import axis_evidence
 from steptwin.host.twin.followed_motion import FollowedMotion
+from steptwin.host.twin.joint_totals import JointTotals
 from steptwin.host.twin.live_plan import LivePlan
 from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine_parts import MachineParts
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.recording_report import (
-    JointFigures,
     bus_figures,
     load_percent,
     mismatches,
@@ -60,36 +58,6 @@ late: before that they follow in pieces, while the board has nothing else to do.
 
 _OPEN_TICKS: Final = 4
 """Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
-
-
-@dataclass(slots=True)
-class _JointTotals:
-    """Totals of a joint's driver since power-up.
-
-    Attributes:
-        joint: the joint.
-        start_steps: position at power-up, in steps of the robot's file from the joint's zero.
-        active_edge: edge of CLK that the driver counts.
-        moved_sixteenths: way of the motor from power-up to the last `record`, in sixteenths of a full step.
-        pulses: number of rising CLK edges.
-        violations: number of times that a limit of the driver was broken.
-    """
-
-    joint: Joint
-    start_steps: int
-    active_edge: ActiveEdge
-    moved_sixteenths: int = 0
-    pulses: int = 0
-    violations: int = 0
-
-    @property
-    def name(self) -> str:
-        return self.joint.name
-
-    @property
-    def end_steps(self) -> float:
-        """Position at the last `record`: a whole number of steps unless the driver makes others than the file's."""
-        return self.start_steps + self.moved_sixteenths / self.joint.transmission.step_sixteenths
 
 
 class LiveBoard:
@@ -143,7 +111,7 @@ class LiveBoard:
         """Lines of the bus log since the last `record`."""
         modules = [module for board in self._boards for module in board.config.modules]
         self._joints = [
-            _JointTotals(joint, steps, ActiveEdge(module.active_edge))
+            JointTotals(joint, steps, ActiveEdge(module.active_edge))
             for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0
@@ -231,7 +199,7 @@ class LiveBoard:
         number = self._next_axis
         self._next_axis = (number + 1) % len(self._axes)
         board, axis = self._axes[number]
-        self._add(self._joints[number], board.take_trace(axis))
+        self._joints[number].add(board.take_trace(axis))
         if self._next_axis == 0:
             self._end_round()
             for each in self._boards:
@@ -246,7 +214,7 @@ class LiveBoard:
             changes = board.take_pin_changes()
             for axis, trace in enumerate(traces):
                 joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
-                self._add(joint, trace)
+                joint.add(trace)
                 if self._recording and not self._recording.failure:
                     pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes, board.own_clock))
         if self._recording and self._plan:
@@ -272,12 +240,6 @@ class LiveBoard:
             bits = self.bus.bitrate * (now_s - self._busy_until_s)
             self.recent_bus_load_percent = 100 * (busy_bits - self._busy_bits) / bits
             self._busy_bits, self._busy_until_s = busy_bits, now_s
-
-    @staticmethod
-    def _add(joint: _JointTotals, trace: AxisTrace) -> None:
-        joint.moved_sixteenths = trace.position_sixteenths
-        joint.pulses += trace.clk_rise_counts.size
-        joint.violations += trace.violations.counts.size
 
     def _mark(self, plan: LivePlan) -> Mark:
         computed_counts = min(board.computed_counts for board in self._boards)
@@ -355,10 +317,7 @@ class LiveBoard:
         return recording_report(
             self._parts,
             self.live.simulation,
-            [
-                JointFigures(joint.start_steps, joint.end_steps, joint.pulses, joint.violations)
-                for joint in self._joints
-            ],
+            [joint.figures for joint in self._joints],
             self._motion,
             job=LIVE_JOB,
             wall_s=self.wall_s,
