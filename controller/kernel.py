@@ -24,7 +24,7 @@ Q16 ticks, so that axes in step stay so to the last bit and keep to the planned 
 """
 
 from collections.abc import Callable
-from typing import Annotated, Any, TypeAlias, TypeVar, cast
+from typing import Annotated, Any, Final, TypeAlias, TypeVar, cast
 
 from steptwin.controller.widths import (
     I32,
@@ -75,95 +75,95 @@ def _decorator() -> Callable[[Function], Function]:
 kernel_function = _decorator()
 
 
-TICK_COUNTS = 18_000
+TICK_COUNTS: Final = 18_000
 """One servo tick: 250 us of the 72 MHz timer; compare values 0..17 999 fit a 16-bit timer."""
-TICKS_PER_MS = 4
+TICKS_PER_MS: Final = 4
 
-STEP_Q16 = 1 << 16
-THRESHOLD_Q16 = STEP_Q16 // 2 + STEP_Q16 // 16
+STEP_Q16: Final = 1 << 16
+THRESHOLD_Q16: Final = STEP_Q16 // 2 + STEP_Q16 // 16
 """H, the distance from counter to demand at which a step is made; the sixteenth prevents chatter on a threshold."""
 
-ROUNDING_Q16 = 4
+ROUNDING_Q16: Final = 4
 """Upper bound of the error that the three rounding shifts of an evaluation make together."""
 
-FULL_RATE_Q16 = 1 << 16
+FULL_RATE_Q16: Final = 1 << 16
 """Rate at which trajectory time runs as fast as real time: one tick a tick."""
 
-QUEUE_DEPTH = 64
-DURATION_MAX_MS = 255
-I32_MAX = (1 << 31) - 1
-NEVER_COUNTS = -(1 << 62)
+QUEUE_DEPTH: Final = 64
+DURATION_MAX_MS: Final = 255
+I32_MAX: Final = (1 << 31) - 1
+NEVER_COUNTS: Final = -(1 << 62)
 """Time of an edge that has not happened yet."""
-NEVER_TICK = 1 << 62
+NEVER_TICK: Final = 1 << 62
 """A tick that never comes."""
 
 # A field's annotation is the width of the cell that it is the index of (see `widths`).
 
 # Fields of one axis in `axes`: its configuration,
-MICROSTEPS: Annotated[int, U5] = 0
-STEPLEN_COUNTS: Annotated[int, U17] = 1
-STEPSPACE_COUNTS: Annotated[int, U17] = 2
-DIRSETUP_COUNTS: Annotated[int, U17] = 3
-DIRHOLD_COUNTS: Annotated[int, U17] = 4
-RATE_LIMIT_Q16_PER_MS: Annotated[int, U31] = 5
-DIR_INVERTED: Annotated[int, U1] = 6
+MICROSTEPS: Final[Annotated[int, U5]] = 0
+STEPLEN_COUNTS: Final[Annotated[int, U17]] = 1
+STEPSPACE_COUNTS: Final[Annotated[int, U17]] = 2
+DIRSETUP_COUNTS: Final[Annotated[int, U17]] = 3
+DIRHOLD_COUNTS: Final[Annotated[int, U17]] = 4
+RATE_LIMIT_Q16_PER_MS: Final[Annotated[int, U31]] = 5
+DIR_INVERTED: Final[Annotated[int, U1]] = 6
 # its motion,
-RUNNING: Annotated[int, U1] = 7
-COUNTER: Annotated[int, I32] = 8
-POSITION_Q16: Annotated[int, I40] = 9
-START_Q16: Annotated[int, I40] = 10
-COEFFICIENT_A: Annotated[int, I32] = 11
-COEFFICIENT_B: Annotated[int, I32] = 12
-COEFFICIENT_C: Annotated[int, I32] = 13
-DURATION_TICKS: Annotated[int, U10] = 14
-ELAPSED_Q16: Annotated[int, I32] = 15
-END_VELOCITY: Annotated[int, I32] = 16
-IN_GROUP: Annotated[int, U1] = 17
+RUNNING: Final[Annotated[int, U1]] = 7
+COUNTER: Final[Annotated[int, I32]] = 8
+POSITION_Q16: Final[Annotated[int, I40]] = 9
+START_Q16: Final[Annotated[int, I40]] = 10
+COEFFICIENT_A: Final[Annotated[int, I32]] = 11
+COEFFICIENT_B: Final[Annotated[int, I32]] = 12
+COEFFICIENT_C: Final[Annotated[int, I32]] = 13
+DURATION_TICKS: Final[Annotated[int, U10]] = 14
+ELAPSED_Q16: Final[Annotated[int, I32]] = 15
+END_VELOCITY: Final[Annotated[int, I32]] = 16
+IN_GROUP: Final[Annotated[int, U1]] = 17
 # its queue, whose tail is where the next segment starts,
-QUEUE_HEAD: Annotated[int, U6] = 18
-QUEUE_COUNT: Annotated[int, U7] = 19
-TAIL_Q16: Annotated[int, I40] = 20
-TAIL_VELOCITY: Annotated[int, I32] = 21
+QUEUE_HEAD: Final[Annotated[int, U6]] = 18
+QUEUE_COUNT: Final[Annotated[int, U7]] = 19
+TAIL_Q16: Final[Annotated[int, I40]] = 20
+TAIL_VELOCITY: Final[Annotated[int, I32]] = 21
 # its pins,
-EARLIEST_RISE_COUNTS: Annotated[int, I63] = 22
-LAST_RISE_COUNTS: Annotated[int, I63] = 23
-DIR_LEVEL: Annotated[int, U1] = 24
+EARLIEST_RISE_COUNTS: Final[Annotated[int, I63]] = 22
+LAST_RISE_COUNTS: Final[Annotated[int, I63]] = 23
+DIR_LEVEL: Final[Annotated[int, U1]] = 24
 # and its reports.
-EVENT: Annotated[int, U2] = 25
-DELAYED_STEPS: Annotated[int, U31] = 26
-CLK_EDGES: Annotated[int, U30] = 27
-DIR_EDGES: Annotated[int, U30] = 28
-AXIS_FIELDS = 29
+EVENT: Final[Annotated[int, U2]] = 25
+DELAYED_STEPS: Final[Annotated[int, U31]] = 26
+CLK_EDGES: Final[Annotated[int, U30]] = 27
+DIR_EDGES: Final[Annotated[int, U30]] = 28
+AXIS_FIELDS: Final = 29
 
 # The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
-RATE_FROM_Q16: Annotated[int, U17] = 0
-RATE_TO_Q16: Annotated[int, U17] = 1
-RAMP_TICK: Annotated[int, I44] = 2
-RAMP_TICKS: Annotated[int, U17] = 3
-GROUP_FIELDS = 4
+RATE_FROM_Q16: Final[Annotated[int, U17]] = 0
+RATE_TO_Q16: Final[Annotated[int, U17]] = 1
+RAMP_TICK: Final[Annotated[int, I44]] = 2
+RAMP_TICKS: Final[Annotated[int, U17]] = 3
+GROUP_FIELDS: Final = 4
 
 # Fields of one queued segment.
-SEGMENT_START_Q16: Annotated[int, I40] = 0
-SEGMENT_A: Annotated[int, I32] = 1
-SEGMENT_B: Annotated[int, I32] = 2
-SEGMENT_C: Annotated[int, I32] = 3
-SEGMENT_TICKS: Annotated[int, U10] = 4
-SEGMENT_END_VELOCITY: Annotated[int, I32] = 5
-SEGMENT_FIELDS = 6
+SEGMENT_START_Q16: Final[Annotated[int, I40]] = 0
+SEGMENT_A: Final[Annotated[int, I32]] = 1
+SEGMENT_B: Final[Annotated[int, I32]] = 2
+SEGMENT_C: Final[Annotated[int, I32]] = 3
+SEGMENT_TICKS: Final[Annotated[int, U10]] = 4
+SEGMENT_END_VELOCITY: Final[Annotated[int, I32]] = 5
+SEGMENT_FIELDS: Final = 6
 
 # Why an axis needs the firmware's attention in a tick.
-EVENT_NONE = 0
-EVENT_FINISHED = 1
-EVENT_UNDERRUN = 2
-EVENT_LATE_STEP = 3
+EVENT_NONE: Final = 0
+EVENT_FINISHED: Final = 1
+EVENT_UNDERRUN: Final = 2
+EVENT_LATE_STEP: Final = 3
 
 # Why a segment is refused.
-ACCEPTED = 0
-REFUSED_QUEUE_FULL = 1
-REFUSED_DURATION = 2
-REFUSED_COEFFICIENT = 3
-REFUSED_TOO_FAST = 4
-REFUSED_POSITION = 5
+ACCEPTED: Final = 0
+REFUSED_QUEUE_FULL: Final = 1
+REFUSED_DURATION: Final = 2
+REFUSED_COEFFICIENT: Final = 3
+REFUSED_TOO_FAST: Final = 4
+REFUSED_POSITION: Final = 5
 
 Cells: TypeAlias = Any
 """list[int] or an int64 array."""

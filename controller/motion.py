@@ -296,10 +296,10 @@ class Motion:
         slope of a cubic stays within its Bernstein coefficients a, a + b and a + 2b + 3c, and a group's time never
         runs faster than ticks do.
         """
-        a, b, c = (self._get(axis, field) for field in (k.COEFFICIENT_A, k.COEFFICIENT_B, k.COEFFICIENT_C))
+        a, b, c = self._get(axis, k.COEFFICIENT_A), self._get(axis, k.COEFFICIENT_B), self._get(axis, k.COEFFICIENT_C)
         duration_ticks = self._get(axis, k.DURATION_TICKS)
         left_ticks = ((duration_ticks << 16) - self._get(axis, k.ELAPSED_Q16)) >> 16
-        fastest = max(abs(a), abs(a + b), abs(a + 2 * b + 3 * c))
+        fastest = max(max(abs(a), abs(a + b)), abs(a + 2 * b + 3 * c))  # noqa: PLW3301  (of two each: made in C)
         offset_q16 = abs(self._get(axis, k.POSITION_Q16) - self._get(axis, k.COUNTER) * k.STEP_Q16)
         way_q16 = k.THRESHOLD_Q16 + (steps - 1) * k.STEP_Q16 - offset_q16 - _SLACK_Q16
         if way_q16 <= 0:

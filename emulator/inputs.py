@@ -205,16 +205,20 @@ class BoardInputs:
 
     def _running(self, axis: int, motion: Motion) -> bool:
         """Return whether a rotor moves along the way of an axis' switches."""
-        return any(motion.running(rotor) for rotor in self._travels[axis].rotors)
+        for rotor in self._travels[axis].rotors:  # noqa: SIM110  (any() costs time, at every look)
+            if motion.running(rotor):
+                return True
+        return False
 
     def _pulses_ahead(self, axis: int, motion: Motion) -> int:
         """Return the number of pulses that a rotor has made, or may have made, which the switches have not followed."""
-        return max(
-            motion.undrained_pulses(rotor)
-            + self._held_pulses[rotor]
-            + sum(counts.size for counts, _ in self._ahead[rotor])
-            for rotor in self._travels[axis].rotors
-        )
+        most = 0
+        for rotor in self._travels[axis].rotors:
+            pulses = motion.undrained_pulses(rotor) + self._held_pulses[rotor]
+            for counts, _ in self._ahead[rotor]:
+                pulses += counts.size
+            most = max(most, pulses)
+        return most
 
     def may_have_changed(self, motion: Motion) -> bool:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
@@ -286,7 +290,10 @@ class BoardInputs:
         """Return a number of ticks, 1 or more, before whose end none of an axis' rotors makes so many steps more."""
         if steps <= 0:
             return 1
-        running = [rotor for rotor in self._travels[axis].rotors if motion.running(rotor)]
-        by_segments = min((motion.quiet_ticks(rotor, steps) for rotor in running), default=0)
-        by_drivers = (steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS
-        return max(1, by_segments, by_drivers)
+        by_drivers = max(1, (steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS)
+        by_segments = -1
+        for rotor in self._travels[axis].rotors:
+            if motion.running(rotor):
+                quiet_ticks = motion.quiet_ticks(rotor, steps)
+                by_segments = quiet_ticks if by_segments < 0 else min(by_segments, quiet_ticks)
+        return max(by_segments, by_drivers)

@@ -24,6 +24,7 @@ _LAST_SYNCHRONOUS: Final = 240
 _FIRST_EVENT_DRIVEN: Final = 254
 _INHIBIT_UNIT_US: Final = 100
 _MS_US: Final = 1000
+_integer: Final = int.from_bytes  # to look it up costs time, for every frame
 _NO_ERROR: Final = ErrorCode.NONE  # to fetch a member from its enum costs time, and this is returned for every frame
 
 
@@ -49,13 +50,13 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
 
 
 class _Target:
-    """A mapped entry that a receive PDO writes, and its place in the PDO's integer."""
+    """A mapped entry that a receive PDO writes, and how many bits it takes of the PDO's integer."""
 
-    __slots__ = ("mask", "shift", "sign_bit", "writer")
+    __slots__ = ("bits", "mask", "sign_bit", "writer")
 
     def __init__(self, writer: Writer, field: _Field) -> None:
         self.writer = writer
-        self.shift = field.shift
+        self.bits = field.mask.bit_length()
         self.mask = field.mask
         self.sign_bit = field.sign_bit
 
@@ -103,10 +104,12 @@ class ReceivePdo:
             self._apply(data)
 
     def _apply(self, data: bytes) -> None:
-        bits = int.from_bytes(data[: self._length], "little")
+        left = _integer(data[: self._length], "little")
         for target in self._targets:
+            value = left & target.mask
+            left >>= target.bits
             try:
-                target.writer.put((bits >> target.shift & target.mask ^ target.sign_bit) - target.sign_bit)
+                target.writer.put((value ^ target.sign_bit) - target.sign_bit)
             except SdoAbortError:
                 self.refused += 1
 

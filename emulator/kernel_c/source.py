@@ -87,7 +87,13 @@ def kernel_source() -> Source:
 
 
 def width_of(annotation: ast.expr | None) -> str | None:
-    """Return the width in an annotation, `U17` or `Annotated[int, U17]`, or None if it is another type."""
+    """Return the width in an annotation, `U17` or `Final[Annotated[int, U17]]`, or None if it is another type."""
+    if (
+        isinstance(annotation, ast.Subscript)
+        and isinstance(annotation.value, ast.Name)
+        and annotation.value.id == "Final"
+    ):
+        annotation = annotation.slice
     if isinstance(annotation, ast.Subscript) and isinstance(annotation.slice, ast.Tuple):
         annotation = annotation.slice.elts[-1]
     if isinstance(annotation, ast.Name) and annotation.id[:1] in "UIQ" and annotation.id[1:].isdigit():
@@ -99,17 +105,13 @@ def _records(tree: ast.Module) -> dict[str, Record]:
     records: dict[str, Record] = {}
     collected: list[tuple[str, str]] = []
     for node in tree.body:
-        if (
-            isinstance(node, ast.AnnAssign)
-            and isinstance(node.target, ast.Name)
-            and (width := width_of(node.annotation))
-        ):
+        if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
+            continue
+        if width := width_of(node.annotation):
             collected.append((node.target.id, width))
-        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            found = _RECORDS.get(node.targets[0].id)
-            if found:
-                records[found[0]] = _laid_out(*found, collected)
-                collected = []
+        elif found := _RECORDS.get(node.target.id):
+            records[found[0]] = _laid_out(*found, collected)
+            collected = []
     return records
 
 

@@ -70,6 +70,7 @@ class AxisClient:
         self._record_cob_id = COB_RPDO[3] + node_id
         self._boots_since_enabled: int | None = None
         self._node: canopen.RemoteNode = link.network.add_node(SharedNode(node_id, dictionary, patience))
+        self._errors = self._node.emcy
         self._node.nmt.add_heartbeat_callback(self._on_heartbeat)
         link.network.subscribe(COB_TPDO[0] + node_id, self._on_drive_status)
         link.network.subscribe(COB_TPDO[2] + node_id, self._on_pvt_status)
@@ -98,7 +99,7 @@ class AxisClient:
         """True while the drive is in fault or has lost this host, which a node reports by EMCY only."""
         if self.drive_status is not None and self.drive_status.in_fault:
             return True
-        active = self._node.emcy.active
+        active = self._errors.active
         return bool(active) and any(error.code == ErrorCode.HEARTBEAT_LOST for error in active)
 
     @property
@@ -122,7 +123,7 @@ class AxisClient:
     @property
     def error_codes(self) -> list[int]:
         """The error codes that the node has reported by EMCY, oldest first."""
-        return [error.code for error in self._node.emcy.log if error.code]
+        return [error.code for error in self._errors.log if error.code]
 
     def fault(self) -> DeviceFaultError:
         """Return the error that names what the node reported last."""
