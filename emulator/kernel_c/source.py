@@ -88,11 +88,7 @@ def kernel_source() -> Source:
 
 def width_of(annotation: ast.expr | None) -> str | None:
     """Return the width in an annotation, `U17` or `Final[Annotated[int, U17]]`, or None if it is another type."""
-    if (
-        isinstance(annotation, ast.Subscript)
-        and isinstance(annotation.value, ast.Name)
-        and annotation.value.id == "Final"
-    ):
+    if isinstance(annotation, ast.Subscript) and ast.unparse(annotation.value) == "Final":
         annotation = annotation.slice
     if isinstance(annotation, ast.Subscript) and isinstance(annotation.slice, ast.Tuple):
         annotation = annotation.slice.elts[-1]

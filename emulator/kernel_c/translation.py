@@ -63,9 +63,9 @@ def _constants(source: Source) -> list[str]:
     lines = []
     body = source.tree.body
     for i, node in enumerate(body):
-        if not isinstance(node, ast.Assign) or not isinstance(node.targets[0], ast.Name):
+        if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
             continue
-        name = node.targets[0].id
+        name = node.target.id
         if name not in source.constants:
             continue
         text = [source.comments[at][1] for at in _block_above(source, node.lineno)]
