@@ -4,6 +4,7 @@ mypyc translates the sources as they are. A compiled module lies beside its sour
 instead. What is not listed in `pyproject.toml` stays Python, and so does every wheel without this hook.
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -25,6 +26,8 @@ compiled = mypycify(options + sys.argv[1:], group_name="{_PACKAGE}.compiled", de
 setup(name="{_PACKAGE}", packages=[], ext_modules=compiled, script_args=["--quiet", "build_ext", "--inplace"])
 """
 """Builds all modules as one library, since calls between compiled modules are then those of C."""
+_WITHIN: Final = "-fvisibility=hidden -fno-semantic-interposition"
+"""Lets gcc and clang call from one compiled module into another without a table that other libraries could change."""
 
 
 class CompileHook(BuildHookInterface[BuilderConfig]):
@@ -71,6 +74,7 @@ def _stage(root: Path, folder: Path, names: list[str]) -> None:
 
 def _compile(folder: Path, modules: list[str]) -> None:
     command = [sys.executable, "-c", _BUILD, *modules]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    environment = os.environ | ({"CFLAGS": f"{_WITHIN} {os.environ.get('CFLAGS', '')}"} if os.name == "posix" else {})
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"mypyc or the C compiler has failed:\n{done.stdout}{done.stderr}")

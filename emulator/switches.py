@@ -113,6 +113,8 @@ class AxisSwitches:
     def __init__(self, switches: Sequence[Switch], position_sixteenths: int) -> None:
         self.position_sixteenths = position_sixteenths
         self._closed = {switch: switch.closed_at(position_sixteenths, before=False) for switch in switches}
+        self.sixteenths_to_change = self._least_way()
+        """Least distance until one of the switches changes; it is asked for more often than the axis moves."""
         self.stuck = DigitalInput(0)
         """Inputs that are held at a level, whatever the position."""
         self._stuck_closed = DigitalInput(0)
@@ -135,6 +137,7 @@ class AxisSwitches:
         for switch, before in self._closed.items():
             closed = self._closed[switch] = switch.closed_at(self.position_sixteenths, before=before)
             changed |= closed != before
+        self.sixteenths_to_change = self._least_way()
         return changed
 
     def stick(self, which: DigitalInput, *, closed: bool | None) -> None:
@@ -166,10 +169,10 @@ class AxisSwitches:
             levels = levels & ~self.stuck | self._stuck_closed
         return levels & ~self._cut | self._cut_closed if self._cut else levels
 
-    @property
-    def sixteenths_to_change(self) -> int:
-        """Least distance until one of the switches changes; the axis must have a switch."""
-        return min(
+    def _least_way(self) -> int:
+        """Return the least distance until one of the switches changes; 0 if there is none."""
+        ways = (
             switch.sixteenths_to_change(self.position_sixteenths, closed=closed)
             for switch, closed in self._closed.items()
         )
+        return min(ways, default=0)
