@@ -1,7 +1,8 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
 `python -m steptwin.bench panel` prints only those of the operator's panel, `python -m steptwin.bench motors` those of
-motors after a run, `python -m steptwin.bench live-motors [PAIRS]` those of motors that turn with a live board.
+motors after a run, `python -m steptwin.bench live-motors [PAIRS]` those of motors that turn with a live board, and
+`python -m steptwin.bench workers` that of a campaign's workers.
 """
 
 import os
@@ -26,6 +27,7 @@ from steptwin.bench import (
     rotors,
     timing,
     waveforms,
+    workers,
 )
 from steptwin.bench.loads import AXES
 from steptwin.bench.pulses import scaling
@@ -49,6 +51,9 @@ def main() -> None:
     if sys.argv[1:2] == ["live-motors"]:
         console.print(_live_motors_table(*map(int, sys.argv[2:3])))
         return
+    if sys.argv[1:] == ["workers"]:
+        console.print(_workers_table())
+        return
     kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
     fastest = kernels[-1]
     processor = platform.processor() or platform.machine()
@@ -70,6 +75,8 @@ def main() -> None:
     console.print(_waveform_table())
     console.print(_kinematics_table())
     console.print(_rotor_table())
+    if find_spec("distributed"):
+        console.print(_workers_table())
     panel_tables.print_panel(console)
     live_tables.print_live(console, stream_s=10.0, flood_frames=100_000)
 
@@ -125,6 +132,18 @@ def _rotor_table() -> Table:
         (
             f"{row.robot} {row.job}|{row.axes}|{row.simulated_s:.1f}|{row.wall_s:.2f}|{row.simulated_per_wall:.1f}"
             for row in rotors.figures()
+        ),
+    )
+
+
+def _workers_table() -> Table:
+    figure = workers.measure()
+    return _table(
+        "Campaigns: drawer pulls a second, verified, without recovery",
+        "made by|one|two|two against one",
+        (
+            f"{words}|{one:.2f}|{two:.2f}|{two / one:.2f}"
+            for words, (one, two) in (("plain processes", figure.processes), ("workers", figure.workers))
         ),
     )
 
