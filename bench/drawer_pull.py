@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from steptwin.controller.backend import Kernel
+from steptwin.host.common.garbage import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -37,7 +38,11 @@ class DrawerPullFigure:
 
 
 def measure(kernel: Kernel) -> DrawerPullFigure:
-    """Run the job REPEATS times after a warm-up; raise AssertionError if a run fails its verification."""
+    """Run the job REPEATS times after a warm-up; raise AssertionError if a run fails its verification.
+
+    Garbage is collected as seldom as in a process of the command line.
+    """
+    collect_seldom()
     robot = load_robot("warehouse-scara")
     planned = plan(robot, make_job(robot, "drawer-pull", {}))
     emulation, verification, bare = [], [], []

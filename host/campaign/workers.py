@@ -17,14 +17,13 @@ from steptwin.host.campaign.row import Breach, Ended, Row
 from steptwin.host.campaign.running import run_seed
 from steptwin.host.campaign.source_version import source_version
 from steptwin.host.common.errors import BusError, InputError
+from steptwin.host.common.garbage import collect_seldom
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 SEEDS_PER_TASK: Final = 4
 """Runs of a task: with some tenths of a second each, what a task costs the scheduler, 1 ms, does not count."""
-_YOUNG_OBJECTS: Final = 50_000
-"""Number of new objects between two collections of garbage on a worker: as many as a run makes and some more."""
 _TASKS_PER_THREAD: Final = 3
 """Tasks that are handed out for each thread of the cluster: one runs, the others wait beside it."""
 _TASKS_MIN: Final = 4
@@ -68,7 +67,7 @@ def _spare_what_lives() -> None:
     """Keep what the first runs have loaded out of later collections of garbage, which took a tenth of a run."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(_YOUNG_OBJECTS)
+    collect_seldom()
 
 
 def run_on(client: "Client", campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:

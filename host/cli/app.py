@@ -1,6 +1,5 @@
 """The frame of the command line: commands join one typer app, and an error becomes one line and an exit code."""
 
-import gc
 import logging
 import sys
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from steptwin import __version__
 from steptwin.host.cli.help_page import VALUES_ALONE, Command, Commands, paragraphs
 from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.common.garbage import collect_seldom
 
 app = typer.Typer(
     name="steptwin",
@@ -88,13 +88,10 @@ def _of_the_program(
 _INTERRUPTED: Final = 130
 """Exit code of a command that Ctrl-C has ended, as shells count: 128 + 2."""
 
-_YOUNG_OBJECTS: Final = 50_000
-"""Number of new objects between two collections of garbage: imports make many objects, and nearly all stay."""
-
 
 def main() -> int:
     """Run the command line of this process; return its exit code."""
-    gc.set_threshold(_YOUNG_OBJECTS)
+    collect_seldom()
     if isinstance(sys.stdout, TextIOWrapper):  # on a terminal with few characters the others are escaped
         sys.stdout.reconfigure(errors="backslashreplace")
     return run(sys.argv[1:])
