@@ -52,11 +52,11 @@ def _silent_loss(run: Performance) -> Iterator[tuple[str, str]]:
 
 
 def _unseen_loss(run: Performance) -> Iterator[tuple[str, str]]:
-    """What no board can know, the verifier must see."""
-    slips = () if run.motors is None else run.motors.reasons
-    for claim in run.claims if not (run.reasons or slips) else ():
-        if abs(claim.off_steps) > _STEPS_OFF_MAX:
-            yield "steps were lost, and the verifier has not seen it", f"{claim.joint}: {claim.off_steps:+.4g}"
+    """What no board can know, the verifier must see; it judges steps, not rotors that slip by themselves."""
+    for claim in run.claims if not run.reasons else ():
+        lost_steps = claim.off_steps - claim.slipped_steps
+        if abs(lost_steps) > _STEPS_OFF_MAX:
+            yield "steps were lost, and the verifier has not seen it", f"{claim.joint}: {lost_steps:+.4g}"
 
 
 def _edges_while_off(run: Performance) -> Iterator[tuple[str, str]]:

@@ -19,11 +19,14 @@ class Claim:
         joint: name of the joint.
         known: whether the drive says that it knows its position.
         off_steps: steps by which the motor stands beyond the position that the drive reports.
+        slipped_steps: part of them by which a rotor that turns with the board has slipped by itself: the driver has
+            made other steps, and no count of them can tell it. 0 if no motors turn with the board.
     """
 
     joint: str
     known: bool
     off_steps: float
+    slipped_steps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -127,8 +127,8 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
         return ()
     off = steps_off(board, [units for _, units in said])
     return tuple(
-        Claim(axis.name, bool(statusword & Status.POSITION_KNOWN), steps)
-        for axis, (statusword, _), steps in zip(axes, said, off, strict=True)
+        Claim(axis.name, bool(statusword & Status.POSITION_KNOWN), steps, slipped)
+        for axis, (statusword, _), steps, slipped in zip(axes, said, off, board.rotor_slips(), strict=True)
     )
 
 

@@ -233,6 +233,15 @@ class EmbeddedBoard:
             positions.append(steps + cycle * round((rotor - steps) / cycle))
         return positions
 
+    def rotor_slips(self) -> list[float]:
+        """Return by how many steps of the robot's file each rotor has slipped by itself; 0 without motors.
+
+        That is the way from where its driver would hold it by its steps and by the slips made on purpose.
+        """
+        made = [sixteenths for board in self._simulation.boards for sixteenths in board.slipped_sixteenths]
+        places = zip(self.held_positions(), self.motor_positions(), made, self.robot.joints, strict=True)
+        return [held - steps - moved / joint.transmission.step_sixteenths for held, steps, moved, joint in places]
+
     def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
         """Return what the rotors have done up to some ms after a run's last edge; None without motors."""
         watch = self._simulation.rotor_watch

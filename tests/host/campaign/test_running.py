@@ -115,7 +115,11 @@ def _with_fault(run: Performance, **changes: Any) -> Performance:
 
 
 def _with_claim(run: Performance, off_steps: float, *, known: bool = True) -> Performance:
-    return replace(run, claims=(Claim("th1", known, off_steps), *run.claims[1:]))
+    return _with_claims(run, Claim("th1", known, off_steps))
+
+
+def _with_claims(run: Performance, first: Claim) -> Performance:
+    return replace(run, claims=(first, *run.claims[1:]))
 
 
 BROKEN: dict[str, tuple[str, Callable[[Performance], Performance]]] = {
@@ -202,6 +206,36 @@ def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: floa
     )
     board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert steps_off(board, [200 * UNITS_PER_FULL_STEP // 2]) == [off]
+
+
+def test_a_rotor_that_slips_by_itself_is_no_step_that_the_verifier_has_missed(healthy: Performance) -> None:
+    """Not even after the motion, when nobody looks for slips; a step that its driver has lost besides is one."""
+    slipped = Claim("th1", known=True, off_steps=-64.0, slipped_steps=-64.0)
+    claims_only = {"position": "th1: -64 steps off"}
+    assert _details(_with_claims(healthy, slipped)) == claims_only
+    assert _details(_with_claims(healthy, replace(slipped, known=False))) == {}
+    told = _details(_with_claims(healthy, replace(slipped, off_steps=-63.0)))
+    assert told == {"verifier": "th1: +1", "position": "th1: -63 steps off"}
+    both = replace(_with_claims(healthy, slipped), motors=_motors(first_slip_s=0.1))
+    assert set(_details(both)) == {"position", "motors"}
+
+
+def _details(run: Performance) -> dict[str, str]:
+    return {breach.invariant: breach.detail for breach in breaches_of(run)}
+
+
+@pytest.mark.parametrize(("rotor", "made", "slipped"), [(232.9, 0, 0.0), (198.0, 0, -32.0), (198.0, -256, 0.0)])
+def test_a_slip_on_purpose_is_none_that_a_rotor_makes_by_itself(rotor: float, made: int, slipped: float) -> None:
+    """In half steps, of 8 sixteenths: an electrical cycle, 4 full steps, has 8 of them."""
+    transmission = SimpleNamespace(microsteps=2, step_sixteenths=8)
+    board: Any = SimpleNamespace(
+        robot=SimpleNamespace(joints=[SimpleNamespace(transmission=transmission)]),
+        motor_positions=lambda: [230.0],
+        rotor_positions=lambda: [rotor],
+        _simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_sixteenths=[made])]),
+    )
+    board.held_positions = lambda: EmbeddedBoard.held_positions(board)
+    assert EmbeddedBoard.rotor_slips(board) == [slipped]
 
 
 STEEP = """
