@@ -14,6 +14,7 @@ from steptwin.host.robots.board_settings import DRIVER_PROFILES
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
 from steptwin.host.twin.crystals import check_crystals
+from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.motors import check_described
 from steptwin.host.twin.motors.managed_ramps import with_managed_ramps
 from steptwin.protocol.pvt import DURATION_MAX_MS
@@ -25,7 +26,7 @@ class RampSource(Enum):
     FILE = "file"
     """Those of the robot's file."""
     MOTORS = "motors"
-    """Those that its motors manage, with the payload and the friction drawn, where these are lower."""
+    """Those that its motors manage, with the payload, the friction and the drivers drawn, where these are lower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,8 @@ def set_up(robot: Robot, varied: Mapping[str, object]) -> Setup:
     if setup.ramps is RampSource.FILE:
         return setup
     with prefixed("vary.ramps: "):
-        return replace(setup, robot=with_managed_ramps(setup.robot))
+        drivers = driver_profile(setup.robot.board, setup.driver_profile)
+        return replace(setup, robot=with_managed_ramps(setup.robot, drivers))
 
 
 def _payload(setup: Setup, value: object) -> Setup:

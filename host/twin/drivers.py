@@ -1,6 +1,7 @@
 """Choose the drivers of the emulated board, and set them as the robot's file says."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from steptwin.emulator.driver_module import ClkEdge, Module
 from steptwin.emulator.driver_profiles import PROFILES, DriverProfile, bare_chip
@@ -9,6 +10,21 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import DRIVER_SETTINGS, SWITCHED_PROFILES, BoardSettings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.transmission import MICROSTEPS
+
+
+@dataclass(frozen=True, slots=True)
+class DriverSettings:
+    """How a robot's drivers are set.
+
+    Attributes:
+        current_a: phase current at full torque.
+        standing_part: part of it that flows while an axis stands: less than all with modules' idle circuit.
+        fast_decay_part: part of each chopping period with fast decay.
+    """
+
+    current_a: float
+    standing_part: float
+    fast_decay_part: float
 
 
 def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverProfile:
@@ -45,6 +61,21 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
         )
     except ValueError as error:
         raise InputError(f"board.current_a: {error}") from error
+
+
+def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSettings:
+    """Return how drivers are set: as the robot's file says if it names this profile, else as usual."""
+    own = profile == driver_profile(board)
+
+    def setting(key: str) -> float:
+        stated = getattr(board, key) if own else None
+        return float(getattr(profile, key) if stated is None else stated)
+
+    return DriverSettings(
+        current_a=setting("current_a"),
+        standing_part=setting("idle_percent") / 100.0 if profile.switched else 1.0,
+        fast_decay_part=setting("fast_decay_percent") / 100.0,
+    )
 
 
 def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping[str, int]) -> list[int]:

@@ -18,7 +18,8 @@ from steptwin.emulator.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.curves import Curves, own_current_a
+from steptwin.host.twin.drivers import driver_profile, driver_settings
+from steptwin.host.twin.motors.curves import Curves
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
 from steptwin.host.twin.motors.ramps import ALMOST_NONE, Ramp, Ramps
 from steptwin.host.twin.motors.torques import Curve
@@ -130,11 +131,14 @@ def fits_of(
     Raises:
         InputError: the robot's file does not describe its motors and masses.
     """
-    at, own_a = ArmAtPoses.of(robot), current_a or own_current_a(robot)
+    at, settings = ArmAtPoses.of(robot), driver_settings(robot.board, driver_profile(robot.board))
+    if current_a is not None:
+        settings = replace(settings, current_a=current_a)
+    own_a = settings.current_a
     demands = _demands(robot, at)
     fastest = max(float(np.abs(demands.rad_s).max()), float((robot.axis_speeds_max * rad_per_unit(robot)).max()))
-    curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]))
-    ramps = Ramps.of(robot, at, curves, own_a)
+    curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]), settings.fast_decay_part)
+    ramps = Ramps.of(robot, at, curves, settings)
     fits = []
     for axis, joint in enumerate(robot.joints):
         drive, own_ramps = ramps.drives[axis], ramps.of_axis(axis)

@@ -7,6 +7,7 @@ from math import inf
 
 from scipy.optimize import brentq
 
+from steptwin.emulator.driver_profiles import DriverProfile
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -15,8 +16,10 @@ from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
 
 @lru_cache(maxsize=256)
-def with_managed_ramps(robot: Robot) -> Robot:
+def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Robot:
     """Return a robot whose accelerations, in moves, stops and homings, its motors manage; none becomes higher.
+
+    Its motors are at its own drivers, or at others as they usually are set.
 
     Of what the motors manage of a joint while the others stand, all joints that ask something of a motor get the same
     part: the greatest that leaves it MARGIN_MIN of its torque when all ramp at once, as in a stop or in homings side by
@@ -25,7 +28,7 @@ def with_managed_ramps(robot: Robot) -> Robot:
     Raises:
         InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
     """
-    ramps = dict(zip(robot.joint_names, ramps_of(robot), strict=True))
+    ramps = dict(zip(robot.joint_names, ramps_of(robot, drivers), strict=True))
     moving = _at_once({name: each.moving for name, each in ramps.items()})
     searching = {name: each.homing for name, each in ramps.items() if each.homing}
     homing = _at_once(searching) if searching else {}

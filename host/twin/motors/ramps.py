@@ -11,12 +11,14 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from steptwin.emulator.driver_profiles import DriverProfile
 from steptwin.emulator.motor import RAD_S_PER_RPM
 from steptwin.emulator.needed_torque import carried_torque_nm, rotor_torque_nm
 from steptwin.emulator.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.curves import Curves, own_current_a, standing_part
+from steptwin.host.twin.drivers import DriverSettings, driver_profile, driver_settings
+from steptwin.host.twin.motors.curves import Curves
 from steptwin.host.twin.motors.drives import drive_of
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
 from steptwin.host.twin.motors.torques import Curve
@@ -97,10 +99,10 @@ class Ramps:
     holding_nm: tuple[float, ...]
 
     @classmethod
-    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, current_a: float) -> Self:
-        """Return what finds the ramps of a robot with a phase current at full torque."""
+    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSettings) -> Self:
+        """Return what finds the ramps of a robot whose drivers are set like this."""
         drives = tuple(drive_of(joint) for joint in robot.joints)
-        standing_a = standing_part(robot) * current_a
+        current_a, standing_a = settings.current_a, settings.standing_part * settings.current_a
         return cls(
             robot,
             at,
@@ -195,13 +197,14 @@ def _highest(manages: Callable[[float], bool], high: float, least: float) -> flo
     return low
 
 
-def ramps_of(robot: Robot, current_a: float | None = None) -> tuple[JointRamps, ...]:
-    """Return the accelerations of all joints, with the phase current of the robot's drivers or another one.
+def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointRamps, ...]:
+    """Return the accelerations of all joints, with the robot's own drivers, or with others as they usually are set.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
     """
     at, fastest = ArmAtPoses.of(robot), robot.axis_speeds_max * rad_per_unit(robot)
-    curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM)
-    ramps = Ramps.of(robot, at, curves, own_current_a(robot) if current_a is None else current_a)
+    settings = driver_settings(robot.board, drivers or driver_profile(robot.board))
+    curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings.fast_decay_part)
+    ramps = Ramps.of(robot, at, curves, settings)
     return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))

@@ -2,20 +2,18 @@
 
 from steptwin.emulator.driver_profiles import DriverProfile
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.motors.ramps import Ramp, ramps_of
 
 
 def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
-    """Return a line for each homing of a robot that is too steep, with its own drivers or others as they usually are.
+    """Return a line for each homing of a robot that is too steep, with its drivers or others as they usually are set.
 
     Raises:
         InputError: the robot's file does not describe its motors and masses.
     """
-    current_a = None if profile == driver_profile(robot.board) else profile.current_a
     return [
         steep_homing(joint.name, joint.unit, ramps.homing)
-        for joint, ramps in zip(robot.joints, ramps_of(robot, current_a), strict=True)
+        for joint, ramps in zip(robot.joints, ramps_of(robot, profile), strict=True)
         if ramps.homing is not None and ramps.homing.too_steep
     ]
 

@@ -122,6 +122,11 @@ def test_ramps_that_motors_manage_are_those_of_the_robot_as_drawn_wherever_they_
     assert ramps == [*sorted(ramps[:2]), 1500.0, 1500.0]
     assert ramps[0] < ramps[1] < 65.0
     assert draw(first, seed).plan().trajectory.duration_s > draw(by_file, seed).plan().trajectory.duration_s
+    module = replace(
+        light, vary={**light.vary, "driver_profile": "3a-module"}
+    )  # which lowers a standing motor's current
+    elbows = [draw(campaign, seed).setup.robot.joint("th3") for campaign in (light, module)]
+    assert elbows[1].acceleration_max < 0.9 * elbows[0].acceleration_max
 
 
 def test_random_moves_stay_within_reach(trials: list[Trial]) -> None:

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from steptwin import load_robot
+from steptwin.emulator.driver_profiles import THREE_AMP_MODULE, bare_chip
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.drivers import DriverSettings, driver_profile, driver_settings
 from steptwin.host.twin.motors.ramps import ramps_of
 from steptwin.host.twin.motors.steep_homings import steep_homings
 
@@ -34,3 +35,26 @@ def test_homings_beyond_what_motors_manage_are_told(joint: str, what: str) -> No
     assert told.startswith(f"{what} {1.01 * homing.managed:g} deg/s2 where")
     assert f"manage {homing.managed:.0f} (joints.{joint}.homing.acceleration in" in told
     assert what in " ".join(steep_homings(homing_at(joint, homing.managed), replace(own, current_a=0.8)))
+
+
+def test_other_drivers_have_settings_of_their_own() -> None:
+    """A module lowers the current of a shoulder that stands while the elbow homes; what the file says is not of it."""
+    homing = ramps_of(LAB)[LAB.index_of("th3")].homing
+    assert homing
+    idle = ramps_of(LAB, THREE_AMP_MODULE)[LAB.index_of("th3")].homing
+    assert idle
+    assert idle.by_motor["th3"] == homing.by_motor["th3"]
+    assert 0.4 * homing.by_motor["th2"] < idle.by_motor["th2"] < 0.6 * homing.by_motor["th2"]
+    (told,) = steep_homings(LAB, THREE_AMP_MODULE)
+    assert told.startswith("th3: homing turns th2 out of step at 145 deg/s2 where")
+
+
+def test_settings_are_the_files_for_its_own_drivers_only() -> None:
+    """Also one of 0; drivers that are not switched have no current of their own at standstill."""
+    module = replace(LAB.board, driver_profile="3a-module", osc_pf=None)
+    stated = replace(module, current_a=1.2, idle_percent=20, fast_decay_percent=0)
+    other = replace(THREE_AMP_MODULE, current_a=2.0, idle_percent=50, fast_decay_percent=25)
+    assert driver_settings(module, THREE_AMP_MODULE) == DriverSettings(1.5, 0.5, 0.0)
+    assert driver_settings(stated, THREE_AMP_MODULE) == DriverSettings(1.2, 0.2, 0.0)
+    assert driver_settings(stated, other) == DriverSettings(2.0, 0.5, 0.25)
+    assert driver_settings(stated, bare_chip(330)) == DriverSettings(1.5, 1.0, 0.0)
