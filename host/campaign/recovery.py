@@ -25,14 +25,13 @@ _TOKEN: Final = 1
 """Under which the operator is in charge: a random one changes the lengths of frames, and so the time of the run."""
 _LAG_MAX_FULL_STEPS: Final = 1.0
 """Full steps by which a rotor that turns with the board may lag while it finds a switch: a load angle of 90 degrees."""
-
-
 _SWING_MAX_FULL_STEPS: Final = 0.1
 """Way in _LOOK_S within which a rotor stands: it swings by that much, or less."""
 _LOOK_S: Final = 0.1
 _LOOKS: Final = 10
 """Instants at which it is looked at in this time: several in each swing, which take 0.2 s at most."""
 _SETTLING_MAX_S: Final = 10.0
+"""Longest wait for it: the homing tells whether the machine works again."""
 
 
 @dataclass(frozen=True, slots=True)
