@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from steptwin.emulator.bus import Bus
 from steptwin.emulator.driver_bank import AxisTrace
 from steptwin.emulator.driver_module import Coupler, Module
 from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.inputs import BoardInputs
 from steptwin.emulator.operations import (
     BoardTemperature,
     DriverProtect,
@@ -29,7 +31,7 @@ from steptwin.emulator.operations import (
     Supply,
 )
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.switches import Switch
+from steptwin.emulator.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
@@ -48,6 +50,8 @@ from tests.emulator.simulations import MS, STEP
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
+BY_DRIVERS_TICKS = 99 * PERIOD_MIN_COUNTS // TICK_COUNTS
+"""Ticks in which no driver counts a hundred steps."""
 
 Seen = list[tuple[int, list[DigitalInput]]]
 
@@ -277,6 +281,56 @@ class TestEdges:
             run(Simulation([board], Bus(1_000_000)), {0x10: records, 0x11: records}, 2_000)
             asked.append(len(calls))
         assert asked[0] == asked[1]
+
+
+class Rotors:
+    """A motion as inputs ask for it: of each rotor, its quiet ticks, None while it stands, and its pulses ahead."""
+
+    tick, starts = 100, 1
+
+    def __init__(self, quiet_ticks: Sequence[int | None], pulses: int = 0) -> None:
+        self._quiet_ticks = quiet_ticks
+        self._pulses = pulses
+
+    def running(self, rotor: int) -> bool:
+        return self._quiet_ticks[rotor] is not None
+
+    def quiet_ticks(self, rotor: int, steps: int) -> int:
+        assert steps >= 1
+        return self._quiet_ticks[rotor] or 0
+
+    def undrained_pulses(self, rotor: int) -> int:
+        return self._pulses * (rotor + 1)
+
+
+@on_sources_only
+@pytest.mark.parametrize(
+    ("quiet_ticks", "pulses", "read_in_ticks"),
+    [
+        ((90, 80, 70), 0, 70),  # the first of all that run
+        ((None, 80, 90), 0, 80),
+        ((90, None, None), 0, 90),
+        ((90, 0, 80), 0, BY_DRIVERS_TICKS),  # one may make a step at once, but no driver counts a hundred so soon
+        ((0, None, 90), 0, BY_DRIVERS_TICKS),
+        ((90, 80, BY_DRIVERS_TICKS - 1), 0, BY_DRIVERS_TICKS),
+        ((90, 80, BY_DRIVERS_TICKS + 1), 0, BY_DRIVERS_TICKS + 1),
+        ((90, 80, 70), 20, 70),
+        ((0, 0, 0), 32, 1),  # the third rotor has 96 pulses ahead: 4 steps are left, and 3 periods are less than a tick
+        ((90, 80, 70), 33, 70),
+        ((90, 80, 70), 34, 1),  # 102 pulses ahead: a switch may have changed
+    ],
+)
+def test_the_first_rotor_that_may_reach_a_switch_says_when_it_is_read_again(
+    quiet_ticks: tuple[int | None, ...], pulses: int, read_in_ticks: int
+) -> None:
+    """A way of three rotors with weights of 1, whose steps are a sixteenth: the switch is 300 of them away."""
+    switch = Switch(0, HOME, from_sixteenths=300)
+    way = Travel(tuple((rotor, WEIGHT_ONE) for rotor in range(3)))
+    inputs = BoardInputs([switch], [0, 0, 0], [way, Travel.of_rotor(1), Travel.of_rotor(2)])
+    motion: Any = Rotors(quiet_ticks, pulses)
+    assert inputs.due_tick(motion) == motion.tick
+    inputs.look(motion)
+    assert inputs.due_tick(motion) == motion.tick + read_in_ticks
 
 
 class BoardBench(BenchBoard):

@@ -1,7 +1,9 @@
 """Switches as data: where they are closed, and how far it is to the next change."""
 
+from itertools import count
+
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.emulator.switches import AxisSwitches, Switch
@@ -71,6 +73,31 @@ def test_an_axis_has_all_of_its_own() -> None:
     assert (axis.position_sixteenths, axis.levels, axis.sixteenths_to_change) == (7, HOME, 12)
     axis.move(23)
     assert (axis.levels, axis.sixteenths_to_change) == (POSITIVE, 1)
+
+
+@settings(max_examples=50)
+@given(st.lists(SWITCHES, min_size=1, max_size=3), st.integers(-60, 60), st.lists(st.integers(-40, 40), max_size=6))
+def test_the_distance_goes_with_the_axis(switches: list[Switch], position: int, moves: list[int]) -> None:
+    """After each move it is the way to the nearest position, on either side, at which a switch changes."""
+    axis = AxisSwitches(switches, position)
+    closed = [switch.closed_at(position, before=False) for switch in switches]
+
+    def at(place: int) -> list[bool]:
+        return [switch.closed_at(place, before=before) for switch, before in zip(switches, closed, strict=True)]
+
+    for move in (0, *moves):
+        position += move
+        after = at(position)
+        assert axis.move(move) == (after != closed)
+        closed = after
+        nearest = next(way for way in count(1) if not closed == at(position - way) == at(position + way))
+        assert axis.sixteenths_to_change == nearest
+
+
+def test_an_axis_without_switches_has_no_way_to_one() -> None:
+    axis = AxisSwitches([], 5)
+    assert not axis
+    assert (axis.move(3), axis.position_sixteenths, axis.sixteenths_to_change) == (False, 8, 0)
 
 
 @pytest.mark.parametrize(

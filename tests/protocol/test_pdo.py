@@ -1,7 +1,9 @@
 """PDOs: decoding and encoding by their mapping, transmission, and changes of their parameters (CiA 301, 7.5.2.36)."""
 
+import struct
+
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.protocol import od
@@ -49,6 +51,50 @@ def test_a_pvt_record_arrives_as_it_was_sent(displacement: int, velocity: int, d
         tuple(map(dictionary.get, (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS, od.PVT_SEQUENCE)))
         == record
     )
+
+
+ADDRESSES = {
+    "b": od.MODE_OF_OPERATION,
+    "B": od.PVT_SEQUENCE,
+    "h": 0x2002_01,
+    "H": od.CONTROLWORD,
+    "3": od.PVT_DISPLACEMENT,
+    "i": 0x607A_00,
+    "I": 0x1003_01,
+}
+"""An entry of each type, by its code in `struct`; "3" is INTEGER24."""
+RANGES = {"b": 8, "B": 8, "h": 16, "H": 16, "3": 24, "i": 32, "I": 32}
+
+
+def packed(code: str, value: int) -> bytes:
+    return struct.pack("<i", value)[:3] if code == "3" else struct.pack(f"<{code}", value)
+
+
+def values(code: str) -> st.SearchStrategy[int]:
+    """Any value of a type, and its ends more often."""
+    low = 0 if code.isupper() else -(1 << RANGES[code] - 1)
+    high = low + (1 << RANGES[code]) - 1
+    return st.sampled_from([low, -1 if low else high, high]) | st.integers(low, high)
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(["bhi", "BHI", "3HbB", "iI", "I3B", "h", "Hb", "B3I", "bBhH"]), st.data())
+def test_every_mapping_is_taken_apart_as_struct_packs_it(mapping: str, data: st.DataObject) -> None:
+    """Also where the frame is longer than the mapping."""
+    dictionary, pdos = process_data()
+    for number, code in enumerate(mapping, start=1):
+        word = ADDRESSES[code] << 8 | RANGES[code]
+        dictionary.set(od.address_of(od.RPDO_MAPPING[3], number), word)
+    dictionary.set(od.address_of(od.RPDO_MAPPING[3]), len(mapping))
+    pdos.invalidate()
+    pdos.refresh(0)
+    sent = [data.draw(values(code)) for code in mapping]
+    frame = b"".join(map(packed, mapping, sent))
+    spare = data.draw(st.binary(max_size=8 - len(frame)))
+    said = pdos.receive_pdos[3].receive(frame + spare)
+    assert said is (ErrorCode.PDO_TOO_LONG if spare else ErrorCode.NONE)
+    assert [dictionary.get(ADDRESSES[code]) for code in mapping] == sent
+    assert pdos.receive_pdos[3].refused == 0
 
 
 def test_default_cob_ids_follow_the_predefined_connection_set() -> None:

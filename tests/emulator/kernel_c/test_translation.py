@@ -1,6 +1,8 @@
 """The kernel in C: silent compilers, no undefined behaviour, and the arithmetic that C lacks."""
 
+import ast
 import ctypes
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from steptwin.controller.backend import Kernel
 from steptwin.emulator.cortex_m3.image import WARNINGS
 from steptwin.emulator.kernel_c.folder import kernel_files
 from steptwin.emulator.kernel_c.helpers import HELPERS
+from steptwin.emulator.kernel_c.source import kernel_source, width_of
 from steptwin.host.cli.app import run
 from tests.emulator.kernel_c import native_kernel
 
@@ -82,6 +85,32 @@ def test_the_files_say_what_the_kernel_says(folder: Path) -> None:
     assert "/* One call for each direction: the compiler inlines a version for each" in body  # a comment
     assert "| `st_axis` | 112 |" in (folder / "README.md").read_text()
     assert "{" not in (folder / "README.md").read_text()
+
+
+def test_every_constant_of_the_kernel_is_in_the_header(folder: Path) -> None:
+    """One that was not declared Final, say, would be left out."""
+    lines = (folder / "steptwin_kernel.h").read_text().splitlines()
+    defined = [found.group(1) for line in lines if (found := re.match(r"#define ST_(\w+) \S", line))]
+    assert sorted(defined) == sorted(kernel_source().constants)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "width"),
+    [
+        ("U17", "U17"),
+        ("Annotated[int, U17]", "U17"),
+        ("Final[Annotated[int, U17]]", "U17"),
+        ("Final[I40]", "I40"),
+        ("Final[Q30]", "Q30"),
+        ("Final", None),
+        ("Final[int]", None),
+        ("Final[tuple[int, Cells]]", None),
+        ("UNKNOWN", None),
+    ],
+)
+def test_a_width_is_found_in_an_annotation(annotation: str, width: str | None) -> None:
+    assert width_of(ast.parse(annotation, mode="eval").body) == width
+    assert width_of(None) is None
 
 
 @pytest.fixture(scope="module")
