@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from math import inf
+from math import inf, nextafter
 
 from scipy.optimize import brentq
 
@@ -32,7 +32,10 @@ def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Ro
     moving = _at_once({name: each.moving for name, each in ramps.items()})
     searching = {name: each.homing for name, each in ramps.items() if each.homing}
     homing = _at_once(searching) if searching else {}
-    joints = (_gentler(joint, moving[joint.name], homing.get(joint.name)) for joint in robot.joints)
+    joints = (
+        _gentler(joint, robot.coupling.joints_of(axis)[axis], moving[joint.name], homing.get(joint.name))
+        for axis, joint in enumerate(robot.joints)
+    )
     return replace(robot, joints=tuple(joints))
 
 
@@ -60,15 +63,15 @@ def _part_for(motor: str, ramps: Mapping[str, Ramp]) -> float:
     return 1.0 if beyond(1.0) <= 0.0 else float(brentq(beyond, 0.0, 1.0))
 
 
-def _gentler(joint: Joint, acceleration: float, homing_acceleration: float | None) -> Joint:
-    """Return a joint with an acceleration of its axis, and with one of its homing."""
+def _gentler(joint: Joint, element: float, acceleration: float, homing_acceleration: float | None) -> Joint:
+    """Return a joint with an acceleration of its axis, and with one of its homing, which moves the axis so, too.
+
+    A joint alone moves its axis by `element`.
+    """
     part = acceleration / (joint.axis_acceleration_max or joint.acceleration_max)
     acceleration_max, homing = part * joint.acceleration_max, joint.homing
+    axis_acceleration_max = joint.axis_acceleration_max and part * joint.axis_acceleration_max
     if homing is not None and homing_acceleration is not None:
-        homing = replace(homing, acceleration=min(homing_acceleration, acceleration_max))
-    return replace(
-        joint,
-        acceleration_max=acceleration_max,
-        axis_acceleration_max=joint.axis_acceleration_max and part * joint.axis_acceleration_max,
-        homing=homing,
-    )
+        by_axis = nextafter((axis_acceleration_max or acceleration_max) / element, 0.0) if element > 1.0 else inf
+        homing = replace(homing, acceleration=min(homing_acceleration, acceleration_max, by_axis))
+    return replace(joint, acceleration_max=acceleration_max, axis_acceleration_max=axis_acceleration_max, homing=homing)

@@ -9,10 +9,11 @@ from steptwin import load_robot
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.managed_ramps import with_managed_ramps
 from steptwin.host.twin.motors.ramps import JointRamps, ramps_of
-from tests.host.robots.coupled import coupled_robot
+from tests.host.robots.coupled import coupled_robot, coupled_text
 
 
 def with_payload(robot: Robot, payload_kg: float) -> Robot:
@@ -93,3 +94,13 @@ def test_a_coupled_axis_gets_a_lower_limit_of_its_own() -> None:
     assert 0.3 * known.managed < after.axis_acceleration_max < 0.7 * known.managed
     part = after.axis_acceleration_max / 50000.0
     assert after.acceleration_max == pytest.approx(robot.joint("th2").acceleration_max * part)
+
+
+@pytest.mark.parametrize("payload_kg", [0.6, 1.0])
+def test_a_homing_stays_within_the_lowered_limit_of_an_axis_that_its_joint_moves_twice_as_far(
+    payload_kg: float,
+) -> None:
+    text = coupled_text("th2 = { th1 = 1.0, th2 = 2.0 }").replace("acceleration = 720.0", "acceleration = 450.0")
+    after = with_managed_ramps(with_payload(parse_robot(text, "belt.toml"), payload_kg)).joint("th2")
+    assert after.acceleration_max < 900.0
+    assert homing_of(after) == pytest.approx(after.acceleration_max / 2.0, rel=1e-12)
