@@ -17,7 +17,7 @@ from steptwin.host.campaign.campaign import Campaign, JobMotion, MotionChoice, S
 from steptwin.host.campaign.workers import cluster, run_batch, run_on
 from steptwin.host.robots import load_robot
 
-ROUNDS: Final = 5
+_ROUNDS: Final = 5
 _RUNS_EACH: Final = 40
 """Runs that a worker or a process makes in a round: some seconds."""
 _ROBOT: Final = "warehouse-scara"
@@ -36,7 +36,7 @@ class WorkersFigure:
     processes: tuple[float, float]
 
 
-def measure(rounds: int = ROUNDS) -> WorkersFigure:
+def measure() -> WorkersFigure:
     """Make the same runs by one and two workers and processes, in turns, after a warm-up of each."""
     campaign = _drawer_pulls()
     with ExitStack() as stack:
@@ -54,7 +54,7 @@ def measure(rounds: int = ROUNDS) -> WorkersFigure:
         ways = [(make, count) for count in (1, 2) for make in (by_processes, by_workers)]
         for make, count in ways:
             make(count, 4)
-        seconds = [[_seconds(make, count) for make, count in ways] for _ in range(rounds)]
+        seconds = [[_seconds(make, count) for make, count in ways] for _ in range(_ROUNDS)]
     rates = [
         count * _RUNS_EACH / median(column) for (_, count), column in zip(ways, zip(*seconds, strict=True), strict=True)
     ]

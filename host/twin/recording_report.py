@@ -1,4 +1,4 @@
-"""The report of a machine whose plan nobody has told: of a live board, of a board under test, of a replay."""
+"""Report on a machine that moves without a known plan: a live board, a board under test, a replay."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

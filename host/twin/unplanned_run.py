@@ -1,4 +1,4 @@
-"""Keep, in memory, what a machine does whose plan nobody has told, and make the folder of a run of it.
+"""Keep, in memory, what a machine does without a known plan, and make the folder of a run of it.
 
 The folder is the one that a live board leaves (docs/run-folder.md): the plan is that of the records which the axes have
 received, and there is no verdict. It has a waveform besides.

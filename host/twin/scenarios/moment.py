@@ -19,7 +19,7 @@ class AxisMoment:
         deceleration: of a stop after a fault, in units/s^2.
         position_known: whether the firmware says that it knows the position.
         lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
-            only its change means anything. None if nobody asked.
+            only its change means anything. None if it was not read.
         board: number of the axis' board.
         boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
     """

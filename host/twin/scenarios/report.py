@@ -31,7 +31,7 @@ class JointAnswer:
         state: state of its drive.
         position_known: whether the firmware says that it knows the position.
         lost_steps: steps that the firmware has counted since the fault's beginning and the driver has not; None if the
-            board has restarted since, which nobody has counted over.
+            board has restarted since: its count begins again then.
     """
 
     state: State

@@ -167,7 +167,7 @@ def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointA
 
 
 def _lost_steps(joint: Joint, before: AxisMoment, after: AxisMoment) -> float | None:
-    """Return the steps that were lost between two instants; None if nobody knows."""
+    """Return the steps that were lost between two instants; None after a restart, or if a lag was not read."""
     if before.boot is not after.boot or before.lag_sixteenths is None or after.lag_sixteenths is None:
         return None
     return (after.lag_sixteenths - before.lag_sixteenths) * joint.transmission.microsteps / _SIXTEENTHS

@@ -209,7 +209,7 @@ def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: floa
 
 
 def test_a_rotor_that_slips_by_itself_is_no_step_that_the_verifier_has_missed(healthy: Performance) -> None:
-    """Not even after the motion, when nobody looks for slips; a step that its driver has lost besides is one."""
+    """Not even after the motion, when slips are no longer counted; a step that its driver has lost besides is one."""
     slipped = Claim("th1", known=True, off_steps=-64.0, slipped_steps=-64.0)
     claims_only = {"position": "th1: -64 steps off"}
     assert _details(_with_claims(healthy, slipped)) == claims_only
