@@ -5,9 +5,10 @@ BIN := $(VENV)/bin
 OUT := out/drawer-pull
 PANEL_OUT := out/panel
 COMPILED := out/compiled
+LOWEST := out/lowest
 CAMPAIGN_OUT := out/campaign
 
-.PHONY: campaign demo panel test test-live test-compiled wheel wheel-compiled check lint coverage bench docs panel-pictures clean
+.PHONY: campaign demo panel test test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -20,8 +21,8 @@ panel: $(VENV)/.installed-panel
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
 # Tests start some hundred processes: keep bytecode, even where the environment says not to, and a core for each.
-test test-live test-compiled coverage: export PYTHONDONTWRITEBYTECODE =
-test test-live test-compiled coverage: export OPENBLAS_NUM_THREADS = 1
+test test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
+test test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 # Tests that start processes, a browser or servers: they wait as long as they compute.
 LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
@@ -53,6 +54,22 @@ test-compiled: $(VENV)/.installed-dev
 	$(ON_WHEEL) -m pytest --import-mode importlib --numprocesses auto \
 		tests/protocol tests/controller tests/emulator tests/host/client
 	$(ON_WHEEL) -m tests.end_to_end.fingerprints
+
+# With the lowest versions that pyproject.toml allows: the drawer pull, and tests that meet each library.
+test-lowest: $(LOWEST)/.installed
+	$(LOWEST)/bin/steptwin run warehouse-scara drawer-pull --out $(LOWEST)/drawer-pull
+	$(LOWEST)/bin/python -m pytest --numprocesses 2 --dist worksteal \
+		tests/host/record/recorded_bus tests/host/record/animation tests/host/record/waveforms tests/host/studies/campaign/test_results.py \
+		tests/host/client/test_axis.py tests/host/client/test_bus_link.py tests/host/panel/page/test_guard.py \
+		tests/end_to_end/test_help.py tests/end_to_end/test_narrow_terminal.py
+
+$(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
+	rm -rf $(LOWEST)
+	$(PYTHON) -m venv $(LOWEST)
+	$(PYTHON) tests/lowest_versions.py > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt --editable \
+		'.[fast,plot,m3,mcap,campaign,panel]' hypothesis pytest pytest-xdist
+	@touch $@
 
 check: lint test test-live
 

@@ -18,25 +18,24 @@ from steptwin.bench import (
     compiled,
     cyclic,
     drawer_pull,
-    driver,
-    kernel,
+    driver_speed,
+    kernel_speed,
     kinematics,
-    live_motors,
-    live_tables,
-    panel_tables,
     rotors,
+    scaling,
     timing,
     waveforms,
     workers,
 )
-from steptwin.bench.loads import AXES
-from steptwin.bench.pulses import scaling
-from steptwin.bench.pulses.cortex_m3 import COLUMNS as CORE_COLUMNS
-from steptwin.bench.pulses.cortex_m3 import core_rows
-from steptwin.bench.pulses.motions import all_motions
-from steptwin.bench.pulses.table import COLUMNS, measured, table_rows
-from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.bench.live import live_tables, turning_motors
+from steptwin.bench.panel import panel_tables
+from steptwin.controller.motion.backend import KERNELS, Kernel
 from steptwin.host.cli.output import print_table
+from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
+from steptwin.host.studies.step_methods.cortex_m3 import core_rows
+from steptwin.host.studies.step_methods.loads import AXES
+from steptwin.host.studies.step_methods.motions import all_motions
+from steptwin.host.studies.step_methods.table import COLUMNS, measured, table_rows
 
 
 def main() -> None:
@@ -97,7 +96,7 @@ def _kernel_table(kernels: list[Kernel]) -> Table:
             f"{row.kernel}|{row.load}|{row.steps}|{row.steps_per_s / 1e6:.2f}|{row.memory_copy_ratio:.1f}|"
             f"{row.cached_copy_ratio:.1f}|{row.simulated_per_wall:.0f}"
             for chosen in kernels
-            for row in kernel.figures(chosen)
+            for row in kernel_speed.figures(chosen)
         ),
     )
 
@@ -148,8 +147,8 @@ def _workers_table() -> Table:
     )
 
 
-def _live_motors_table(pairs: int = live_motors.PAIRS) -> Table:
-    found = live_motors.measure(pairs)
+def _live_motors_table(pairs: int = turning_motors.PAIRS) -> Table:
+    found = turning_motors.measure(pairs)
     quantities = {
         "ticks_us_p50": "lateness of ticks, p50, us",
         "ticks_us_p99": "lateness of ticks, p99, us",
@@ -216,9 +215,9 @@ def _cyclic_table(chosen: Kernel) -> Table:
 
 def _driver_table() -> Table:
     return _table(
-        f"Drivers: CLK edges processed, {driver.PULSES} pulses at a time; ratio to copying them",
+        f"Drivers: CLK edges processed, {driver_speed.PULSES} pulses at a time; ratio to copying them",
         "driver|M edges/s|x numpy copy",
-        (f"{row.profile}|{row.edges_per_s / 1e6:.0f}|{row.copy_ratio:.1f}" for row in driver.figures()),
+        (f"{row.profile}|{row.edges_per_s / 1e6:.0f}|{row.copy_ratio:.1f}" for row in driver_speed.figures()),
     )
 
 

@@ -26,7 +26,7 @@ if not compiled:
 
 from steptwin.bench.compiled import compiled_here
 from steptwin.bench.drawer_pull import measure
-from steptwin.controller.backend import fastest_kernel
+from steptwin.controller.motion.backend import fastest_kernel
 
 assert compiled_here() is compiled
 figure = measure(fastest_kernel())

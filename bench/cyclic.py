@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.loads import MICROSTEPS, UNITS_PER_STEP
-from steptwin.bench.sdo import sdo_write
+from steptwin.bench.live.streamed_points import sdo_write
 from steptwin.bench.timing import PEAKS_HZ, SINE_HZ, errors_steps, steps_of
-from steptwin.controller.backend import Kernel
-from steptwin.controller.firmware import Firmware
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.motion import PinEdges
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.firmware import Firmware
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.studies.step_methods.loads import MICROSTEPS, UNITS_PER_STEP
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, Mode
 from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_SYNC, FIRST_NODE_ID, Frame

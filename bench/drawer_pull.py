@@ -9,8 +9,8 @@ import time
 from dataclasses import dataclass
 from statistics import median
 
-from steptwin.controller.backend import Kernel
-from steptwin.host.common.garbage import collect_seldom
+from steptwin.controller.motion.backend import Kernel
+from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.loads import TB6560_TIMING, ready, run, sine
-from steptwin.controller.backend import Kernel
-from steptwin.controller.motion import PinEdges
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.studies.step_methods.loads import TB6560_TIMING, ready, run, sine
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PEAKS_HZ = (300.0, 2_000.0, 14_000.0)

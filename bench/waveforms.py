@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from steptwin.bench.loads import AXES
 from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, Window
-from steptwin.host.record.waveforms.table import csv
-from steptwin.host.record.waveforms.vcd import vcd
+from steptwin.host.record.waveforms.vcd import csv, vcd
+from steptwin.host.studies.step_methods.loads import AXES
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 RATE_HZ = 14_000

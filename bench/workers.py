@@ -13,9 +13,9 @@ from multiprocessing import get_context
 from statistics import median
 from typing import Final
 
-from steptwin.host.campaign.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
-from steptwin.host.campaign.workers import cluster, run_batch, run_on
 from steptwin.host.robots import load_robot
+from steptwin.host.studies.campaign.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
+from steptwin.host.studies.campaign.workers import cluster, run_batch, run_on
 
 _ROUNDS: Final = 5
 _RUNS_EACH: Final = 40

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final, Protocol
 
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.can_controller import CanController, unheard
-from steptwin.emulator.operations import (
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_controller import CanController, unheard
+from steptwin.emulator.faults.operations import (
     Babble,
     BrownOut,
     BusOff,
@@ -26,8 +26,8 @@ from steptwin.emulator.operations import (
     StrangerSends,
     WatchdogReset,
 )
-from steptwin.emulator.rotor_watch import MotorWiring, RotorWatch
-from steptwin.emulator.shelf_watch import ShelfWatch, ShelfWiring
+from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
+from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
@@ -42,7 +42,7 @@ class Attendant(Protocol):
 
     @property
     def next_counts(self) -> int | None:
-        """Instant at which it must look even if nothing happens then; None while it waits only for events."""
+        """Instant when it must look even if nothing happens then; None while it waits only for events."""
         ...
 
     def attend(self, now_counts: int) -> None:
@@ -101,7 +101,7 @@ class Simulation:
         """The shelf beside the machine; None if there is none."""
         self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []
-        """Frames that the stranger has sent, with the instant at which each became valid."""
+        """Frames that the stranger has sent, with the instant when each became valid."""
         self.attendant: Attendant | None = None
         """Looks after each event; None: nobody does."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
@@ -162,12 +162,20 @@ class Simulation:
             self.schedule([Consequence(until_counts, PowerUp(), number)])
 
     def _babble(self, babble: Babble, number: int) -> None:
-        """Send a frame unless two wait, and again a period later."""
+        """Send a frame unless two wait, and again a period later; end what has begun if it is not to be sent."""
+        if not babble.count:
+            self._schedule.end_babble(babble.frame)
+            return
         if self._stranger.waiting < _BABBLE_AHEAD:
             self._stranger.send(babble.frame, self.now_counts)
         if babble.count > 1:
             next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
             self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
+
+    def repair_bus(self) -> None:
+        """End all scripted faults of the bus, and the stranger's babble, now."""
+        self.bus.end_faults(self.now_counts)
+        self._schedule.end_babble()
 
     @property
     def _stranger(self) -> CanController:

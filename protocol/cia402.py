@@ -125,7 +125,7 @@ class DigitalOutput(IntFlag):
 
 
 class AbortConnection(IntEnum):
-    """Reactions of a drive to the loss of its host: abort connection option code (6007h, CiA 402 table 41)."""
+    """Reactions of a drive to a lost connection: abort connection option code (6007h, CiA 402 table 41)."""
 
     NO_ACTION = 0
     FAULT_SIGNAL = 1
@@ -178,6 +178,8 @@ class ErrorCode(IntEnum):
     TEMPERATURE = 0x4310
     """Detail 0: the board is too hot; 1: the driver chip is, and has switched itself off."""
     PARAMETER = 0x6320
+    COMMUNICATION = 0x8100
+    """CiA 301's "communication, generic": the master has stopped or reset the node. The detail is the NmtCommand."""
     CAN_OVERRUN = 0x8110
     """CiA 301's "CAN overrun (objects lost)". The detail is an Overrun."""
     CAN_ERROR_PASSIVE = 0x8120
@@ -205,8 +207,13 @@ class ErrorCode(IntEnum):
 
     @property
     def communication(self) -> bool:
-        """True for errors of the bus, which end with their cause and not by a fault reset."""
+        """True for errors of the bus; most end with their cause and not by a fault reset."""
         return self >> 8 in (0x81, 0x82)
+
+    @property
+    def lost_connection(self) -> bool:
+        """True for errors of a lost connection, with which a drive goes into fault if its option code (6007h) is 1."""
+        return self in (ErrorCode.COMMUNICATION, ErrorCode.HEARTBEAT_LOST, ErrorCode.CAN_BUS_OFF_RECOVERED)
 
     @property
     def register(self) -> int:

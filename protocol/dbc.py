@@ -23,8 +23,7 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
-from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES, RPDO_DEFAULTS, TPDO_DEFAULTS
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 MASTER = "Master"

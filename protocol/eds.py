@@ -4,7 +4,7 @@ import configparser
 import io
 
 from steptwin.protocol import od
-from steptwin.protocol.entry import DictionaryObject, Entry, Mapping, ObjectCode
+from steptwin.protocol.entry import Access, DictionaryObject, Entry, Mapping, ObjectCode
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.objects import OBJECTS, PDO_COUNT
 
@@ -12,6 +12,7 @@ _MANDATORY = frozenset(address >> 8 for address in (od.DEVICE_TYPE, od.ERROR_REG
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
 _PDO_MAPPINGS = frozenset(od.RPDO_MAPPING + od.TPDO_MAPPING)
 _RATES_KBIT = (10, 20, 50, 125, 250, 500, 800, 1000)
+_OF_ONE_KIND = {Mapping.RECEIVE: "rww", Mapping.TRANSMIT: "rwr"}
 _FILE_DATE = {"Time": "12:00AM", "Date": "01-01-2026"}
 """A fixed date, so that the same table always gives the same bytes."""
 
@@ -113,7 +114,7 @@ def _entry(entry: Entry) -> dict[str, str]:
         default = f"0x{entry.default:X}"
     text = {
         "DataType": f"0x{entry.data_type:04X}",
-        "AccessType": entry.access.value,
+        "AccessType": _access(entry),
         "DefaultValue": f"$NODEID+{default}" if entry.plus_node_id else default,
         "PDOMapping": str(int(entry.mapping is not Mapping.NONE)),
     }
@@ -122,3 +123,9 @@ def _entry(entry: Entry) -> dict[str, str]:
     if entry.high is not None:
         text["HighLimit"] = str(entry.high)
     return text
+
+
+def _access(entry: Entry) -> str:
+    """Return the access to an entry; CiA 306 has words of its own for those that one kind of PDO only takes."""
+    access: str = entry.access.value
+    return _OF_ONE_KIND.get(entry.mapping, access) if entry.access is Access.READ_WRITE else access

@@ -59,7 +59,7 @@ class HeartbeatConsumer:
 
     @property
     def due_us(self) -> int | None:
-        """Instant at which the next producer counts as lost if it stays silent; None if none is awaited."""
+        """Instant when the next producer counts as lost if it stays silent; None if none is awaited."""
         due_us: int | None = None
         for watch in self._watches.values():
             deadline_us = watch.deadline_us

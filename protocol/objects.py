@@ -6,17 +6,62 @@ second squared; the PVT record has its own, finer velocity.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, AbortConnection, DigitalOutput, Mode
-from steptwin.protocol.datatypes import DataType
-from steptwin.protocol.entry import Access, DictionaryObject, Entry, EntryUnit, Mapping, ObjectCode
+from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
 from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
 from steptwin.protocol.nmt import ErrorBehaviour
-from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS, PdoDefault
+
+SYNCHRONOUS: Final = 1
+"""Transmission type: with every SYNC."""
+ANY_CHANGE: Final = 254
+"""Transmission type: when any mapped value changes, and by the event timer."""
+ASYNCHRONOUS: Final = 255
+"""Transmission type: when the drive announces the change of a mapped value, and by the event timer."""
+
+
+@dataclass(frozen=True, slots=True)
+class PdoDefault:
+    """One PDO after power-up.
+
+    Attributes:
+        transmission_type: of CiA 301, section 7.5.2.37.
+        mapping: addresses of the entries that it carries, in their order on the wire.
+        inhibit_100us: least time between two transmissions in 100 us.
+        event_timer_ms: a transmit PDO is sent at least this often; 0 for no timer.
+        enabled: False if its COB-ID is marked invalid.
+    """
+
+    transmission_type: int
+    mapping: tuple[int, ...]
+    inhibit_100us: int = 0
+    event_timer_ms: int = 0
+    enabled: bool = True
+
+
+RPDO_DEFAULTS: Final = (
+    PdoDefault(ASYNCHRONOUS, (od.CONTROLWORD, od.MODE_OF_OPERATION)),
+    PdoDefault(SYNCHRONOUS, (od.CONTROLWORD,)),
+    PdoDefault(SYNCHRONOUS, (od.TARGET_POSITION,)),
+    PdoDefault(ASYNCHRONOUS, (od.PVT_DISPLACEMENT, od.PVT_END_VELOCITY, od.PVT_DURATION_MS, od.PVT_SEQUENCE)),
+)
+TPDO_DEFAULTS: Final = (
+    PdoDefault(ASYNCHRONOUS, (od.STATUSWORD, od.MODE_OF_OPERATION_DISPLAY, od.POSITION_ACTUAL), 50, 100),
+    PdoDefault(SYNCHRONOUS, (od.POSITION_ACTUAL, od.VELOCITY_ACTUAL), enabled=False),
+    PdoDefault(
+        ASYNCHRONOUS,
+        (od.PVT_NEXT_SEQUENCE, od.PVT_FREE_RECORDS, od.PVT_FLAGS, od.PVT_EXECUTING_SEQUENCE, od.BOARD_CLOCK_US),
+        100,
+        100,
+    ),
+    PdoDefault(ASYNCHRONOUS, (od.DIGITAL_INPUTS, od.ERROR_CODE)),
+)
+
 
 I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
@@ -93,7 +138,7 @@ _ENTRIES = {
     od.VENDOR_ID: Entry("Vendor-ID", U32, CONST, 0),
     od.PRODUCT_CODE: Entry("Product code", U32, CONST, 0x6560),
     od.REVISION_NUMBER: Entry("Revision number", U32, CONST, 0x0001_0000),
-    od.SERIAL_NUMBER: Entry("Serial number", U32, CONST, 0),
+    od.SERIAL_NUMBER: Entry("Serial number", U32, CONST, 0, plus_node_id=True),
     od.SYNC_COUNTER_OVERFLOW: Entry("Synchronous counter overflow value", U8, RW, low=0, high=240),
     od.COMMUNICATION_ERROR_BEHAVIOUR: Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2),
     # --- this board
@@ -128,9 +173,14 @@ _ENTRIES = {
     od.DELAYED_STEPS: Entry("Delayed steps", U32, RO, unit=STEPS),
     od.FRAMES_LOST: Entry("Frames lost because the bus was too busy", U32, RO),
     od.EMCYS_LOST: Entry("Emergencies lost because of the inhibit time EMCY", U32, RO),
-    od.CHARGE_TOKEN: Entry("Token: claims the axis for a program; 0: none is in charge", U32, RW, low=1),
+    od.RPDO_VALUES_REFUSED: Entry("Values of RPDOs refused", U32, RO),
+    od.RPDO_LAST_REFUSED: Entry("Entry of the last of them, as a mapping names it", U32, RO),
+    od.CHARGE_TOKEN: Entry("Token: claims the axis for a program; 0: none is in charge", U32, RW),
     od.CHARGE_RELEASE: Entry("Release: takes the token of the program in charge", U32, WO),
-    od.EMERGENCY_STOP: Entry("Emergency stop: 1 stops the axis until the fault reset", U8, RW, 0, 1, 1),
+    od.EMERGENCY_STOP: Entry("Emergency stop: 1 stops the axis until the fault reset", U8, RW, 0, 0, 1),
+    od.FAULT_NUMBER: Entry("Number of the last fault or emergency stop since power-up; 0: none", U32, RO),
+    od.FAULT_AGE_MS: Entry("Age of the last fault or emergency stop in {unit}", U32, RO, unit=MS),
+    od.FAULT_RESET: Entry("Fault reset: the number of the fault or emergency stop that it answers", U32, WO),
     od.ROBOT_NAME: Entry("Name of the robot that this axis belongs to", STRING, RW, ""),
     od.ROBOT_NAME_CRC: Entry("CRC-32 of the name", U32, RO),
     od.HOMING_TIMEOUT_MS: Entry("Timeout in {unit}; 0: none", U32, RW, 120_000, unit=MS),
@@ -248,6 +298,7 @@ _NAMES = {
         od.PVT_ACCEPTED: "PVT counters",
         od.FRAMES_LOST: "Transmission counters",
         od.CHARGE_TOKEN: "Program in charge",
+        od.FAULT_NUMBER: "Faults and emergency stops",
         od.ROBOT_NAME: "Robot",
         od.HOMING_TIMEOUT_MS: "Homing",
         od.ROTOR_POSITION_STEPS: "Emulator only: what the driver has made of the pulses since power-up",

@@ -1,8 +1,9 @@
 """Send and receive process data: mappings, transmission types, inhibit times, event timers (CiA 301, section 7.2.2).
 
 A transmit PDO of type 1 to 240 is sent with every n-th SYNC, one of type 0 with the first SYNC after its values have
-changed, one of type 254 or 255 when a value changes and by its event timer. A receive PDO of type 0 to 240 takes effect
-with the next SYNC.
+changed, one of type 254 or 255 by its event timer and when a value changes: of type 254 any mapped value, of type 255
+one whose changes the drive announces (`ANNOUNCED`) or, if none of these is mapped, any. Values whose changes are not
+announced, such as positions, are sampled. A receive PDO of type 0 to 240 takes effect with the next SYNC.
 
 PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
 decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
@@ -13,15 +14,19 @@ from typing import Final, NamedTuple
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.cob_id import check_cob_id
-from steptwin.protocol.dictionary import ObjectDictionary, Reader, Writer
+from steptwin.protocol.dictionary import ObjectDictionary, Reader, Writer, check_cob_id
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import PDO_COUNT, PDO_ENTRIES_MAX
+from steptwin.protocol.objects import ANY_CHANGE, PDO_COUNT, PDO_ENTRIES_MAX
 from steptwin.protocol.od import address_of
 
 _LAST_SYNCHRONOUS: Final = 240
-_FIRST_EVENT_DRIVEN: Final = 254
+ANNOUNCED: Final = frozenset(
+    (od.STATUSWORD, od.MODE_OF_OPERATION_DISPLAY, od.DIGITAL_INPUTS, od.ERROR_CODE, od.PVT_FLAGS)
+)
+"""Entries whose changes the firmware tells `ProcessData.changed`."""
+SAMPLE_US: Final = 1000
+"""Time between two looks at values whose changes are not announced; the inhibit time may make it longer."""
 _INHIBIT_UNIT_US: Final = 100
 _MS_US: Final = 1000
 _integer: Final = int.from_bytes  # to look it up costs time, for every frame
@@ -52,10 +57,12 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
 class _Target:
     """A mapped entry that a receive PDO writes, and how many bits it takes of the PDO's integer."""
 
-    __slots__ = ("bits", "mask", "sign_bit", "writer")
+    __slots__ = ("bits", "mapping", "mask", "sign_bit", "writer")
 
     def __init__(self, writer: Writer, field: _Field) -> None:
         self.writer = writer
+        self.mapping = field.address << 8 | field.mask.bit_length()
+        """Index, sub-index and bits, as a mapping entry has them."""
         self.bits = field.mask.bit_length()
         self.mask = field.mask
         self.sign_bit = field.sign_bit
@@ -84,8 +91,8 @@ class ReceivePdo:
         fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
         self._targets = [_Target(dictionary.writer(field.address), field) for field in fields]
         self._latched: bytes | None = None
-        self.refused = 0
-        """Number of mapped values that the dictionary has refused."""
+        self._refused = dictionary.counter(od.RPDO_VALUES_REFUSED)
+        self._last_refused = dictionary.cell(od.RPDO_LAST_REFUSED)
 
     def receive(self, data: bytes) -> ErrorCode:
         """Take a frame: apply it now, or latch it for the next SYNC; return the error in its length, or NONE."""
@@ -111,7 +118,8 @@ class ReceivePdo:
             try:
                 target.writer.put((value ^ target.sign_bit) - target.sign_bit)
             except SdoAbortError:
-                self.refused += 1
+                self._refused.add_one()
+                self._last_refused.value = target.mapping
 
 
 class TransmitPdo:
@@ -128,6 +136,11 @@ class TransmitPdo:
         fields, self._length = _fields(dictionary, od.TPDO_MAPPING[number])
         self._sources = [_Source(dictionary.reader(field.address), field) for field in fields]
         self.addresses = frozenset(field.address for field in fields)
+        self.event_driven = self.transmission_type >= ANY_CHANGE
+        """True if the PDO is sent when a mapped value changes."""
+        announced = self.transmission_type > ANY_CHANGE and self.addresses & ANNOUNCED
+        self._sampled = self.event_driven and bool(fields) and not announced
+        self._sample_due_us = now_us
         self._wanted = False
         self._sent: bytes | None = None
         self._syncs = 0
@@ -138,11 +151,6 @@ class TransmitPdo:
         )
         self._not_before_us = now_us
         self._timer_us = now_us + self._event_timer_us
-
-    @property
-    def event_driven(self) -> bool:
-        """True if the PDO is sent when a mapped value changes."""
-        return self.transmission_type >= _FIRST_EVENT_DRIVEN
 
     def trigger(self) -> None:
         """Send as soon as the inhibit time allows, because a mapped value has changed."""
@@ -169,22 +177,32 @@ class TransmitPdo:
 
     @property
     def due_us(self) -> int | None:
-        """Instant at which `poll` next returns a frame; None if only an event or a SYNC can cause one."""
+        """Instant when `poll` has work to do; None if only an event or a SYNC can cause it."""
         if not self.event_driven:
             return None
         if self._wanted:
             return self._not_before_us
-        return max(self._timer_us, self._not_before_us) if self._event_timer_us else None
+        due_us = self._timer_us if self._event_timer_us else None
+        if self._sampled and (due_us is None or self._sample_due_us < due_us):
+            due_us = self._sample_due_us
+        return None if due_us is None else max(due_us, self._not_before_us)
 
     def poll(self, now_us: int) -> Frame | None:
-        """Return the frame if it is due, else None."""
+        """Return the frame if it is due, else None: its time has not come, or a sample shows no change."""
         due_us = self.due_us
         if due_us is None or now_us < due_us:
             return None
+        frame = self._frame()
+        if self._sampled:
+            self._sample_due_us = now_us + SAMPLE_US
+            timed_out = self._event_timer_us and self._timer_us <= now_us
+            if not (self._wanted or timed_out) and frame.data == self._sent:
+                return None
+            self._sent = frame.data
         self._wanted = False
         self._not_before_us = now_us + self._inhibit_us
         self._timer_us = now_us + self._event_timer_us
-        return self._frame()
+        return frame
 
     def _frame(self) -> Frame:
         bits = 0
@@ -251,7 +269,7 @@ class ProcessData:
     def _write_transmission_type(self, value: int) -> None:
         """Refuse types 241 to 251, which are reserved, and 252 and 253, which need remote frames."""
         self._write_parameter()
-        if _LAST_SYNCHRONOUS < value < _FIRST_EVENT_DRIVEN:
+        if _LAST_SYNCHRONOUS < value < ANY_CHANGE:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     def _write_while_invalid(self, communication: int) -> None:

@@ -11,9 +11,8 @@ from typing import TypeVar
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.datatypes import DataType
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
-from steptwin.protocol.entry import Access, Entry, Mapping
+from steptwin.protocol.entry import Access, DataType, Entry, Mapping
 from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
 _Value = TypeVar("_Value", int, str)

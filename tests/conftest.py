@@ -1,6 +1,7 @@
 """Fixtures that every test may use."""
 
 import gc
+import signal
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
@@ -11,7 +12,7 @@ from typing import Any, Final
 import pytest
 from hypothesis import settings
 
-from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import workspace
 from steptwin.host.robots.robot import Robot
@@ -25,6 +26,9 @@ __all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
 YOUNG_OBJECTS: Final = 200_000
 """Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""
 TESTS: Final = Path(__file__).resolve().parent
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: programs would never be interrupted
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # No timing is asserted in a test, not even by the framework; and every run draws the same examples, so that a change
 # is judged by what it changed. `pytest --hypothesis-profile=explore` draws new ones.

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-CONTROLLER = sorted((ROOT / "controller").glob("*.py"))
+CONTROLLER = sorted((ROOT / "controller").rglob("*.py"))
 
 
 def faults(tree: ast.AST) -> Iterator[str]:

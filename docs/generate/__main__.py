@@ -1,20 +1,20 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
-from docs.generate.calibration_picture import write_calibration_picture
 from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
-from docs.generate.driver import DRIVER_PAGE, render_driver
-from docs.generate.driver_pictures import write_driver_pictures
+from docs.generate.driver_page import DRIVER_PAGE, render_driver, write_driver_pictures
 from docs.generate.faults import FAULTS_PAGE, render_faults
-from docs.generate.page import PAGE, render_page
 from docs.generate.papers import write_papers
-from docs.generate.pictures import write_pictures
+from docs.generate.pictures import (
+    write_calibration_picture,
+    write_pictures,
+    write_warehouse_picture,
+    write_waveform_pictures,
+)
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
-from docs.generate.robot_drawings import write_robot_drawings
-from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
-from docs.generate.warehouse_picture import write_warehouse_picture
-from docs.generate.waveform_pictures import write_waveform_pictures
-from steptwin.controller.backend import fastest_kernel
-from steptwin.host.papers.runs import Runs
+from docs.generate.robot_drawings import ROBOT_FILES_PAGE, render_robot_files, write_robot_drawings
+from docs.generate.robots_page import PAGE, render_page
+from steptwin.controller.motion.backend import fastest_kernel
+from steptwin.host.studies.papers.runs import Runs
 
 
 def main() -> None:

@@ -2,12 +2,25 @@
 
 import re
 import shlex
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from io import StringIO
+from pathlib import Path
 from typing import Final
 
 from steptwin.host.cli.app import run
-from steptwin.host.papers.markdown import code
+from steptwin.host.studies.papers.paper_page import code
+
+DOCS: Final = Path(__file__).resolve().parents[1]
+
+_DIRECTIVE: Final = re.compile(r"^<!-- generate: (\S+)(?: (.*))? -->$", re.MULTILINE)
+
+
+def filled(piece: Path, generators: Mapping[str, Callable[[str], str]]) -> str:
+    """Return a piece with every directive replaced by its generator's text; raise KeyError for an unknown name."""
+    text = piece.read_text(encoding="utf-8")
+    return _DIRECTIVE.sub(lambda directive: generators[directive[1]](directive[2] or ""), text).strip()
+
 
 _STYLE: Final = re.compile(r"\x1b\[[0-9;]*m")
 """Terminal colours and bold type, which the environment may force even without a terminal."""

@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from docs.generate.pieces import DOCS, filled
+from docs.generate.commands import DOCS, filled
 from steptwin.host.common.requests import FORMS, INJECTED
-from steptwin.host.papers.markdown import table
+from steptwin.host.studies.papers.paper_page import table
 
 CONTROL_PORT_PAGE: Final = DOCS / "control-port.md"
 

@@ -3,13 +3,12 @@
 from math import isinf
 from typing import Final
 
-from docs.generate.commands import session
-from docs.generate.pieces import DOCS, filled
-from docs.generate.runs import ROBOTS
+from docs.generate.commands import DOCS, filled, session
+from docs.generate.tables import ROBOTS
 from steptwin.host.common.control import Do
 from steptwin.host.common.requests import FORMS
-from steptwin.host.papers.markdown import table
 from steptwin.host.robots import load_robot
+from steptwin.host.studies.papers.paper_page import table
 from steptwin.host.twin.scenarios.reaction import Motion, Reaction
 from steptwin.host.twin.scenarios.reactions import DOCUMENTED
 from steptwin.host.twin.scenarios.standstill import longest_ramp_ms

@@ -25,7 +25,8 @@ def main() -> None:
     with TemporaryDirectory() as folder, panel_of("lab-scara", Path(folder)) as url, open_browser(_SIZE) as browser:
         browser.open(url)
         browser.click("Home all")
-        browser.at_rest(60.0)
+        browser.at_rest()
+        browser.click("Clear trace")  # of the homing
         for name in ("Jog", "Move", "Run", "Outputs", "Settings", "Hardware"):
             browser.tab(name)
             _picture(browser, name.lower())

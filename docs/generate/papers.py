@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from docs.generate.pieces import DOCS
-from steptwin.host.papers import PAPERS, evaluated
-from steptwin.host.papers.drawing import draw_pictures
-from steptwin.host.papers.page import page_name, render_page
-from steptwin.host.papers.runs import Runs
-from steptwin.host.papers.writing import write_page
+from docs.generate.commands import DOCS
+from steptwin.host.studies.papers import PAPERS, evaluated
+from steptwin.host.studies.papers.drawing import draw_pictures
+from steptwin.host.studies.papers.paper_folder import write_page
+from steptwin.host.studies.papers.paper_page import page_name, render_page
+from steptwin.host.studies.papers.runs import Runs
 
 PAPERS_FOLDER: Final = DOCS / "papers"
 

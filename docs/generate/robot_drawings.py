@@ -11,9 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
+from docs.generate.commands import DOCS, filled
 from docs.generate.pictures import write_picture
-from docs.generate.pieces import DOCS
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.base import dimensions, meaning
+from steptwin.host.robots.kinematics.kinds import KINDS
+from steptwin.host.robots.new_file import usual_dimensions, usual_joints
+from steptwin.host.studies.papers.paper_page import table
 
 _LINK: Final[dict[str, Any]] = {"color": "#3b4a5a", "linewidth": 7, "solid_capstyle": "round", "zorder": 2}
 _DIMENSION: Final = "#c2410c"
@@ -270,3 +274,39 @@ _DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
     ),
     "hybrid-arm": _hybrid,
 }  # fmt: skip
+
+
+ROBOT_FILES_PAGE: Final = DOCS / "robot-files.md"
+
+_NOTICE: Final = (
+    "<!-- Made by `make docs` from docs/robot-files/robot-files.md and the kinds' dimensions: change those. -->"
+)
+
+
+def render_robot_files() -> str:
+    """Return the whole page; it ends with a newline."""
+    page = filled(DOCS / "robot-files" / "robot-files.md", {"kinds": lambda _: "\n\n".join(map(_kind, KINDS))})
+    return f"{_NOTICE}\n\n{page}\n"
+
+
+def _kind(name: str) -> str:
+    kind = KINDS[name]
+    joints = " ".join(joint.name for joint in usual_joints(name, usual_dimensions(name)))
+    rows = [
+        [f"`{key}`", meaning(field), _text(field.metadata["usual"])] for key, field in dimensions(kind.geometry).items()
+    ]
+    picture = drawing(name).relative_to(DOCS)
+    return "\n\n".join(
+        [
+            f"### `{name}`",
+            f"{kind.summary[0].upper()}{kind.summary[1:]}. Joints: `{joints}`.",
+            f"![Dimensions and joints of {name}]({picture})",
+            table(["key", "meaning", "in a new file"], rows, text_columns=3),
+        ]
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "`true`" if value else "`false`"
+    return f"`{value:g}`" if isinstance(value, float) else f'`"{value}"`'

@@ -1,12 +1,57 @@
 """Make the tables of a robot: dimensions, DH parameters, joints, board, outputs, places, options of jobs."""
 
-from docs.generate.robot_file import Section, read_robot_file
-from docs.generate.runs import ROBOTS
-from steptwin.host.papers.markdown import table
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Final
+
 from steptwin.host.planning.jobs import job_options
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
+from steptwin.host.studies.papers.paper_page import table
+
+ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
+"""The robots, in the order of the page."""
+
+
+_SECTION: Final = re.compile(r"\[([\w.-]+)\](?:\s*#\s*(.*))?")
+_ENTRY: Final = re.compile(r"(\w+)\s*=\s*(.*?)(?:\s+#\s*(?:(\[[SDA]\])\s*)?(.*))?")
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenValue:
+    """A value as written, without quotes; its mark `[S]`, `[D]` or `[A]` and its note, either of which may be empty."""
+
+    value: str
+    mark: str
+    note: str
+
+    def __str__(self) -> str:
+        marked = " ".join(filter(None, (self.value, self.mark)))
+        return f"{marked} {self.note}" if self.note else marked
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A table of the file: the comment after its name, and its entries."""
+
+    comment: str
+    entries: dict[str, WrittenValue]
+
+
+def read_robot_file(robot: str) -> dict[str, Section]:
+    """Read a robot of the collection; return its sections by name, as in `joints.th1`, in the file's order."""
+    sections = {"": Section("", {})}
+    last = ""
+    for line in (files("steptwin.host.robots") / f"{robot}.toml").read_text(encoding="utf-8").splitlines():
+        if header := _SECTION.fullmatch(line):
+            last = header[1]
+            sections[last] = Section(header[2] or "", {})
+        elif entry := _ENTRY.fullmatch(line):
+            sections[last].entries[entry[1]] = WrittenValue(entry[2].strip('"'), entry[3] or "", entry[4] or "")
+    return sections
+
 
 _DH_COLUMNS = {
     Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),

@@ -52,7 +52,7 @@ class Block:
     end: int
 
 
-class Listing:
+class Disassembly:
     """The cycles of every instruction of an image, from its disassembly."""
 
     def __init__(self, disassembly: str) -> None:

@@ -7,12 +7,12 @@ from typing import Any, Final
 import numpy as np
 from unicorn import UC_HOOK_BLOCK
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.core import STACK_TOP, Core
-from steptwin.emulator.cortex_m3.cycles import REFILL, WAIT_STATES, Block, Ends, Listing
+from steptwin.emulator.cortex_m3.core_kernel import CoreKernel
+from steptwin.emulator.cortex_m3.cycles import REFILL, WAIT_STATES, Block, Disassembly, Ends
 from steptwin.emulator.cortex_m3.image import Image
-from steptwin.emulator.cortex_m3.kernel import CoreKernel
 from steptwin.emulator.cortex_m3.layout import Cells
 
 EDGES_A_TICK: Final = 64
@@ -21,11 +21,11 @@ _PAINT: Final = b"\xa5"
 _STACK_BYTES: Final = 0x800
 
 
-class Counter:
+class ExecutionCounter:
     """Counts what a core executes, by a hook on its blocks."""
 
     def __init__(self, core: Core) -> None:
-        self._listing = Listing(core.image.listing)
+        self._listing = Disassembly(core.image.listing)
         self._blocks: dict[tuple[int, int], Block] = {}
         self._core = core
         self._end = 0
@@ -147,7 +147,7 @@ def meter(image: Image, start: Storage, window: range, ticks_a_call: int, *, hal
     With `halting`, all axes ramp down to a halt in the first half of the window and up to full rate in the second.
     """
     kernel = CoreKernel(image)
-    counter = Counter(kernel.core)
+    counter = ExecutionCounter(kernel.core)
     counter.paint_stack()
     axes, queue, group = (cells.copy() for cells in (start.axes, start.queue, start.group))
     before = np.zeros_like(axes)

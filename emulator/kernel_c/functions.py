@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from functools import cache, cached_property
 from typing import Final
 
-from steptwin.emulator.kernel_c.expressions import BOOL, Expressions, Scope, TranslationError, Value
+from steptwin.emulator.kernel_c.expressions import BOOL, CValue, Expressions, Scope, TranslationError
 from steptwin.emulator.kernel_c.ranges import Range, promised
 from steptwin.emulator.kernel_c.source import PUBLIC, RECORD_OF, Source, width_of
 
@@ -132,9 +132,9 @@ class Function:
         storage = {a.arg: ast.unparse(a.annotation) for a in parameters if a.annotation and not width_of(a.annotation)}
         self._scope = Scope(storage, {})
         for name, known in {**self._promises, **inferred}.items():
-            self._scope.variables[name] = Value(name, known, f"int{known.bits}_t", simple=True)
+            self._scope.variables[name] = CValue(name, known, f"int{known.bits}_t", simple=True)
         for name in self._booleans:
-            self._scope.variables[name] = Value(name, Range(0, 1), BOOL, simple=True)
+            self._scope.variables[name] = CValue(name, Range(0, 1), BOOL, simple=True)
         self._expressions = Expressions(self._source, self._scope, self._helpers)
         self._declared = {argument.arg for argument in parameters}
         yield from self._block(self._node.body[1:], "    ")  # without the docstring
@@ -236,7 +236,7 @@ class Function:
         found = self._expressions.value(value, promise)
         if promise is None and name not in self._booleans:
             self._inferred[name] = found.range.union(self._inferred.get(name, found.range))
-            self._scope.variables.setdefault(name, Value(name, found.range, f"int{found.range.bits}_t", simple=True))
+            self._scope.variables.setdefault(name, CValue(name, found.range, f"int{found.range.bits}_t", simple=True))
         kind = self._variable_type(name)
         declared = "" if name in self._declared else f"{kind} "
         self._declared.add(name)
@@ -274,10 +274,10 @@ class Function:
 
     def _for(self, node: ast.For, name: str, bounds: list[ast.expr], indent: str) -> Iterator[str]:
         values = [self._expressions.value(bound) for bound in bounds]
-        first, last = (Value("0", Range(0, 0), "int32_t"), values[0]) if len(values) == 1 else values[:2]
+        first, last = (CValue("0", Range(0, 0), "int32_t"), values[0]) if len(values) == 1 else values[:2]
         step = f"{name}++" if len(values) < 3 else f"{name} += {values[2].text}"
         covered = first.range.union(Range(last.range.low, last.range.high - 1))
-        self._scope.variables[name] = Value(name, covered, f"int{covered.bits}_t", simple=True)
+        self._scope.variables[name] = CValue(name, covered, f"int{covered.bits}_t", simple=True)
         kind = f"int{covered.bits}_t"
         yield f"{indent}for ({kind} {name} = {first.text}; {name} < {last.operand}; {step}) {{"
         yield from self._scoped(node.body, indent)

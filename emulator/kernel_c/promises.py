@@ -7,7 +7,7 @@ from importlib.util import module_from_spec
 from types import CodeType, ModuleType
 from typing import Any, Final
 
-from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.controller.motion.backend import Kernel, python_kernel
 from steptwin.emulator.kernel_c.ranges import promised
 from steptwin.emulator.kernel_c.source import PATH, kernel_source, width_of
 

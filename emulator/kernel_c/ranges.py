@@ -41,7 +41,7 @@ class Range:
 
 
 def promised(width: str) -> Range:
-    """Return what a name of `controller/widths.py` promises: U<n>, I<n> or Q<n>; raise ValueError for another name."""
+    """Return what a name of `controller.motion.widths` promises: U<n>, I<n> or Q<n>; raise ValueError for others."""
     kind, bits = width[:1], width[1:]
     if kind not in {"U", "I", "Q"} or not bits.isdigit():
         raise ValueError(f"{width} is no width: U<n>, I<n> or Q<n>")

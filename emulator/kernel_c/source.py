@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from steptwin.controller import kernel
+from steptwin.controller.motion import kernel
 from steptwin.emulator.kernel_c.ranges import Range, promised
 
 PATH: Final = Path(kernel.__file__)

@@ -1,11 +1,11 @@
-"""The command line `steptwin`: one file a command; a command imports heavy modules only when it runs."""
+"""The command line `steptwin`: a room for each group of `--help`; a command imports heavy modules only when it runs."""
 
 from importlib import import_module
 
-from steptwin.host.cli.app import COMMANDS, main
+from steptwin.host.cli.app import GROUPS, main
 
 __all__ = ["main"]
 
-for _names in COMMANDS.values():
-    for _name in _names:
-        import_module(f"{__name__}.{_name.replace('-', '_')}")  # adds the command
+for _group in GROUPS:
+    for _name in _group.commands:
+        import_module(f"{__name__}.{_group.room}.{_name.replace('-', '_')}")  # adds the command

@@ -5,17 +5,18 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from io import TextIOWrapper
-from typing import Annotated, Final, TypeVar
+from typing import Annotated, Final, NamedTuple, TypeVar
 
 import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 from steptwin import __version__
-from steptwin.host.cli.help_page import VALUES_ALONE, Command, Commands, paragraphs
+from steptwin.host.cli.help_page import VALUES_ALONE, CliCommand, Commands, paragraphs
+from steptwin.host.cli.option_groups import with_groups
 from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
-from steptwin.host.common.garbage import collect_seldom
+from steptwin.host.common.processes import collect_seldom
 
 app = typer.Typer(
     name="steptwin",
@@ -26,16 +27,36 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-COMMANDS: Final = {
-    "Robots and maths": ("robots", "jobs", "fk", "ik", "workspace", "paper", "sensitivity", "measure", "calibrate"),
-    "Run and verify": ("new", "check", "run", "verify", "campaign", "bench"),
-    "Live board": (
-        *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
-        *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
+
+class Group(NamedTuple):
+    """A group of commands in `steptwin --help`, in its order; each is a module in a room of this package."""
+
+    title: str
+    room: str
+    commands: tuple[str, ...]
+
+
+GROUPS: Final = (
+    Group(
+        "Robots and maths",
+        "robots",
+        ("robots", "jobs", "fk", "ik", "workspace", "paper", "sensitivity", "measure", "calibrate"),
     ),
-    "Files and tools": ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel-c"),
-}
-"""Each command, under its group and in the order of `steptwin --help`. Each is a module of this package."""
+    Group("Run and verify", "run", ("new", "check", "run", "verify", "campaign", "bench")),
+    Group(
+        "Live board",
+        "live",
+        (
+            *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
+            *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
+        ),
+    ),
+    Group(
+        "Files and tools",
+        "files",
+        ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel-c"),
+    ),
+)
 
 EXAMPLES: Final[dict[str, list[str]]] = {}
 """The two examples in each command's help."""
@@ -59,13 +80,14 @@ def command(
         VALUES_ALONE[name] = alone or {}
         EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
         register = app.command(
-            cls=Command,
-            rich_help_panel=next(group for group, names in COMMANDS.items() if name in names),
+            cls=CliCommand,
+            rich_help_panel=next(group.title for group in GROUPS if name in group.commands),
             help=paragraphs(function.__doc__ or ""),
             epilog="\n".join(["Examples:", *EXAMPLES[name]]),
             context_settings={"ignore_unknown_options": negatives},
         )
-        return register(function)
+        register(with_groups(function))
+        return function
 
     return add
 

@@ -1,19 +1,48 @@
 """Arguments and options that several commands share, and the reading of their texts."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.option_names import naming_options
 from steptwin.host.cli.output import warn
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.errors import InputError
+from steptwin.host.common.errors import InputError, StepTwinError
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.programs.positions import Position
     from steptwin.host.robots.robot import Robot
+
+
+@contextmanager
+def naming_options(*parameters: str, **options: str) -> Iterator[None]:
+    """Replace parameters by options in every error from inside, as `with_options` does."""
+    try:
+        yield
+    except StepTwinError as error:
+        raise type(error)(with_options(str(error), *parameters, **options)) from error
+
+
+def with_options(message: str, *parameters: str, **options: str) -> str:
+    """Replace parameters by options in a message: `port=80` becomes `--port 80`.
+
+    Args:
+        message: the message.
+        parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
+        options: the option of each other parameter.
+    """
+    names = {name: f"--{name.replace('_', '-')}" for name in parameters} | options
+    named = re.compile(rf"\b({'|'.join(names)})=(True\b)?")
+
+    def option(found: re.Match[str]) -> str:
+        return names[found[1]] + ("" if found[2] else " ")
+
+    return named.sub(option, message)
+
 
 RobotName = Annotated[
     str | None,
@@ -148,16 +177,40 @@ def check_percent(percent: float, option: str) -> None:
         raise InputError(f"{option} {percent:g}: is {part}; the least is 1")
 
 
-def out_folder(out: str | None) -> Path | None:
+Replace = Annotated[bool, typer.Option("--replace", help="Replace files that exist.")]
+
+
+def keep_files(paths: Iterable[Path], *, replace: bool) -> None:
+    """Raise InputError, with a free name, if a command would replace a file unasked; call it before the work.
+
+    A pipe or a device holds nothing that could be lost.
+    """
+    for path in paths:
+        if path.is_file() and not replace:
+            raise InputError(f"{path}: exists: take another name, or --replace")
+
+
+def out_folder(out: str | None, files: Iterable[str] = ()) -> Path | None:
     """Make the folder of --out before anything runs; return None without the option.
 
     Raises:
-        InputError: the folder cannot be made or written to.
+        InputError: the folder cannot be made or written to, or a folder is in the way of one of the files.
     """
     from steptwin.host.record.folder import prepare_folder
 
     with naming_options("out"):
-        return None if out is None else prepare_folder(out)
+        return None if out is None else prepare_folder(out, files)
+
+
+def run_folder(out: str | None) -> Path | None:
+    """Make the folder of --out for the files of a run, as `out_folder`; it must hold no live board's recording."""
+    from steptwin.host.record.folder import keep_recording, run_files
+
+    if out is None:
+        return None
+    with naming_options("out"):
+        keep_recording(out)
+    return out_folder(out, run_files())
 
 
 def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[str]:
@@ -188,3 +241,30 @@ def name_value_pairs(texts: list[str]) -> dict[str, str]:
             raise InputError(f"{key} is given twice: {pairs[key]} and {given}")
         pairs[key] = given
     return pairs
+
+
+PositionsFile = Annotated[
+    str | None,
+    typer.Option(
+        "--file", metavar="FILE", help="File of saved positions; by default ROBOT-positions.toml in the working folder."
+    ),
+]
+
+
+def positions_path(robot: "Robot", file: str | None) -> str:
+    """Return the file of a robot's positions."""
+    from steptwin.host.planning.programs.positions import default_file
+
+    return default_file(robot) if file is None else file
+
+
+def saved_position(robot: "Robot", name: str | None, file: str | None) -> "Position | None":
+    """Return the position that --to and --file name; None without --to. Raises InputError if there is none."""
+    from steptwin.host.planning.programs.positions import find_position, read_positions
+
+    if name is None:
+        if file is not None:
+            raise InputError(f"--file {file}: is for --to NAME")
+        return None
+    path = positions_path(robot, file)
+    return find_position(read_positions(path, robot), name, path)

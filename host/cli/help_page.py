@@ -24,7 +24,7 @@ def _by_metavar(parameters: list[Any]) -> list[Any]:
     return parameters
 
 
-class Command(TyperCommand):
+class CliCommand(TyperCommand):
     """A command whose help names values by words such as FILE."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

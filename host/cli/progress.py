@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from steptwin.host.common.printable import printable
+from steptwin.host.common.bad_input import printable
 
 if TYPE_CHECKING:
     from steptwin.host.client import Progress

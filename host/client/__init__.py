@@ -1,14 +1,13 @@
 """The CANopen master, which drives the embedded board, a served one and a real one alike; it knows no robot."""
 
-from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.axis_settings import AxisSettings
-from steptwin.host.client.homing import HomingSettings
-from steptwin.host.client.input_wait import InputWait
-from steptwin.host.client.link import Link
+from steptwin.host.client.axis import AxisClient, AxisSettings
+from steptwin.host.client.axis_homing import HomingSettings
+from steptwin.host.client.links.can_bus import object_dictionary
+from steptwin.host.client.links.link import Link
 from steptwin.host.client.machine import Machine, Progress
-from steptwin.host.client.object_dictionary import object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.stream import Stream
+from steptwin.host.client.waits import InputWait
 
 __all__ = [
     "AxisClient",

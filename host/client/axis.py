@@ -3,18 +3,18 @@
 import struct
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError
 from canopen.sdo.base import SdoVariable
 
-from steptwin.host.client.drive_status import FAULT_STATES, DriveStatus
-from steptwin.host.client.link import Link
-from steptwin.host.client.plain_words import error_words, state_words
-from steptwin.host.client.shared_node import Patience, SharedNode
+from steptwin.host.client.drive_status import FAULT_STATES, STOPPED, DriveStatus
+from steptwin.host.client.links.link import Link
+from steptwin.host.client.shared_node import DoubtfulAnswerError, Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
-from steptwin.host.client.words import error_text, state_text
+from steptwin.host.client.words import RAN_DRY, error_text, error_words, state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import (
@@ -30,11 +30,44 @@ from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_TPDO
 from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
+Objects = list[tuple[int, int]]
+"""Dictionary entries with their values, as (address, value) in the order in which they are written."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """Settings of one axis, in the units of its dictionary entries."""
+
+    microsteps: int
+    steplen_ns: int
+    stepspace_ns: int
+    dirsetup_ns: int
+    dirhold_ns: int
+    velocity_max_units_per_s: int
+    deceleration_units_per_s2: int
+    """Deceleration of a halt, a quick stop and the stop after a fault."""
+
+    def objects(self) -> Objects:
+        """Return the entries that hold these settings."""
+        return [
+            (od.MICROSTEPS, self.microsteps),
+            (od.STEPLEN_NS, self.steplen_ns),
+            (od.STEPSPACE_NS, self.stepspace_ns),
+            (od.DIRSETUP_NS, self.dirsetup_ns),
+            (od.DIRHOLD_NS, self.dirhold_ns),
+            (od.MAX_PROFILE_VELOCITY, self.velocity_max_units_per_s),
+            (od.PROFILE_DECELERATION, self.deceleration_units_per_s2),
+            (od.QUICK_STOP_DECELERATION, self.deceleration_units_per_s2),
+        ]
+
+
 _STATUS_WAIT_S: Final = 0.001
 _STATE_TIMEOUT_S: Final = 2.0
 _DIALOGUES_MAX: Final = 5
 _OF_A_LATE_HOST: Final = (ErrorCode.HEARTBEAT_LOST, ErrorCode.PVT_UNDERRUN)
 """Errors that an axis reports when its host is late."""
+_LOST_CONNECTION: Final = tuple(code for code in ErrorCode if code.lost_connection)
+"""Errors after which a node may have left OPERATIONAL, so that it reports by EMCY only."""
 _HELD_UP_S: Final = 0.1
 """Time of being held up from which on that may have been the cause: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
@@ -66,6 +99,7 @@ class AxisClient:
         """The last report by TPDO1; None before the first."""
         self.pvt_status: PvtStatus | None = None
         """The last report by TPDO3; None before the first."""
+        self._stops_reported = 0
         self._link = link
         self._record_cob_id = COB_RPDO[3] + node_id
         self._boots_since_enabled: int | None = None
@@ -77,7 +111,9 @@ class AxisClient:
 
     def _on_drive_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         with suppress(ValueError):
-            self.drive_status = DriveStatus.decode(bytes(data))
+            before, self.drive_status = self.drive_status, DriveStatus.decode(bytes(data))
+            if before is not None and self.drive_status.state in STOPPED and before.state not in STOPPED:
+                self._stops_reported += 1
 
     def _on_pvt_status(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:
         with suppress(ValueError):
@@ -95,12 +131,17 @@ class AxisClient:
         return bool(self._boots_since_enabled)
 
     @property
+    def stops(self) -> int:
+        """Number of stops and faults, by another program or the machine itself, that the node has reported so far."""
+        return self._stops_reported + self.error_codes.count(ErrorCode.ESTOP)
+
+    @property
     def in_fault(self) -> bool:
-        """True while the drive is in fault or has lost this host, which a node reports by EMCY only."""
+        """True while the drive is in fault or has lost its connection, which a node reports by EMCY only."""
         if self.drive_status is not None and self.drive_status.in_fault:
             return True
         active = self._errors.active
-        return bool(active) and any(error.code == ErrorCode.HEARTBEAT_LOST for error in active)
+        return bool(active) and any(error.code in _LOST_CONNECTION for error in active)
 
     @property
     def interpolating(self) -> bool:
@@ -133,11 +174,22 @@ class AxisClient:
                 f"{self.name}: a fault, without a reason"
             )
         text = f"{self.name}: {error_text(codes[-1])} (EMCY 0x{codes[-1]:04X})"
-        held_up_s = self._link.held_up_s
-        late, held_up_s = "", self._link.held_up_s
-        if codes[-1] in _OF_A_LATE_HOST and held_up_s >= _HELD_UP_S:
-            late = f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
+        late = self._late_text() if codes[-1] in _OF_A_LATE_HOST else ""
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
+
+    def ran_dry(self) -> DeviceFaultError:
+        """Return the error that says that the queue ran dry while the axis rested, for which a board has no code."""
+        late = self._late_text()
+        return DeviceFaultError(f"{self.name}: {RAN_DRY} before the end of its stream{late}").plainly(
+            f"{self.name}: {error_words(ErrorCode.PVT_UNDERRUN)}{late}"
+        )
+
+    def _late_text(self) -> str:
+        """Return for how long this program was held up, if that may have let a queue run dry; else nothing."""
+        held_up_s = self._link.held_up_s
+        if held_up_s < _HELD_UP_S:
+            return ""
+        return f"; this computer was too slow: this program was held up for {1000 * held_up_s:.0f} ms"
 
     def restart(self) -> DeviceFaultError:
         """Return the error that says that the node has restarted."""
@@ -195,7 +247,7 @@ class AxisClient:
                     raise DeviceFaultError(f"{self.name}: {what} was refused: {error}").plainly(
                         f"{self.name}: the board refuses what this program asks for"
                     ) from error
-            except canopen.SdoCommunicationError as error:
+            except (canopen.SdoCommunicationError, DoubtfulAnswerError) as error:
                 left -= 1
                 if not left or str(error) == _NO_ANSWER:
                     raise self._unanswered(str(error)) from error

@@ -6,6 +6,8 @@ from typing import Final, NamedTuple
 from steptwin.protocol.cia402 import Mode, State, Status
 
 FAULT_STATES: Final = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+STOPPED: Final = (State.QUICK_STOP_ACTIVE, *FAULT_STATES)
+"""States into which a stop or a fault leads a drive."""
 # To fetch these from their enums costs time, for every axis at every look.
 _ENABLED: Final = State.OPERATION_ENABLED
 _INTERPOLATED: Final = int(Mode.INTERPOLATED_POSITION)

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.link import Clock
-from steptwin.host.client.plain_words import state_words
+from steptwin.host.client.links.link import Clock
 from steptwin.host.client.waiting import POLL_S, wait_until
-from steptwin.host.client.words import state_text
+from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
 

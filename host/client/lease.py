@@ -1,8 +1,8 @@
 """Be the one program in charge of a machine: each node lends itself to one program at a time (object 2017h).
 
-A program claims the nodes in the order of their ids, so that of two programs one gets them all. Other programs see the
-answers to a claim, too, and cannot tell them from the answers to their own. So a claim is decided by the token that the
-node then holds, which every program reads alike.
+The board decides: a node takes a token only while it has none. A program claims the nodes in the order of their ids, so
+that of two programs one gets them all. Other programs hear the answers to a claim, too; `OpenRequests` keeps them
+apart. A claim counts when the node then holds the token, which every program reads alike.
 
 A node forgets the token when it loses a heartbeat, and when it has monitored none for a second: docs/canopen.md.
 """
@@ -15,7 +15,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.charge import FREE, UNWATCHED_MS
-from steptwin.protocol.datatypes import DataType
+from steptwin.protocol.entry import DataType
 
 
 class Lease:
@@ -40,7 +40,7 @@ class Lease:
                 raise _taken(axis)
 
     def _take(self, axis: AxisClient) -> bool:
-        with suppress(DeviceFaultError):  # refused, or another program was
+        with suppress(DeviceFaultError):  # refused
             axis.write(od.CHARGE_TOKEN, self._token)
         return axis.read(od.CHARGE_TOKEN) == self._token
 

@@ -6,21 +6,18 @@ from itertools import count
 from math import ceil
 from typing import Final
 
-from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.axis_settings import AxisSettings, Objects
+from steptwin.host.client.axis import AxisClient, AxisSettings, Objects
+from steptwin.host.client.axis_homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
-from steptwin.host.client.homing import AxisHoming, HomingSettings, run_homings
-from steptwin.host.client.input_wait import InputWait
-from steptwin.host.client.link import Link
-from steptwin.host.client.lost_boards import stop_the_rest
-from steptwin.host.client.object_dictionary import object_dictionary
+from steptwin.host.client.links.can_bus import object_dictionary
+from steptwin.host.client.links.link import Link
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.shared_node import Patience
-from steptwin.host.client.starting import StreamStarter
+from steptwin.host.client.starting import StreamStarter, stop_the_rest
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
-from steptwin.host.client.waits import Waits
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.client.waits import InputWait, Waits
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.client.queue_feed import TrajectoryTime
 from steptwin.protocol.cia402 import DigitalOutput
 
 

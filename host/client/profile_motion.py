@@ -10,13 +10,15 @@ from typing import Final, NamedTuple
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.client.faults import check_enabled, check_faults
-from steptwin.host.client.link import Link
+from steptwin.host.client.links.link import Link
 from steptwin.host.client.waiting import POLL_S, SILENCE_S, silent
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
 from steptwin.protocol.frame import COB_SYNC
 
+VELOCITY_MIN_UNITS_PER_S: Final = 16
+"""The firmware's smallest velocity, 1/64 unit per ms, is 15.6 units/s; a lower one would be 0."""
 _STALL_S: Final = 5.0
 """Time limit for the next step; only in a motion of hours does a step take longer."""
 
@@ -33,7 +35,7 @@ class ProfileMove:
     acceleration_units_per_s2: int
 
 
-class AxisDrive(NamedTuple):
+class VelocityTarget(NamedTuple):
     """An axis to drive: target velocity (60FFh) with its sign, and the acceleration of all ramps, also of stops.
 
     Ramps in proportion to the velocities keep the axes in step from start to end, whatever ends the motion.
@@ -86,7 +88,7 @@ def drive_at(axis: AxisClient, velocity_units_per_s: int, acceleration_units_per
     axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
 
 
-def drive_together(link: Link, drives: Sequence[AxisDrive]) -> None:
+def drive_together(link: Link, drives: Sequence[VelocityTarget]) -> None:
     """Drive enabled axes at velocities from the same servo tick on, until `halt_together` or their position limits."""
     for axis, velocity_units_per_s, acceleration_units_per_s2 in drives:
         axis.write(od.TARGET_VELOCITY, 0)

@@ -3,18 +3,89 @@
 Credits are the free places last reported, less the records sent since. After a gap the cursor goes back to the record
 that the board expects next; a further gap counts only once the board has had time to see the resent records. Without
 any progress for a while, every record that is not acknowledged is sent again.
+
+Trajectory time passes as fast as the clock or, while the group halts, more slowly. So it lies between the start of the
+record executed and that record's end plus the time since the report.
 """
 
+from collections.abc import Iterable
+from itertools import accumulate
 from typing import Final
 
+import numpy as np
+
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.plain_words import error_words
-from steptwin.host.client.record_payloads import payloads
 from steptwin.host.client.waiting import SILENCE_S, silent
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtStatus
+from steptwin.protocol.pvt import I24_MAX, I24_MIN, QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtStatus
+
+_BEHIND: Final = SEQUENCE_MODULUS // 2
+"""A number this far ahead, modulo 256, is taken for an old one: reports come at least every 128 records."""
+
+
+class TrajectoryTime:
+    """Lower and upper bound of the time since the trajectory's start, in seconds."""
+
+    def __init__(self, durations_ms: list[int], now_s: float) -> None:
+        self._begins_ms = [0, *accumulate(durations_ms)]
+        """The beginning of every record, then the end of the last."""
+        self._executing = 0
+        self._reported_s = now_s
+
+    def extend(self, durations_ms: Iterable[int]) -> None:
+        """Add records behind the last one."""
+        for duration_ms in durations_ms:
+            self._begins_ms.append(self._begins_ms[-1] + duration_ms)
+
+    def report(self, executing: int, now_s: float) -> None:
+        """Take a report of the executing record's sequence number, which is its number modulo 256 (2012h:04)."""
+        ahead = (executing - self._executing) % SEQUENCE_MODULUS
+        if ahead < _BEHIND:
+            self._executing = min(self._executing + ahead, len(self._begins_ms) - 2)
+            self._reported_s = now_s
+
+    def end(self) -> None:
+        """Take the report that the last record has been executed."""
+        self._executing = len(self._begins_ms) - 1
+
+    @property
+    def least_s(self) -> float:
+        """The lower bound: the trajectory has reached at least this time."""
+        return self._begins_ms[self._executing] / 1000
+
+    def most_s(self, now_s: float) -> float:
+        """Return the upper bound: the trajectory has reached at most this time."""
+        return self._begins_ms[min(self._executing + 1, len(self._begins_ms) - 1)] / 1000 + now_s - self._reported_s
+
+
+_I24_MASK = (1 << 24) - 1
+_PAYLOAD: Final = "V8"
+"""numpy's type for eight bytes that mean nothing to it."""
+
+
+def payloads(records: AxisRecords, first: int) -> list[bytes]:
+    """Return the bytes of each record, as `PvtRecord.encode` makes them; they are numbered from `first` on.
+
+    Raises:
+        OverflowError: a value exceeds its field.
+    """
+    displacements, velocities = (_within(values, I24_MIN, I24_MAX) & _I24_MASK for values in records[:2])
+    durations = _within(records.durations_ms, 0, 255)
+    sequences = np.arange(first, first + len(durations)) % SEQUENCE_MODULUS
+    words = displacements | velocities << 24 | durations << 48 | sequences << 56
+    data: list[bytes] = words.astype("<i8").view(_PAYLOAD).tolist()
+    return data
+
+
+def _within(values: list[int], low: int, high: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    array = np.array(values, np.int64)
+    wrong = array[(array < low) | (array > high)]
+    if wrong.size:
+        raise OverflowError(f"a PVT record has no room for {wrong[0]}: its field holds {low} to {high}")
+    return array
+
 
 _GAP_HOLD_S: Final = 0.025
 """Time after a gap in which a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
@@ -114,9 +185,7 @@ class QueueFeed:
         """Raise DeviceFaultError if the queue ran dry while the axis rested, for which the board reports no fault."""
         status = self._axis.pvt_status
         if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
-            raise DeviceFaultError(
-                f"{self._axis.name}: ran out of records at rest before the end of its stream"
-            ).plainly(f"{self._axis.name}: {error_words(ErrorCode.PVT_UNDERRUN)}")
+            raise self._axis.ran_dry()
 
     def _rewind(self, now_s: float) -> None:
         self._sent = self._acknowledged

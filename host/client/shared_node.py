@@ -1,33 +1,131 @@
 """Ask a node that other programs ask at the same time, as `status` does beside a running `run`.
 
-CiA 301 intends an SDO channel for one client. With several clients, each sees the answers to all of them. An answer
-that begins a transfer, or refuses one, carries the object that was asked for (section 7.2.4.3); by it a client can tell
-its own answers. What a node may not answer is dropped and counted: frames that have not 8 bytes, strings without end.
+CiA 301 intends an SDO channel for one client. With several clients, each hears the answers to all of them, and their
+requests: by these `OpenRequests` tells which answers are its own. An answer that may be to another program is an error
+after which the dialogue is repeated. What a node may not answer is dropped and counted: frames that have not 8 bytes,
+strings without end.
+
+A server answers in the order in which it was asked, under one identifier, and all programs hear all of it (CiA 301,
+7.2.4.3). An answer says what it is: to which command, and for the first one of a transfer, and for a refusal, about
+which object. So only two programs that ask about the same object at the same time can take each other's answers for
+their own: both write it, and one is refused. A bus carries the requests of the others, too, before the answers to them.
+So a program knows how many answers about an object are still to come, and doubts its own until it is the last one.
 """
 
+import queue
+import threading
+from collections import Counter
 from contextlib import suppress
+from enum import Enum, auto
 from math import ceil
 from typing import Final
 
-from canopen import RemoteNode
+from canopen import Network, RemoteNode
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
-from canopen.sdo.constants import (
-    ABORT_INVALID_COMMAND_SPECIFIER,
-    EXPEDITED,
-    REQUEST_DOWNLOAD,
-    RESPONSE_DOWNLOAD,
-    SDO_STRUCT,
-    SIZE_SPECIFIED,
-)
+from canopen.sdo.constants import EXPEDITED, REQUEST_DOWNLOAD, RESPONSE_ABORTED, SDO_STRUCT, SIZE_SPECIFIED
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
+from steptwin.protocol.sdo_server import initiates
+
+_COMMAND: Final = 0xE0
+_REFUSED: Final = 0x80
+_VALUE: Final = 0x40
+_EXPEDITED: Final = 0x02
+_ANSWERS: Final = {0x20: 0x60, 0x40: _VALUE, 0x00: 0x20, 0x60: 0x00}
+"""The server's command specifier that answers each of the client's: initiate download, upload; segments of both."""
+_SEGMENTS: Final = (0x00, 0x20)
+"""Server's command specifiers whose frames carry no object."""
+_FRAME_BYTES: Final = 8
+_OBJECT: Final = slice(1, 4)
+_NO_OBJECT: Final = bytes(3)
+"""The object of a refusal when the server has no transfer under way."""
+
+
+class Whose(Enum):
+    """Whom an answer is to."""
+
+    OWN = auto()
+    OTHERS = auto()
+    DOUBTFUL = auto()
+    """This program has asked that, but another one at the same time as well."""
+
+
+class OpenRequests:
+    """The requests to one server that wait for an answer: this program's one, and those that it overhears.
+
+    Frames come in a thread of the bus, requests go out in the program's: each method may be called in both.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._open: Counter[bytes] = Counter()
+        self._request = b""
+        """What this program asks; empty while it asks nothing."""
+        self._object = b""
+        """The object of this program's transfer."""
+        self._disturbed = False
+        """True if another program has asked something since this program's transfer began."""
+
+    def ask(self, request: bytes) -> None:
+        """Take note of a request of this program, which takes the place of the one before."""
+        with self._lock:
+            self._request = request if request[0] & _COMMAND in _ANSWERS else b""
+            if self._request and initiates(request[0]):
+                self._object, self._disturbed = request[_OBJECT], False
+                self._open[self._object] += 1
+
+    def overhear(self, request: bytes) -> None:
+        """Take note of a request of another program; one that is equal to this program's has the same answer."""
+        if len(request) != _FRAME_BYTES:
+            return
+        with self._lock:
+            if request == self._request:
+                return
+            self._disturbed = True
+            if initiates(request[0]):
+                self._open[request[_OBJECT]] += 1
+
+    def answer(self, answer: bytes) -> Whose:
+        """Take note of an answer and return whom it is to."""
+        command, about = answer[0] & _COMMAND, answer[_OBJECT]
+        with self._lock:
+            rivals = self._open[self._object] > 1
+            if command not in _SEGMENTS and self._open[about]:
+                self._open[about] -= 1
+            if not self._fits(command, about):
+                return Whose.OTHERS
+            first, self._request = initiates(self._request[0]), b""
+            if first:
+                in_one_frame = command == _VALUE and answer[0] & _EXPEDITED  # any program's is the object's value
+                return Whose.DOUBTFUL if rivals and not in_one_frame else Whose.OWN
+            uploads = command == _ANSWERS[0x60]
+            return Whose.DOUBTFUL if uploads and self._disturbed else Whose.OWN
+
+    def _fits(self, command: int, about: bytes) -> bool:
+        if not self._request:
+            return False
+        if command == _REFUSED:
+            return about == self._object or (about == _NO_OBJECT and not initiates(self._request[0]))
+        fits = command == _ANSWERS[self._request[0] & _COMMAND]
+        return fits and (command in _SEGMENTS or about == self._object)
+
+    @property
+    def awaited(self) -> bool:
+        """True while answers about the object of this program's transfer are still to come."""
+        with self._lock:
+            return self._open[self._object] > 0
+
+    def forget(self) -> None:
+        """Await no answer any more: the server is silent."""
+        with self._lock:
+            self._request = b""
+            self._open.clear()
+
+
 _COMMAND_MASK: Final = 0xE0
-_INITIATE: Final = (0x20, 0x40)
-"""Client command specifiers that carry an object: initiate download, initiate upload."""
 _NEXT_SEGMENT: Final = 0x60
 """Client command specifier that asks for a segment."""
-_OBJECT: Final = slice(1, 4)
 _ANSWER_BYTES: Final = 8
 _EXPEDITED_BYTES_MAX: Final = 4
 """Length of the longest value that fits the request itself (CiA 301, 7.2.4.3.3)."""
@@ -55,69 +153,92 @@ class Patience:
         self.timeout_s = _PATIENCE_S if answered else _IMPATIENCE_S
 
 
+class DoubtfulAnswerError(SdoError):
+    """An answer may be to another program, which asks for the same object at the same time: ask again."""
+
+
 class SharedSdoClient(SdoClient):
-    """An SDO client that drops answers about other objects; segments carry no object and can still be mixed up."""
+    """An SDO client that takes its own answers only.
+
+    Its methods raise SdoAbortedError if the node refuses, SdoCommunicationError if no answer comes, and
+    DoubtfulAnswerError.
+    """
 
     patience: Patience
     """Shared by the nodes of a machine; set by the node."""
     malformed = 0
     """Number of answers that were dropped because they have not 8 bytes (CiA 301, 7.2.4.3)."""
-    _awaited: bytes | None = None
+    responses: "queue.Queue[tuple[bytes, Whose]]"
     _segments = 0
 
-    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
-        """Write an object. What fits one request is sent without the library's stream, which costs most of a set-up.
+    def __init__(self, rx_cobid: int, tx_cobid: int, od: ObjectDictionary) -> None:
+        super().__init__(rx_cobid, tx_cobid, od)  # type: ignore[no-untyped-call]
+        self._requests = OpenRequests()
 
-        Raises:
-            SdoAbortedError: the node refuses.
-            SdoCommunicationError: no answer comes, or one that does not fit.
-        """
+    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
+        """Write an object. What fits one request is sent without the library's stream, which costs most of a set-up."""
         unused = _EXPEDITED_BYTES_MAX - len(data)
         if force_segment or not 0 <= unused < _EXPEDITED_BYTES_MAX:
             super().download(index, subindex, data, force_segment)
             return
         command = REQUEST_DOWNLOAD | EXPEDITED | SIZE_SPECIFIED | unused << 2
         request = SDO_STRUCT.pack(command, index, subindex) + data.ljust(_EXPEDITED_BYTES_MAX, b"\0")
-        answer = self.request_response(request)[0]  # type: ignore[no-untyped-call]
-        if answer & _COMMAND_MASK != RESPONSE_DOWNLOAD:
-            self.abort(ABORT_INVALID_COMMAND_SPECIFIER)  # type: ignore[no-untyped-call]
-            raise SdoCommunicationError(f"Unexpected response 0x{answer:02X}")
+        self.request_response(request)  # type: ignore[no-untyped-call]
 
     def send_request(self, request: bytearray) -> None:
-        """Send a request and remember the object it asks for; raise SdoCommunicationError at an endless answer."""
+        """Send a request; raise SdoCommunicationError at an endless answer."""
         command = request[0] & _COMMAND_MASK
-        self._awaited = bytes(request[_OBJECT]) if command in _INITIATE else None
         self._segments = self._segments + 1 if command == _NEXT_SEGMENT else 0
         if self._segments > SEGMENTS_MAX:
             raise SdoCommunicationError(f"an answer of more than {SEGMENTS_MAX} segments")
+        self._requests.ask(bytes(request))
         super().send_request(request)  # type: ignore[no-untyped-call]
 
     def read_response(self) -> bytes:
-        """Wait for the answer; raise SdoCommunicationError if none comes, SdoAbortedError if the node refuses."""
-        try:
-            response = self._await_response()
-        except SdoError as error:
-            self.patience.learn(answered=isinstance(error, SdoAbortedError))
-            raise
-        self.patience.learn(answered=True)
+        """Wait for the answer to the last request."""
+        response, whose = self._await_response()
+        if whose is Whose.DOUBTFUL:
+            self._let_others_have_theirs()
+            raise DoubtfulAnswerError("an answer that may be to another program")
+        if response[0] == RESPONSE_ABORTED:
+            raise SdoAbortedError(int.from_bytes(response[4:8], "little"))
         return response
 
-    def _await_response(self) -> bytes:
-        self.RESPONSE_TIMEOUT = min(_SLICE_S, self.patience.timeout_s)
-        response: bytes
-        for _ in range(ceil(self.patience.timeout_s / self.RESPONSE_TIMEOUT) - 1):
-            with suppress(SdoCommunicationError):
-                response = super().read_response()  # type: ignore[no-untyped-call]
+    def _await_response(self) -> tuple[bytes, Whose]:
+        for slice_s in self._slices_s():
+            with suppress(queue.Empty):
+                response = self.responses.get(timeout=slice_s)
+                self.patience.learn(answered=True)
                 return response
-        response = super().read_response()  # type: ignore[no-untyped-call]
-        return response
+        self.patience.learn(answered=False)
+        self._requests.forget()
+        raise SdoCommunicationError("No SDO response received")
+
+    def _let_others_have_theirs(self) -> None:
+        """Wait until the node has answered what all programs have asked about the object, as long as for an answer."""
+        for slice_s in self._slices_s():
+            if not self._requests.awaited:
+                return
+            with suppress(queue.Empty):
+                self.responses.get(timeout=slice_s)
+        self._requests.forget()
+
+    def _slices_s(self) -> list[float]:
+        slice_s = min(_SLICE_S, self.patience.timeout_s)
+        return [slice_s] * ceil(self.patience.timeout_s / slice_s)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Take an answer, unless it is to another program."""
+        del can_id, timestamp
         if len(data) != _ANSWER_BYTES:
             self.malformed += 1
-        elif self._awaited is None or bytes(data[_OBJECT]) == self._awaited:
-            super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
+        elif (whose := self._requests.answer(bytes(data))) is not Whose.OTHERS:
+            self.responses.put((bytes(data), whose))
+
+    def on_request(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Overhear what another program asks the node."""
+        del can_id, timestamp
+        self._requests.overhear(bytes(data))
 
 
 class SharedNode(RemoteNode):
@@ -127,11 +248,25 @@ class SharedNode(RemoteNode):
         self._patience = patience
         super().__init__(node_id, dictionary)
 
+    def associate_network(self, network: Network) -> None:
+        """Listen on a network, and to what other programs ask the node."""
+        super().associate_network(network)
+        for client in self.sdo_channels:
+            network.subscribe(client.rx_cobid, client.on_request)
+
+    def remove_network(self) -> None:
+        """Listen no more."""
+        if self.has_network():
+            for client in self.sdo_channels:
+                self.network.unsubscribe(client.rx_cobid, client.on_request)
+        super().remove_network()
+
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SharedSdoClient:
         """Add an SDO channel, in the same way as the library adds a node's default one."""
-        client = SharedSdoClient(rx_cobid, tx_cobid, self.object_dictionary)  # type: ignore[no-untyped-call]
+        client = SharedSdoClient(rx_cobid, tx_cobid, self.object_dictionary)
         client.patience = self._patience
         self.sdo_channels.append(client)
         if self.has_network():
             self.network.subscribe(client.tx_cobid, client.on_response)
+            self.network.subscribe(client.rx_cobid, client.on_request)
         return client

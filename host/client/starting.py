@@ -1,24 +1,36 @@
 """Start a stream: let the queues report often enough, clear and preload them, then start all axes with one SYNC."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.input_wait import InputWait, divide
-from steptwin.host.client.link import Link
-from steptwin.host.client.lost_boards import stop_the_rest
+from steptwin.host.client.links.link import Link
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.queue_feed import QueueFeed, fill
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, require
-from steptwin.host.client.waits import HOLD_MS, Waits
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.client.waits import HOLD_MS, InputWait, Waits, divide
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, Control, Mode, Status
+from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, QUICK_STOP, Control, Mode, State, Status
 from steptwin.protocol.frame import COB_SYNC
-from steptwin.protocol.pdo_defaults import TPDO_DEFAULTS
+from steptwin.protocol.objects import TPDO_DEFAULTS
 from steptwin.protocol.pvt import PvtFlag
+
+
+def stop_the_rest(axes: Sequence[AxisClient]) -> None:
+    """Quick-stop the axes that may still follow a trajectory after something has ended it for others.
+
+    The axes of one board stop together by themselves, those of another board do not.
+    """
+    with suppress(BusError):  # the error that has ended the trajectory is what matters
+        for axis in axes:
+            if axis.drive_status is None or axis.drive_status.state is State.OPERATION_ENABLED:
+                axis.send_interpolation_controlword(QUICK_STOP)
+
 
 _PRELOAD_RECORDS: Final = 32
 _PRELOAD_TIMEOUT_S: Final = 5.0
@@ -58,12 +70,12 @@ class StreamStarter:
         legs = divide(records, outputs, waits)
         first, held = legs[0], Waits(self._axes, waits, legs)
         feeds = [QueueFeed(axis, own, self._link.now_s()) for axis, own in zip(self._axes, first.records, strict=True)]
-        held.feed_first(feeds)
-        least = min(_PRELOAD_RECORDS, len(first.records[0].durations_ms))
+        fed_ms = held.feed_first(feeds)
+        least = min(_PRELOAD_RECORDS, len(fed_ms))
         filled = partial(self._preloaded, feeds, least)
         require(self._link, filled, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
         self._start_together()
-        return Stream(self._link, self._axes, feeds, first, held)
+        return Stream(self._link, self._axes, feeds, fed_ms, first.outputs, held)
 
     def _set_status_period(self, shortest_ms: int) -> None:
         """Make the nodes report their queues' free places often enough for segments as short as `shortest_ms`.

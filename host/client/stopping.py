@@ -11,10 +11,9 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.link import Link
-from steptwin.host.client.plain_words import state_words
+from steptwin.host.client.links.link import Link
 from steptwin.host.client.waiting import REST_TIMEOUT_S, require, wait_until
-from steptwin.host.client.words import state_text
+from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import QUICK_STOP, State, Status
@@ -22,6 +21,8 @@ from steptwin.protocol.frame import COB_SYNC
 
 _REACTION_S: Final = 0.05
 """Time for an axis to react: ten times the longest delay before a changed status is sent."""
+_HELD_S: Final = 1.0
+"""Time for which an emergency stop is repeated on drives that do not stay in FAULT."""
 UNSURE: Final = "nobody knows whether the machine has stopped: use its own e-stop"
 _REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 
@@ -63,17 +64,24 @@ def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
 
     This is stop category 1 of IEC 60204-1, by software. All axes begin the quick stop in the same tick; each turns it
     into an emergency stop as soon as its SDO arrives, so no other program can set it moving again meanwhile. Raises as
-    `quick_stop`, and DeviceFaultError if a drive does not stay in FAULT.
+    `quick_stop`, and DeviceFaultError if a drive does not stay in FAULT. A drive that another program resets meanwhile
+    is stopped again: an emergency stop that races a reset wins.
     """
     _begin_quick_stop(link, axes)
     _each(axes, AxisClient.emergency_stop)
     await_rest(link, axes)
-    for axis in axes:
-        state = axis.state()
-        if state is not State.FAULT:
-            raise DeviceFaultError(
-                f"{axis.name}: is not held by the emergency stop, the drive is in {state_text(state)}"
-            ).plainly(f"{axis.name}: is not held by the emergency stop, it is {state_words(state)}")
+    loose: list[tuple[AxisClient, State]] = []
+
+    def held() -> bool:
+        loose[:] = [(axis, state) for axis in axes if (state := axis.state()) is not State.FAULT]
+        _each([axis for axis, _ in loose], AxisClient.emergency_stop)
+        return not loose
+
+    if not wait_until(link, held, _HELD_S):
+        axis, state = loose[0]
+        raise DeviceFaultError(
+            f"{axis.name}: is not held by the emergency stop, the drive is in {state_text(state)}"
+        ).plainly(f"{axis.name}: is not held by the emergency stop, it is {state_words(state)}")
 
 
 def send_quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:

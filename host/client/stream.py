@@ -4,11 +4,9 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.faults import check_enabled, check_faults
-from steptwin.host.client.input_wait import Leg
-from steptwin.host.client.link import Link
-from steptwin.host.client.output_schedule import OutputSchedule
-from steptwin.host.client.queue_feed import QueueFeed, fill
-from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.client.links.link import Link
+from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
+from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime, fill
 from steptwin.host.client.waiting import POLL_S
 from steptwin.host.client.waits import Waits
 from steptwin.host.common.errors import BusError
@@ -29,18 +27,22 @@ class Stream:
         link: Link,
         axes: tuple[AxisClient, ...],
         feeds: list[QueueFeed],
-        first: Leg,
+        fed_ms: list[int],
+        outputs: tuple[OutputCommand, ...],
         waits: Waits,
     ) -> None:
-        """Follow a motion that has just been started: the feeds hold its first leg."""
+        """Follow a motion that has just been started.
+
+        `fed_ms` has the durations of all records that the feeds have so far, `outputs` the commands within them.
+        """
         self.ended = False
         self.waits = waits
         self._link = link
         self._axes = axes
         self._feeds = feeds
         now_s = link.now_s()
-        self._reached = TrajectoryTime(first.records[0].durations_ms, now_s)
-        self._schedule = OutputSchedule(axes, first.outputs, self._reached)
+        self._reached = TrajectoryTime(fed_ms, now_s)
+        self._schedule = OutputSchedule(axes, outputs, self._reached)
         self._seen = axes[0].pvt_status
         self._progress_s = now_s
         self._progress_at_s = 0.0
@@ -76,9 +78,8 @@ class Stream:
         check_enabled(self._axes)
         for feed in self._feeds:
             feed.update(now_s)
-            feed.check_running()
-        fill(self._feeds)
-        done = all(feed.all_acknowledged for feed in self._feeds) and all(axis.done for axis in self._axes)
+        fed = self.waits.timed_out or self._fed()
+        done = fed and all(axis.done for axis in self._axes)
         halted = self.halted
         self._follow(now_s, done=done, halted=halted)
         self.waits.tend(self._feeds, self._reached, self._schedule, now_s)
@@ -90,6 +91,16 @@ class Stream:
             check_enabled(self._axes)  # a quick stop empties the queues, too
             self.ended = True
             self.waits.check_end()
+
+    def _fed(self) -> bool:
+        """Send records; return whether the boards have all of them.
+
+        After a time-out it is not called: the queues then run dry at rest, whatever was lost on the bus.
+        """
+        for feed in self._feeds:
+            feed.check_running()
+        fill(self._feeds)
+        return all(feed.all_acknowledged for feed in self._feeds)
 
     def _follow(self, now_s: float, *, done: bool, halted: bool) -> None:
         status = self._axes[0].pvt_status

@@ -6,15 +6,70 @@ standstill in it. The records already sent when the input gets its level are exe
 """
 
 from collections.abc import Sequence
-from typing import Final
+from itertools import accumulate, pairwise
+from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.input_wait import InputWait, Leg
-from steptwin.host.client.output_schedule import OutputSchedule, has_come
-from steptwin.host.client.queue_feed import QueueFeed
-from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule, has_come
+from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import WaitTimeoutError
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import DigitalInput
+
+
+class InputWait(NamedTuple):
+    """Stand still until an input of an axis has a level, or until the time-out ends the motion.
+
+    Attributes:
+        axis: number of the axis that has the input.
+        input: bit of the input in the digital inputs (60FDh).
+        on: the level to wait for: True is active.
+        at_s: time of the trajectory at which the machine stands, where one record ends and the next begins.
+        timeout_s: longest wait, in trajectory time.
+        timeout_text: message of the error after the time-out.
+    """
+
+    axis: int
+    input: DigitalInput
+    on: bool
+    at_s: float
+    timeout_s: float
+    timeout_text: str
+
+
+class Leg(NamedTuple):
+    """Part of a trajectory between two waits: the records of each axis and the output commands within it.
+
+    Output times count from the trajectory's start, without the time that the waits before have taken.
+    """
+
+    records: tuple[AxisRecords, ...]
+    outputs: tuple[OutputCommand, ...]
+
+
+def divide(
+    records: tuple[AxisRecords, ...], outputs: Sequence[OutputCommand], waits: Sequence[InputWait]
+) -> tuple[Leg, ...]:
+    """Return the legs of a trajectory: one more than it has waits.
+
+    Raises:
+        ValueError: a wait is at no record's beginning, or the waits are not in order of time.
+    """
+    begins_ms = [0, *accumulate(records[0].durations_ms)]
+    at_ms = [round(1000 * wait.at_s) for wait in waits]
+    cuts = [0, *(begins_ms.index(each_ms) for each_ms in at_ms), len(begins_ms) - 1]
+    if cuts != sorted(cuts):
+        raise ValueError(f"the waits at {at_ms} ms are not in order of time")
+    limits_ms = [-1, *(each_ms - 1 for each_ms in at_ms), begins_ms[-1]]  # an output at a wait comes after it
+    return tuple(
+        Leg(
+            tuple(AxisRecords(*(fields[begin:end] for fields in own)) for own in records),
+            tuple(command for command in outputs if after_ms < round(1000 * command.from_s) <= until_ms),
+        )
+        for (begin, end), (after_ms, until_ms) in zip(pairwise(cuts), pairwise(limits_ms), strict=True)
+    )
+
 
 HOLD_MS: Final = 10
 """Duration of a record without motion."""
@@ -39,7 +94,8 @@ class Waits:
                 self._holds_ms[0] += HOLD_MS
         self._begin_ms = first_ms
         """Executed time at which the present wait begins."""
-        self._timed_out = False
+        self.timed_out = False
+        """True once the time-out of the present wait has passed: no more records are fed, and the motion ends there."""
 
     @property
     def holds_ms(self) -> tuple[int, ...]:
@@ -49,14 +105,19 @@ class Waits:
     @property
     def present(self) -> InputWait | None:
         """The wait before which the records end that are released so far; None after the last one."""
-        return self._waits[self._over] if self._over < len(self._waits) and not self._timed_out else None
+        return self._waits[self._over] if self._over < len(self._waits) and not self.timed_out else None
 
-    def feed_first(self, feeds: Sequence[QueueFeed]) -> None:
-        """Give the feeds, which hold the first leg, what else must be queued before the start."""
+    def feed_first(self, feeds: Sequence[QueueFeed]) -> list[int]:
+        """Give the feeds, which hold the first leg, what else must be queued before the start.
+
+        Return the durations, in milliseconds, of all records that the feeds have then.
+        """
         later = sum(len(leg.records[0].durations_ms) for leg in self._legs[1:])
+        held = sum(self._holds_ms) // HOLD_MS
         for feed in feeds:
             feed.expect(later)
-            feed.hold(HOLD_MS, sum(self._holds_ms) // HOLD_MS)
+            feed.hold(HOLD_MS, held)
+        return self._legs[0].records[0].durations_ms + [HOLD_MS] * held
 
     def tend(self, feeds: Sequence[QueueFeed], reached: TrajectoryTime, schedule: OutputSchedule, now_s: float) -> None:
         """Look at the input if the machine has come to the wait; release the next leg, or more records to hold."""
@@ -69,9 +130,7 @@ class Waits:
                 self._release(feeds, reached, schedule)
                 return
             if has_come(begin_s + wait.timeout_s, reached, self._axes[0], now_s):
-                self._timed_out = True
-                for feed in feeds:
-                    feed.expect(0)  # the queues run dry at rest, which ends the motion
+                self.timed_out = True
                 return
         released_ms = self._begin_ms + self._holds_ms[self._over]
         while released_ms - 1000 * reached.most_s(now_s) < LEAD_MS:
@@ -83,7 +142,7 @@ class Waits:
 
     def check_end(self) -> None:
         """Raise WaitTimeoutError if the stream has ended at a wait whose time-out has passed."""
-        if self._timed_out:
+        if self.timed_out:
             raise WaitTimeoutError(self._waits[self._over].timeout_text)
 
     def _release(self, feeds: Sequence[QueueFeed], reached: TrajectoryTime, schedule: OutputSchedule) -> None:

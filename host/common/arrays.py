@@ -1,7 +1,18 @@
 """Array types of the host's computations."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
+
+class AxisRecords(NamedTuple):
+    """The segments of one axis, as equally long lists: the fields of PVT records without their sequence numbers."""
+
+    displacements_units: list[int]
+    end_velocities: list[int]
+    durations_ms: list[int]
+
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]

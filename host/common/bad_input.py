@@ -5,10 +5,24 @@ from contextlib import contextmanager
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
 from functools import partial
+from itertools import islice
 from math import isfinite, isnan
+from reprlib import repr as short
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
+
+
+def printable(text: str) -> str:
+    """Return a text as one line of printable characters, all others escaped as in Python: `\\x1b`, `\\n`, `\\u202e`.
+
+    Printable are the characters that `str.isprintable` names; control and format characters, all spaces but the
+    common one, and halves of surrogate pairs are not.
+    """
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode("ascii") for each in text)
+
 
 _MS_TOLERANCE = 1e-6
 """Milliseconds by which a duration may miss a whole one, since floats cannot hold most decimal fractions."""
@@ -27,6 +41,9 @@ _CHARS_SHOWN = 100
 
 _NEAREST_MAX = 3
 """Number of names that a message offers in place of an unknown one at most."""
+
+_COMPARED_MAX = 300
+"""Number of names with which an unknown one is compared, so that thousands of both take no minutes."""
 
 _BEGINNING_CHARS = 2
 """Number of characters from which on they may be the beginning of a name."""
@@ -48,12 +65,22 @@ def unknown(what: str, given: str, choices: Iterable[str]) -> InputError:
     return InputError(f"{what} {given!r} is unknown: there are {listed}")
 
 
+def known(what: str, given: object, choices: Iterable[str]) -> str:
+    """Return a name that is among the choices; raise InputError for another one, or for a value that is no text."""
+    names = list(choices)
+    if not isinstance(given, str):
+        raise InputError(f"{what} {short(given)} is not a text")
+    if given not in names:
+        raise unknown(what, given, names)
+    return given
+
+
 def nearest(given: str, choices: Iterable[str]) -> list[str]:
     """Return up to three names that begin with the given one or are most like it, whatever the case; none without any.
 
     So `l1` is near `l1_mm`, though most of its characters are missing.
     """
-    by_lower_case = {name.lower(): name for name in choices}
+    by_lower_case = {name.lower(): name for name in islice(choices, _COMPARED_MAX)}
     text = shortened(given).lower()
     longer = [name for name in by_lower_case if len(text) >= _BEGINNING_CHARS and name.startswith(text)]
     near = dict.fromkeys([*longer, *get_close_matches(text, by_lower_case, n=_NEAREST_MAX)])
@@ -129,9 +156,14 @@ def nearest_within(value: float, lower: float, upper: float, unit: str) -> str:
     return f"; the nearest is {text} {unit}"
 
 
+_WRITTEN_OUT = 1e9
+"""Distance up to which one is written without an exponent."""
+
+
 def by(distance: float, unit: str) -> str:
     """Return by how much a value is outside, rounded up to three digits, so that a step back by it is enough."""
-    return f"{_rounded(distance * (1 - _ROUNDING), ROUND_CEILING, _DISTANCE_DIGITS)} {unit}"
+    text = _rounded(distance * (1 - _ROUNDING), ROUND_CEILING, _DISTANCE_DIGITS)
+    return f"{float(text):.0f} {unit}" if "e+" in text and distance < _WRITTEN_OUT else f"{text} {unit}"
 
 
 def at_most(limit: float) -> str:

@@ -7,6 +7,14 @@ from typing import Final
 
 from steptwin.host.common.errors import BusError, InputError
 
+PORT: Final = 29536
+"""TCP port that socketcand itself uses."""
+CHANNEL: Final = "vcan0"
+"""Name that a served board gives its bus; a real socketcand server has the names of its interfaces."""
+LOOPBACK: Final = "127.0.0.1"
+"""Address at which a board is served by default: only programs on the same machine reach it."""
+
+
 _PORTS: Final = range(1024, 1 << 16)
 _BACKLOG: Final = 64
 

@@ -7,21 +7,22 @@ makes a harm of a request, and the limits of its values, are in `host/twin/contr
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from reprlib import repr as short
 from typing import Final
 
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.control import SWITCHES, Do, Stuck, SwitchWiring, Wiring
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.levels import LEVELS
 from steptwin.host.common.tables import Reading, Table
 
 # --- the kinds of values
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
+class ValueKind:
     """A kind of value.
 
     Attributes:
@@ -63,38 +64,38 @@ def _joint_or_host(word: str) -> str | None:
     return None if word == _HOST else word
 
 
-def _number(metavar: str) -> Value:
-    return Value(metavar, "number", numbers.finite_number, Table.number)
+def _number(metavar: str) -> ValueKind:
+    return ValueKind(metavar, "number", numbers.finite_number, Table.number)
 
 
-def _whole_number(metavar: str) -> Value:
-    return Value(metavar, "whole number", _whole, Table.integer)
+def _whole_number(metavar: str) -> ValueKind:
+    return ValueKind(metavar, "whole number", _whole, Table.integer)
 
 
-def _one_of(*names: str) -> Value:
+def _one_of(*names: str) -> ValueKind:
     """Return the kind of value that is one of these words; the board knows them, and so does the table of its kind."""
-    return Value("|".join(names), " or ".join(f"`{name}`" for name in names), str, Table.text)
+    return ValueKind("|".join(names), " or ".join(f"`{name}`" for name in names), str, Table.text)
 
 
-def _member_of(kind: type[StrEnum]) -> Value:
+def _member_of(kind: type[StrEnum]) -> ValueKind:
     names = " or ".join(f"`{name}`" for name in kind)
-    return Value("|".join(kind), names, str, lambda table, key: table.choice(key, kind))
+    return ValueKind("|".join(kind), names, str, lambda table, key: table.choice(key, kind))
 
 
 _HOST: Final = "host"
-_ON: Final = Value("on|off", "true or false", _level, Table.truth)
-_JOINT: Final = Value("JOINT", "name of a joint", str, Table.text)
-_STATION: Final = Value(f"JOINT|{_HOST}", "name of a joint", _joint_or_host, Table.text)
-_INPUT: Final = Value("NAME", "name of an input", str, Table.text)
+_ON: Final = ValueKind("on|off", "true or false", _level, Table.truth)
+_JOINT: Final = ValueKind("JOINT", "name of a joint", str, Table.text)
+_STATION: Final = ValueKind(f"JOINT|{_HOST}", "name of a joint", _joint_or_host, Table.text)
+_INPUT: Final = ValueKind("NAME", "name of an input", str, Table.text)
 _SWITCH: Final = _one_of(*SWITCHES)
 _SEED: Final = _whole_number("SEED")
 _COUNT: Final = _whole_number("N")
 _MS: Final = _whole_number("MS")
 _US: Final = _whole_number("US")
 _SECONDS: Final = _number("SECONDS")
-_ID: Final = Value("ID", "identifier", _identifier, Table.integer)
-_DATA: Final = Value("HEX", "up to 8 bytes in hexadecimal digits", str, Table.text)
-_FRAMES: Final = Value("FRAMES", "name of frames, or list of identifiers", _frames, Table.text)
+_ID: Final = ValueKind("ID", "identifier", _identifier, Table.integer)
+_DATA: Final = ValueKind("HEX", "up to 8 bytes in hexadecimal digits", str, Table.text)
+_FRAMES: Final = ValueKind("FRAMES", "name of frames, or list of identifiers", _frames, Table.text)
 _OFTEN: Final = {"joint": _JOINT, "rate": _number("PART"), "skip": _COUNT, "count": _COUNT}
 """How often, and with whose frames, a fault of the bus strikes."""
 
@@ -112,11 +113,11 @@ class Form:
     """
 
     does: str
-    required: Mapping[str, Value]
-    optional: Mapping[str, Value]
+    required: Mapping[str, ValueKind]
+    optional: Mapping[str, ValueKind]
 
     @property
-    def keys(self) -> dict[str, Value]:
+    def keys(self) -> dict[str, ValueKind]:
         """All keys beside `do`, in the order of a command's words."""
         return {**self.required, **self.optional}
 
@@ -127,7 +128,7 @@ class Form:
         return " ".join([*needed, *(f"[{key}={value.metavar}]" for key, value in self.optional.items())])
 
 
-def _form(does: str, optional: Mapping[str, Value] | None = None, /, **required: Value) -> Form:
+def _form(does: str, optional: Mapping[str, ValueKind] | None = None, /, **required: ValueKind) -> Form:
     return Form(does, required, optional or {})
 
 
@@ -160,7 +161,7 @@ FORMS: Final[Mapping[Do, Form]] = {
     ),
     Do.MODE: _form(
         "a driver is set to another microstep mode, or as it was",
-        {"microsteps": Value("1|2|8|16", "1, 2, 8 or 16", _whole, Table.integer)},
+        {"microsteps": ValueKind("1|2|8|16", "1, 2, 8 or 16", _whole, Table.integer)},
         joint=_JOINT,
     ),
     Do.OSC: _form("the capacitor at a driver chip's OSC pin has another value", joint=_JOINT, osc_pf=_number("PF")),
@@ -193,7 +194,7 @@ FORMS: Final[Mapping[Do, Form]] = {
     Do.POWER_UP: _form("a board that is down starts again", {"joint": _JOINT}),
     Do.STRANGER: _form("a foreign station, such as a second master, sends a frame", id=_ID, data=_DATA),
     Do.BABBLE: _form(
-        "the same station sends a frame again and again",
+        "the same station sends a frame again and again, up to 1000000 times; 0: no more",
         id=_ID,
         data=_DATA,
         period_us=_whole_number("PERIOD_US"),
@@ -204,7 +205,7 @@ FORMS: Final[Mapping[Do, Form]] = {
     Do.DUPLICATE: _form("frames come twice, as after an error in their last bit", _OFTEN, frames=_FRAMES),
     Do.DELAY: _form("the sender of a frame waits before it sends it", _OFTEN, frames=_FRAMES, by_s=_SECONDS),
     Do.BUS_OFF: _form("the board of a joint, or without `joint` the host, goes into bus-off", {"joint": _STATION}),
-    Do.BUS_OK: _form("all faults of the bus end"),
+    Do.BUS_OK: _form("all faults of the bus end, and so does babble"),
     Do.HOST: _form(
         "something goes wrong with the host: only in scenarios",
         {"by_s": _SECONDS},
@@ -265,3 +266,50 @@ def _by_key(do: Do, words: Sequence[str]) -> dict[str, str]:
 
 def _other_usage(do: Do, words: Sequence[str]) -> InputError:
     return InputError(f"after {do}: {FORMS[do].usage or 'nothing'}, not {' '.join(words) or 'nothing'}")
+
+
+# --- what ends a harm
+
+
+def _bus_end(values: Mapping[str, object]) -> str:
+    return f"strike {values['count']} or `bus-ok`" if "count" in values else "`bus-ok`"
+
+
+def _babble_end(values: Mapping[str, object]) -> str | None:
+    period_us, count = values["period_us"], values["count"]
+    if not count or not isinstance(period_us, int) or not isinstance(count, int):
+        return None
+    return f"{period_us * count / 1e6:g} s or `bus-ok`"
+
+
+def _wire_end(values: Mapping[str, object]) -> str | None:
+    if values["condition"] == Wiring.WHOLE:
+        return None
+    whole = f"`wire {values['joint']} {values['wire']} whole`"
+    return f"{values['count']} disturbances or {whole}" if "count" in values else whole
+
+
+def _switch_end(do: Do, free: str, values: Mapping[str, object]) -> str | None:
+    ended = f"{do} {values['joint']} {values['switch']} {free}"
+    return None if str(values[_CHANGED[do]]) == free else f"`{ended}`"
+
+
+_CHANGED: Final = {Do.SWITCH_WIRE: "broken", Do.BOUNCE: "bounces"}
+_ENDS: Final[Mapping[Do, Callable[[Mapping[str, object]], str | None]]] = {
+    **dict.fromkeys((Do.LOSS, Do.CORRUPTION, Do.DUPLICATE, Do.DELAY), _bus_end),
+    Do.BABBLE: _babble_end,
+    Do.WIRE: _wire_end,
+    Do.SWITCH_WIRE: partial(_switch_end, Do.SWITCH_WIRE, SwitchWiring.WHOLE),
+    Do.BOUNCE: partial(_switch_end, Do.BOUNCE, "0"),
+    Do.MODE: lambda values: f"`mode {values['joint']}`" if "microsteps" in values else None,
+    Do.OSC: lambda values: f"`osc {values['joint']}` with the capacitor of before",
+    Do.PAYLOAD: lambda _: "another `payload`",
+    Do.BROWN_OUT: lambda values: None if "for_ms" in values else "`power-up`",
+}
+"""What ends the harms that last and that the state of the machine does not show."""
+
+
+def end_of(do: Do, values: Mapping[str, object]) -> str | None:
+    """Return what ends a harm that lasts, in words; None if it is over at once, or itself the end of one."""
+    words = _ENDS.get(do)
+    return None if words is None else words(values)

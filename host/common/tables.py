@@ -14,18 +14,25 @@ from math import inf
 from reprlib import repr as short
 from typing import Any, Final, TypeVar
 
-from steptwin.host.common.bad_input import nearest, nearest_within, outside, prefixed, shortened, unknown
+from steptwin.host.common.bad_input import nearest, nearest_within, outside, prefixed, printable, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import LARGEST
-from steptwin.host.common.printable import printable
 
 Choice = TypeVar("Choice", bound=StrEnum)
 Made = TypeVar("Made")
 
 
+_KEY_PARTS_MAX: Final = 16
+"""Parts of a dotted key, as in joints.th1.link.length_mm: the time to read a key rises with the cube of them."""
+_LONG_KEY: Final = re.compile(rf"""(?:\.[ \t]*+(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+){{{_KEY_PARTS_MAX}}}""")
+
+
 def toml_table(text: str) -> "Table":
     """Return the table of a TOML text; raise InputError for any other text."""
+    if deep := _LONG_KEY.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise InputError(f"line {line}: {short(deep[0][1:])} is more than {_KEY_PARTS_MAX} keys joined by points")
     try:
         return Table(tomllib.loads(text), "table")
     except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays

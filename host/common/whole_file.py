@@ -1,34 +1,49 @@
-"""Write files so that they appear whole or not at all, or grow; an error names the file."""
+"""Write files so that they appear whole or not at all, or grow; an error names the file, and no link is followed."""
 
 import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
+
+from steptwin.host.common.own_files import no_links, refuse_link
+
+_STEM_CHARS: Final = 100
+"""Characters of a name that its part has, too, so that the part's name is not too long for the system."""
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Open a file for writing that appears under its name, or replaces an older one, when the block ends normally.
 
-    Until then it is NAME.part in the same folder; an exception in the block deletes it. A pipe or a device is written
-    to directly. If the file cannot be written, OSError names `path`.
+    Until then it is in the same folder under a name that no one can foresee; an exception in the block deletes it. A
+    pipe that is read and a device are written to directly. If the file cannot be written, or its name is a symbolic
+    link, OSError names `path`.
     """
-    directly = path.exists() and not path.is_file()
     try:
-        with path.open("wb") if directly else _replacement(Path(os.path.realpath(path))) as file:
-            yield file
+        if path.exists() and not path.is_file():
+            with open(path, "wb", opener=no_links) as stream:
+                yield stream
+        else:
+            with replacement(path) as part, part.open("wb") as file:
+                yield file
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager
-def _replacement(path: Path) -> Iterator[BinaryIO]:
-    part = path.with_name(f"{path.name}.part")
-    file = part.open("wb")
+def replacement(path: Path) -> Iterator[Path]:
+    """Yield an empty file to be written in the block, which then becomes `path`; an exception in the block deletes it.
+
+    Raises:
+        OSError: `path` is a symbolic link, or cannot be written.
+    """
+    refuse_link(path)
+    part = path.with_name(f"{path.name[:_STEM_CHARS]}.{secrets.token_hex(8)}.part")
+    os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     try:
-        with file:
-            yield file
+        yield part
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)
@@ -36,9 +51,9 @@ def _replacement(path: Path) -> Iterator[BinaryIO]:
 
 
 def append(path: Path, data: bytes) -> None:
-    """Append to a file, made if missing; if not all can be written, OSError names `path`."""
+    """Append to a file, made if missing; if not all can be written, or it is a link, OSError names `path`."""
     try:
-        with path.open("ab") as file:
+        with open(path, "ab", opener=no_links) as file:
             file.write(data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error

@@ -7,12 +7,11 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.operate.faulty_drive import fault_and_remedy
+from steptwin.host.operate.joint_positions import fault_and_remedy
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
-from steptwin.host.robots.board_settings import SWITCHED_PROFILES
-from steptwin.host.robots.microsteps import Microsteps
+from steptwin.host.robots.board_settings import SWITCHED_PROFILES, Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE

@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.motions.held import Hold
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Wait, waits_of
+from steptwin.host.planning.trajectory import PlannedWait, waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
@@ -102,7 +102,7 @@ def executed(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) ->
     return held.until(holds[-1].at_ms + sum(holds_ms)) if timed_out else held
 
 
-def _standstill_s(plan: Plan, wait: Wait) -> float:
+def _standstill_s(plan: Plan, wait: PlannedWait) -> float:
     at_ms = round(1000 * wait.at_s)
     stands = (plan.times_ms == at_ms) & ~plan.velocities.any(axis=1)
     if not np.any(stands):
@@ -110,9 +110,9 @@ def _standstill_s(plan: Plan, wait: Wait) -> float:
     return wait.at_s
 
 
-def _timeout_text(wait: Wait) -> str:
+def _timeout_text(wait: PlannedWait) -> str:
     return f"{_place(wait)}the input {wait.input} was not {'on' if wait.on else 'off'} within {wait.timeout_s:g} s"
 
 
-def _place(wait: Wait) -> str:
+def _place(wait: PlannedWait) -> str:
     return f"{wait.place}: " if wait.place else ""

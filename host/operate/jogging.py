@@ -7,8 +7,10 @@ from math import ceil, floor, inf
 import numpy as np
 
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.pausing import abandon_trajectory
 from steptwin.host.client.profile_motion import (
-    AxisDrive,
+    VELOCITY_MIN_UNITS_PER_S,
+    VelocityTarget,
     drive_at,
     drive_together,
     follow,
@@ -16,16 +18,56 @@ from steptwin.host.client.profile_motion import (
     halt_together,
     reports_zero_speed,
 )
+from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import at_most
+from steptwin.host.common.bad_input import at_least, at_most
 from steptwin.host.common.errors import InputError
+from steptwin.host.operate.moving import move_within, standing_joints
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import clear_targets
 from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.planning.tool_by_hand import check_tool_jog, plan_tool_jog
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
+
+
+@dataclass(frozen=True, slots=True)
+class ToolJogged:
+    """A finished jog of the tool: joint positions in mm and degrees, and whether the way's end was reached."""
+
+    coordinate: str
+    start: list[float]
+    end: list[float]
+    at_end: bool
+
+
+def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[], bool]) -> ToolJogged:
+    """Move the tool along x, y or z of the world, or turn it by phi, until `until` returns True.
+
+    The speed is in mm/s or deg/s, with a sign. The way ends where reach and limits end. On the way `until` is called
+    every 10 ms; then the tool halts on its line, and the rest of the way is given up.
+
+    Raises:
+        InputError: the tool cannot move in this direction, with the reason; or as `execute_live`.
+        DeviceFaultError, BusError: as `execute_live`.
+    """
+    check_tool_jog(coordinate, speed)
+    with session.alone():
+        plan = plan_tool_jog(session.robot, standing_joints(session, "jog"), coordinate, speed)
+        with session.in_charge("jog") as machine:
+            move_within(session, session.demanded_units(), plan.start_units)
+            start = session.positions(plan.start_units)
+            if until():
+                return ToolJogged(coordinate, start, start, at_end=False)
+            stream = machine.start(plan.records(), plan.start_units)
+            while not (stream.ended or until()):
+                machine.wait(POLL_S)
+            if not stream.ended:
+                abandon_trajectory(machine)
+            end = session.positions(machine.positions_units())
+    return ToolJogged(coordinate, start, end, at_end=stream.ended)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +81,26 @@ class Jogged:
 
 
 def check_jog(robot: Robot, name: str, speed: float) -> Joint:
-    """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limit."""
+    """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limits.
+
+    The slowest speed is that at which the slowest axis that moves still does (`VELOCITY_MIN_UNITS_PER_S`).
+    """
     i = robot.index_of(name)
     joint = robot.joints[i]
+    speed_min = VELOCITY_MIN_UNITS_PER_S / min(map(abs, ways_units(robot, i).values()))
     speed_max, _ = limits_along(robot, _one(robot, i))
-    if not 0 < abs(speed) <= speed_max:
-        limit = f"above 0 and up to {at_most(speed_max)} {joint.unit}/s, with a sign"
+    if not speed_min <= abs(speed) <= speed_max:
+        limit = f"from {at_least(speed_min)} to {at_most(speed_max)} {joint.unit}/s, with a sign"
         raise InputError(f"{name}: a speed of {speed:g} {joint.unit}/s is not {limit}")
     return joint
+
+
+def ways_units(robot: Robot, joint: int) -> dict[int, float]:
+    """Return the way of each axis that moves with a joint, in wire units for one mm or degree of the joint alone."""
+    return {
+        axis: element * robot.joints[axis].transmission.wire_units_per_unit
+        for axis, element in robot.coupling.axes_moved_by(joint).items()
+    }
 
 
 def jog(
@@ -96,18 +150,16 @@ def _one(robot: Robot, joint: int) -> FloatArray:
     return np.array([float(other == joint) for other in range(len(robot.joints))])
 
 
-def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[AxisDrive]:
+def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[VelocityTarget]:
     """Return the velocity and the acceleration of each axis with which one joint moves alone."""
     _, acceleration = limits_along(robot, _one(robot, joint))
     drives = []
-    for i, element in robot.coupling.axes_moved_by(joint).items():
-        per_unit = element * robot.joints[i].transmission.wire_units_per_unit
-        velocity = round(speed * per_unit) or (1 if speed * per_unit > 0 else -1)
-        drives.append(AxisDrive(axes[i], velocity, ceil(acceleration * abs(per_unit))))
+    for i, per_unit in ways_units(robot, joint).items():
+        drives.append(VelocityTarget(axes[i], round(speed * per_unit), ceil(acceleration * abs(per_unit))))
     return drives
 
 
-def _start(session: Session, drives: list[AxisDrive]) -> None:
+def _start(session: Session, drives: list[VelocityTarget]) -> None:
     if len(drives) == 1:
         drive_at(*drives[0])
     else:
@@ -136,8 +188,12 @@ def _set_limits(session: Session, joint: int, axes: dict[int, AxisClient]) -> No
     ends[:, joint] = robot.joints[joint].lower, robot.joints[joint].upper
     axis_ends = robot.coupling.to_axes(ends) * robot.wire_units_per_unit
     for i, axis in axes.items():
-        axis.ensure(od.POSITION_LIMIT_MIN, ceil(axis_ends[:, i].min()))
-        axis.ensure(od.POSITION_LIMIT_MAX, floor(axis_ends[:, i].max()))
+        low, high = ceil(axis_ends[:, i].min()), floor(axis_ends[:, i].max())
+        limits = [(od.POSITION_LIMIT_MIN, low), (od.POSITION_LIMIT_MAX, high)]
+        if low > axis.read(od.POSITION_LIMIT_MAX):  # an axis refuses a low limit above its high one
+            limits.reverse()
+        for address, limit in limits:
+            axis.ensure(address, limit)
 
 
 def _at_limit(axis: AxisClient) -> bool:

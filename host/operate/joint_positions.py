@@ -1,27 +1,52 @@
 """Compute joint positions, and which of them are known, from what the axes say."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.words import error_text, error_words, state_text
+from steptwin.host.common.errors import DeviceFaultError
 from steptwin.host.robots.robot import Robot
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ErrorCode, State
+
+HELD: Final = "held by an emergency stop until `steptwin reset`"
+"""What `steptwin estop` does to a drive."""
 
 
-class JointPosition(NamedTuple):
+def fault_and_remedy(axis: AxisClient, state: State) -> str:
+    """Read why a drive is in a fault state by SDO; return the reason and its remedy, without the axis' name."""
+    if axis.read(od.EMERGENCY_STOP):
+        return f"is {HELD}"
+    code = axis.read(od.ERROR_CODE)
+    reason = f"{error_text(code)} (0x{code:04X})"
+    return f"the drive is in {state_text(state)}: {reason}; remove the cause, then `steptwin reset`"
+
+
+def faulty_drive(axis: AxisClient, state: State) -> DeviceFaultError:
+    """Return the error for a drive in a fault state, with the reason and its remedy."""
+    held = axis.read(od.EMERGENCY_STOP)
+    why = error_words(ErrorCode.ESTOP if held else axis.read(od.ERROR_CODE))
+    text = f"{axis.name}: {fault_and_remedy(axis, state)}"
+    return DeviceFaultError(text).plainly(f"{axis.name}: {why}; remove the cause, then reset")
+
+
+class JointReading(NamedTuple):
     """A joint's position in mm or degrees, and whether it counts from the joint's zero."""
 
     position: float
     known: bool
 
 
-def joint_positions(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointPosition]:
+def joint_positions(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointReading]:
     """Return each joint's position from the positions of all axes, in wire units.
 
     A joint's position is known if that of each axis is known on which it depends.
     """
     positions = robot.to_positions(np.array(units)).tolist()
     return [
-        JointPosition(position, all(known[axis] for axis in robot.coupling.axes_of(joint)))
+        JointReading(position, all(known[axis] for axis in robot.coupling.axes_of(joint)))
         for joint, position in enumerate(positions)
     ]

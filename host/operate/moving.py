@@ -7,7 +7,7 @@ from math import ceil
 import numpy as np
 
 from steptwin.host.client import Progress
-from steptwin.host.client.profile_motion import ProfileMove, move_together
+from steptwin.host.client.profile_motion import VELOCITY_MIN_UNITS_PER_S, ProfileMove, move_together
 from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
@@ -17,11 +17,8 @@ from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics, pose_words
-from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
-
-_VELOCITY_MIN_UNITS_PER_S = 16
-"""The firmware's smallest velocity, 1/64 unit per ms, is 15.6 units/s; a lower one would be 0."""
+from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +179,6 @@ def synchronised(
     ways_units = np.subtract(goal_units, start_units)
     moves = []
     for target, way in zip(goal_units, ways_units.tolist(), strict=True):
-        velocity = max(_VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
+        velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
         moves.append(ProfileMove(target, velocity, ceil(velocity / law.ramp_s)))
     return moves, law.duration_s

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from steptwin.host.client import stopping
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.plain_words import error_words
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
-from steptwin.host.client.words import error_text, state_text
+from steptwin.host.client.words import error_text, error_words, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import Control, State, Status
+from steptwin.protocol.cia402 import State, Status
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,31 +36,65 @@ def emergency_stop(session: Session) -> list[AxisState]:
     return axis_states(session)
 
 
-def reset(session: Session) -> list[AxisState]:
+def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
     """Reset every drive that is in fault; the power of all these drives is off afterwards.
+
+    A reset answers the faults and emergency stops that its user knew of. Each axis is told the number of the one that
+    is answered (2018h), so that a later one stays, however long the network holds the reset up.
 
     Nodes that another master has stopped, or that have restarted, are started (NMT): `wake` says how.
 
+    Args:
+        session: the machine.
+        age_s: how long ago the user asked for the reset, or saw the machine for the last time: what has come since
+            stays.
+
     Raises:
         InputError: a program that claims no lease runs a trajectory.
-        DeviceFaultError: a drive stays in fault because the cause lasts.
+        DeviceFaultError: a drive stays in fault because the cause lasts, or because a later fault has come.
         BusError: another program is in charge, or a node does not answer.
     """
+    asked_s = session.link.now_s() - age_s
     wake(session)
     with session.alone():
         session.require_idle("reset")
         for axis in session.machine.axes:
             if not axis.read(od.STATUSWORD) & Status.REMOTE:
                 axis.start_node()
-        for axis in session.machine.axes:
+        answered = [(axis, _fault_before(session, axis, asked_s)) for axis in session.machine.axes]
+        for axis, number in answered:
             if axis.state() is State.FAULT:
                 # The host that the axis watched may be gone; a host that lives makes it watch again.
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)
-                axis.write(od.CONTROLWORD, 0)
-                axis.write(od.CONTROLWORD, Control.FAULT_RESET)
-        for axis in session.machine.axes:
-            _await_reset(session, axis)
+                _reset_fault(axis, number)
+        _await_reset(session)
     return axis_states(session)
+
+
+def _fault_before(session: Session, axis: AxisClient, asked_s: float) -> int:
+    """Return the number of the axis' last fault; raise DeviceFaultError if it is younger than the reset."""
+    number = axis.read(od.FAULT_NUMBER)  # before its age: a fault between the two makes the age a young one
+    least_ms = int(1000 * (session.link.now_s() - asked_s))
+    if axis.read(od.FAULT_AGE_MS) < least_ms:
+        raise _later_fault(axis)
+    return number
+
+
+def _reset_fault(axis: AxisClient, number: int) -> None:
+    """Reset the fault of this number; raise DeviceFaultError if another one has come since."""
+    try:
+        axis.write(od.FAULT_RESET, number)
+    except DeviceFaultError as error:
+        if axis.read(od.FAULT_NUMBER) != number:
+            raise _later_fault(axis) from error
+        raise
+
+
+def _later_fault(axis: AxisClient) -> DeviceFaultError:
+    stays = "an emergency stop or a fault has come since the reset was asked for: it stays; look at the machine"
+    return DeviceFaultError(f"{axis.name}: {stays}, then `steptwin reset` again").plainly(
+        f"{axis.name}: {stays}, then reset again"
+    )
 
 
 def wake(session: Session) -> None:
@@ -76,12 +109,20 @@ def wake(session: Session) -> None:
             axis.start_node()
 
 
-def _await_reset(session: Session, axis: AxisClient) -> None:
-    if not wait_until(session.link, lambda: axis.state() not in FAULT_STATES, REPLY_TIMEOUT_S):
-        state, code = axis.state(), axis.read(od.ERROR_CODE)
+def _await_reset(session: Session) -> None:
+    """Wait until no drive is in fault; raise DeviceFaultError, with the first cause, if one stays so."""
+    lasting: list[AxisClient] = []
+
+    def over() -> bool:
+        lasting[:] = [axis for axis in session.machine.axes if axis.state() in FAULT_STATES]
+        return not lasting
+
+    if not wait_until(session.link, over, REPLY_TIMEOUT_S):
+        state, code = lasting[0].state(), lasting[0].read(od.ERROR_CODE)
+        names = ", ".join(axis.name for axis in lasting if axis.read(od.ERROR_CODE) == code)
         cause = f"{error_text(code)} (0x{code:04X})"
-        raise DeviceFaultError(f"{axis.name}: stays in {state_text(state)} because the cause lasts: {cause}").plainly(
-            f"{axis.name}: the cause lasts: {error_words(code)}; end it, then reset again"
+        raise DeviceFaultError(f"{names}: stays in {state_text(state)} because the cause lasts: {cause}").plainly(
+            f"{names}: the cause lasts: {error_words(code)}; end it, then reset again"
         )
 
 

@@ -13,7 +13,7 @@ from steptwin.host.client.faults import await_reports
 from steptwin.host.client.lease import Lease
 from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.faulty_drive import faulty_drive
+from steptwin.host.operate.joint_positions import faulty_drive
 from steptwin.host.operate.setting_up import clear_targets, take_over
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
@@ -52,6 +52,8 @@ class Session:
         self.robot = robot
         self.machine = Machine(link, robot.joint_names)
         self._lease = Lease(self.machine.axes, token)
+        self._stops_known: int | None = None
+        """Stops that the axes had reported when the present action began; None without an action."""
 
     # --- what the nodes report by themselves
 
@@ -106,6 +108,30 @@ class Session:
             return None
         return {key: float(value) for key, value in zip(POSE_KEYS, pose, strict=True)}
 
+    # --- stops by others
+
+    @contextmanager
+    def one_action(self) -> Iterator[None]:
+        """Let all that the block does be one action: a stop that comes meanwhile makes the rest of it void.
+
+        The axes then refuse by themselves what has begun; `in_charge` refuses to begin, also after a reset.
+        """
+        if self._stops_known is not None:  # a part of an action
+            yield
+            return
+        self._stops_known = self._stops()
+        try:
+            yield
+        finally:
+            self._stops_known = None
+
+    def _stops(self) -> int:
+        return sum(axis.stops for axis in self.machine.axes)
+
+    def _require_no_stop(self, what: str) -> None:
+        if self._stops_known != self._stops():
+            raise DeviceFaultError(f"{what}: void, since the machine was stopped after this was asked for")
+
     # --- taking charge
 
     def require_ready(self, what: str, *, known: bool = True) -> None:
@@ -137,15 +163,18 @@ class Session:
 
         Raises:
             InputError: a program that claims no lease moves the machine.
-            DeviceFaultError: a drive is in fault, has no known position, or refuses a value.
+            DeviceFaultError: a drive is in fault, has no known position, or refuses a value; or the machine was stopped
+                after the action began.
             BusError: another program is in charge, or a node does not answer.
         """
-        with self.alone():
+        with self.one_action(), self.alone():
             self.require_ready(what, known=known)
             try:
                 take_over(self.machine, self.robot)
                 self._lease.claim()  # once more: a computer that was too slow may have lost it before the heartbeat
+                self._require_no_stop(what)
                 self.machine.enable()
+                self._require_no_stop(what)
                 yield self.machine
             except BaseException as error:
                 self._stop_after(error)

@@ -10,7 +10,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import LINEAR_RAMP
-from steptwin.protocol.datatypes import DataType
+from steptwin.protocol.entry import DataType
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6

@@ -13,7 +13,7 @@ from steptwin.host.client.faults import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.input_waiting import read_inputs
-from steptwin.host.operate.joint_positions import JointPosition, joint_positions
+from steptwin.host.operate.joint_positions import JointReading, joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
@@ -173,7 +173,7 @@ def _by_sdo(axis: AxisClient, _drive: DriveStatus, common: dict[str, Any]) -> Ax
     )
 
 
-def _common(axis: AxisClient, joint: Joint, drive: DriveStatus, place: JointPosition) -> dict[str, Any]:
+def _common(axis: AxisClient, joint: Joint, drive: DriveStatus, place: JointReading) -> dict[str, Any]:
     return {
         "name": axis.name,
         "node_id": axis.node_id,

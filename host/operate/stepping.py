@@ -4,12 +4,13 @@ from math import copysign, floor
 from typing import Final
 
 from steptwin.host.client import Progress
-from steptwin.host.common.bad_input import at_most, outside
+from steptwin.host.common.bad_input import at_least, at_most, outside
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.jogging import ways_units
 from steptwin.host.operate.moving import Moved, axes_concerned, move, standing_joints
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
-from steptwin.host.planning.tool_step import ToolStep, plan_tool_step
+from steptwin.host.planning.tool_by_hand import ToolStep, plan_tool_step
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
@@ -24,14 +25,16 @@ _THOUSANDTHS: Final = 1000
 
 
 def check_step(robot: Robot, name: str, distance: float) -> Joint:
-    """Return the joint of this name; raise InputError if there is none or the distance is 0 or beyond its travel."""
-    joint = robot.joints[robot.index_of(name)]
-    travel = joint.upper - joint.lower
-    if not 0 < abs(distance) <= travel:
-        raise InputError(
-            f"{name}: a step of {distance:g} {joint.unit} is not above 0 and up to {at_most(travel)} {joint.unit},"
-            " with a sign"
-        )
+    """Return the joint of this name; raise InputError if there is none or the distance is out of range.
+
+    The smallest step is one wire unit of each axis that moves, the largest the joint's travel.
+    """
+    i = robot.index_of(name)
+    joint = robot.joints[i]
+    least, travel = 1 / min(map(abs, ways_units(robot, i).values())), joint.upper - joint.lower
+    if not least <= abs(distance) <= travel:
+        limits = f"from {at_least(least)} to {at_most(travel)} {joint.unit}"
+        raise InputError(f"{name}: a step of {distance:g} {joint.unit} is not {limits}, with a sign")
     return joint
 
 

@@ -3,17 +3,16 @@
 Each raises an InputError that names joint, time, value and limit.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import apart, by, nearest_within, outside
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.out_of_reach import OutOfReachError
-from steptwin.host.planning.peaks import Peak, Quantity
-from steptwin.host.planning.samples import Samples
+from steptwin.host.planning.paths import OutOfReachError
+from steptwin.host.planning.peaks import Peak, Quantity, Samples
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -61,17 +60,65 @@ def check_joint_names(robot: Robot, trajectory: Trajectory) -> None:
         raise InputError(f"the trajectory moves the joints {given}, but {robot.name} has {right}, in this order")
 
 
-def check_positions(robot: Robot, samples: Samples) -> None:
-    """Check that all values are finite and all positions within the joints' limits."""
-    for i in range(len(robot.joints)):
-        check_joint_positions(robot, i, samples)
+class SampleCheck:
+    """Looks at a motion window by window: at the values of each joint, its positions and its speed at both ends."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._joints = robot.joints
+        self._not_finite: dict[int, InputError] = {}
+        self._beyond: dict[int, _Beyond] = {}
+        self._first: Samples | None = None
+        self._last: Samples | None = None
+
+    def watched(self, windows: Iterable[Samples]) -> Iterator[Samples]:
+        """Look at windows as they are taken; raise InputError, as `check_positions`, at one that is not finite."""
+        for samples in windows:
+            self.look(samples)
+            if self._not_finite:
+                self.check_positions()
+            yield samples
+
+    def look(self, samples: Samples) -> None:
+        """Look at the next window."""
+        self._first, self._last = self._first or samples, samples
+        for i, joint in enumerate(self._joints):
+            positions = samples.positions[:, i]
+            if error := _not_finite(joint, samples.t_s, positions, samples.velocities[:, i]):
+                self._not_finite.setdefault(i, error)
+            elif found := _Beyond.of(joint, samples.t_s, positions):
+                before = self._beyond.get(i, found)
+                self._beyond[i] = before._replace(farthest=max(before.farthest, found.farthest))
+
+    def check_positions(self) -> None:
+        """Check that all values are finite and all positions within the joints' limits."""
+        for i in range(len(self._joints)):
+            self.check_joint(i)
+
+    def check_joint(self, i: int) -> None:
+        """Check that all values of a joint, given by its index, are finite and its positions within its limits."""
+        if i in self._not_finite:
+            raise self._not_finite[i]
+        if i in self._beyond:
+            raise self._beyond[i].error(self._joints[i])
+
+    def check_rest(self) -> None:
+        """Check that the motion starts and ends at rest."""
+        for i, joint in enumerate(self._joints):
+            for when, samples, row in (("starts", self._first, 0), ("ends", self._last, -1)):
+                velocity = samples.velocities[row, i] if samples else 0.0
+                if samples and abs(velocity) > REST_TOLERANCE:
+                    raise NotAtRestError(
+                        f"{joint.name}: the motion {when} at t = {samples.t_s[row]:.3f} s"
+                        f" with {velocity:g} {joint.unit}/s instead of 0 {joint.unit}/s, at rest"
+                    )
 
 
-def check_joint_positions(robot: Robot, i: int, samples: Samples) -> None:
-    """Check that all values of a joint, given by its index, are finite and its positions within its limits."""
-    joint = robot.joints[i]
-    _check_finite(joint, samples.t_s, samples.positions[:, i], samples.velocities[:, i])
-    _check_range(joint, samples.t_s, samples.positions[:, i])
+def check_positions(robot: Robot, windows: Iterable[Samples]) -> None:
+    """Check that all values of a motion are finite and all positions within the joints' limits."""
+    check = SampleCheck(robot)
+    for _ in check.watched(windows):
+        pass
+    check.check_positions()
 
 
 def check_within(joint: Joint, position: float) -> None:
@@ -86,39 +133,40 @@ def is_outside(joint: Joint, position: float) -> bool:
     return not joint.lower - _LIMIT_TOLERANCE <= position <= joint.upper + _LIMIT_TOLERANCE
 
 
-def _check_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> None:
+def _not_finite(joint: Joint, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> InputError | None:
     finite = np.isfinite(positions) & np.isfinite(velocities)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise InputError(
-            f"{joint.name}: at t = {t_s[i]:.3f} s the position is {positions[i]:g} {joint.unit} "
-            f"and the speed {velocities[i]:g} {joint.unit}/s; both must be finite (is the arm singular there?)"
-        )
+    if finite.all():
+        return None
+    i = int(np.argmin(finite))
+    return InputError(
+        f"{joint.name}: at t = {t_s[i]:.3f} s the position is {positions[i]:g} {joint.unit} "
+        f"and the speed {velocities[i]:g} {joint.unit}/s; both must be finite (is the arm singular there?)"
+    )
 
 
-def _check_range(joint: Joint, t_s: FloatArray, positions: FloatArray) -> None:
-    inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
-    if not inside.all():
+class _Beyond(NamedTuple):
+    """A joint beyond its limits: where and when it is first, and how far it goes."""
+
+    position: float
+    t_s: float
+    farthest: float
+
+    @classmethod
+    def of(cls, joint: Joint, t_s: FloatArray, positions: FloatArray) -> "_Beyond | None":
+        inside = (positions >= joint.lower - _LIMIT_TOLERANCE) & (positions <= joint.upper + _LIMIT_TOLERANCE)
+        if inside.all():
+            return None
         i = int(np.argmin(inside))
-        limits = (joint.lower, joint.upper, joint.unit)
         farthest = float(np.maximum(joint.lower - positions, positions - joint.upper).max())
-        raise OutsideError(
-            f"{joint.name}: {outside(positions[i], *limits, f' at t = {t_s[i]:.3f} s')}"
-            f", by up to {by(farthest, joint.unit)}{nearest_within(positions[i], *limits)}",
+        return cls(float(positions[i]), float(t_s[i]), farthest)
+
+    def error(self, joint: Joint) -> OutsideError:
+        limits = (joint.lower, joint.upper, joint.unit)
+        return OutsideError(
+            f"{joint.name}: {outside(self.position, *limits, f' at t = {self.t_s:.3f} s')}"
+            f", by up to {by(self.farthest, joint.unit)}{nearest_within(self.position, *limits)}",
             joint,
         )
-
-
-def check_rest(robot: Robot, samples: Samples) -> None:
-    """Check that the trajectory starts and ends at rest."""
-    for i, joint in enumerate(robot.joints):
-        for when, row in (("starts", 0), ("ends", -1)):
-            velocity = samples.velocities[row, i]
-            if abs(velocity) > REST_TOLERANCE:
-                raise NotAtRestError(
-                    f"{joint.name}: the motion {when} at t = {samples.t_s[row]:.3f} s"
-                    f" with {velocity:g} {joint.unit}/s instead of 0 {joint.unit}/s, at rest"
-                )
 
 
 def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> None:

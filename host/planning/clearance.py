@@ -19,7 +19,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
-from steptwin.host.robots.kinematics.scara_links import solid_parts
+from steptwin.host.robots.kinematics.links import solid_parts
 from steptwin.host.robots.robot import Robot
 
 MARGIN_MM: Final = 1.0
@@ -30,7 +30,7 @@ _NUDGE: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class TooNear:
     """The first place of a way at which the arm comes too near to a box.
 
     Attributes:
@@ -66,7 +66,7 @@ def obstacles_of(robot: Robot) -> dict[str, Box]:
     return {name: robot.boxes[name] for name in robot.shelf.obstacles} if robot.shelf else {}
 
 
-def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> Contact | None:
+def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> TooNear | None:
     """Return where the arm first comes nearer than MARGIN_MM to an obstacle of its shelf; None for a way that is clear.
 
     Joint positions are in mm and degrees; between them the way is straight in joint space.
@@ -128,7 +128,7 @@ class _Arm:
                     found.append(_Nearest(distance_mm - self.radius_mm, link, piece, along, name))
         return min(found, key=lambda each: each.free_mm)
 
-    def contact(self, robot: Robot, nearest: _Nearest, begin: FloatArray, way: FloatArray, part: float) -> Contact:
+    def contact(self, robot: Robot, nearest: _Nearest, begin: FloatArray, way: FloatArray, part: float) -> TooNear:
         """Return a contact with the joint whose own motion moves the place of contact most."""
         joints = begin + part * way
         at_mm = self._point_mm(joints, nearest)
@@ -138,7 +138,7 @@ class _Arm:
         ]
         joint = int(np.argmax(moved_mm))
         x_mm, y_mm, z_mm = at_mm.tolist()
-        return Contact(
+        return TooNear(
             part, robot.joint_names[joint], float(joints[joint]), nearest.link, nearest.box, (x_mm, y_mm, z_mm)
         )
 

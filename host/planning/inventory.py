@@ -13,8 +13,8 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
 from steptwin.host.common.findings import Findings
+from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, check_name, toml_table
-from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.jobs import job_carries

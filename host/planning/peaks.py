@@ -1,21 +1,71 @@
 """The highest speed, acceleration and step rate of each joint in a motion, beside their limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from math import floor, sqrt
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.samples import Samples
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
+
+LONGEST_MS: Final = 3_600_000
+"""Longest motion, an hour: each millisecond of it is looked at, so its length decides how long that takes."""
+WINDOW_MS: Final = 1 << 17
+"""Part of a motion that is looked at at once, some two minutes: it bounds the memory, whatever the motion's length."""
+
+
+class TooLongError(InputError):
+    """A motion would last more than LONGEST_MS."""
+
+
+def check_length(what: str, duration_ms: int) -> None:
+    """Raise TooLongError, with what is meant in front, for more than LONGEST_MS."""
+    if duration_ms > LONGEST_MS:
+        raise TooLongError(f"{what} lasts {duration_ms / 1000:.9g} s, more than an hour, {LONGEST_MS // 1000} s")
+
+
+class Samples(NamedTuple):
+    """A window of a trajectory, each millisecond of it: times of shape (n,), the rest of shape (n, joints)."""
+
+    t_s: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+
+
+def sampled(trajectory: Trajectory) -> Iterator[Samples]:
+    """Yield a trajectory in windows; each begins with the millisecond with which the one before ends."""
+    for times_ms in windows_ms(round(1000 * trajectory.duration_s)):
+        t_s = times_ms / 1000
+        yield Samples(t_s, trajectory.positions(t_s), trajectory.velocities(t_s))
+
+
+def shifted(windows: Iterable[Samples], from_s: float) -> Iterator[Samples]:
+    """Yield the windows of a part of a motion with the motion's times; the part begins at `from_s`."""
+    for samples in windows:
+        yield samples._replace(t_s=samples.t_s + from_s)
+
+
+def windows_ms(end_ms: int) -> Iterator[Int64Array]:
+    """Yield all milliseconds from 0 to an end in windows; each begins with the last one of the window before.
+
+    Raises TooLongError at once for an end after LONGEST_MS.
+    """
+    check_length("the motion", end_ms)
+    for begin_ms in range(0, end_ms, WINDOW_MS):
+        yield np.arange(begin_ms, min(begin_ms + WINDOW_MS, end_ms) + 1)
+
 
 _ROUNDING: Final = 1e-9
 """Rounding error allowed beyond a limit of speed or acceleration, as a fraction of it."""
 _Q16: Final = 1 << 16
+_RECORDS_AT_ONCE: Final = 1 << 15
+"""Number of PVT records whose step rates are computed at once, which bounds the memory."""
 
 
 class Quantity(StrEnum):
@@ -68,8 +118,13 @@ class Peak:
         return self.value > self.limit * (1.0 if self.quantity is Quantity.STEP_RATE else 1.0 + _ROUNDING)
 
 
+def highest(found: Iterable[Iterable[Peak]]) -> tuple[Peak, ...]:
+    """Return the highest of the peaks that the windows of a motion have, quantity by quantity; the first of equals."""
+    return tuple(max(of_one, key=lambda peak: peak.value) for of_one in zip(*found, strict=True))
+
+
 def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
-    """Yield the peaks of speed and acceleration, joint by joint, then those of the axes that are coupled.
+    """Yield a window's peaks of speed and acceleration, joint by joint, then those of the axes that are coupled.
 
     The acceleration is the mean over each interval of the grid, inside which it does not jump.
     """
@@ -95,12 +150,17 @@ def _peaks(
         yield Peak(quantity, joint.name, float(sizes[worst]), limit, f"{joint.unit}/{unit}", float(t_s[worst]))
 
 
-def step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> Iterator[Peak]:
-    """Yield the peaks of the step rates, in Hz, as the firmware bounds them for each PVT record.
+def step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> tuple[Peak, ...]:
+    """Return the peaks of the step rates, in Hz, as the firmware bounds them for each PVT record.
 
     `points` are whole wire units and `velocities` whole 1/64 units per ms, both of shape (points, joints) and within
     the widths of PVT records. The firmware's limit is in Q16 steps per ms.
     """
+    parts = (slice(begin, begin + _RECORDS_AT_ONCE + 1) for begin in range(0, len(times_ms) - 1, _RECORDS_AT_ONCE))
+    return highest(_step_rate_peaks(robot, times_ms[part], points[part], velocities[part]) for part in parts)
+
+
+def _step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> Iterator[Peak]:
     dt_ms = np.diff(times_ms)[:, np.newaxis]
     hulls_q16 = _velocity_hulls_q16(robot, dt_ms, points.astype(np.int64), velocities.astype(np.int64))
     rates_hz = hulls_q16 * (1000 / _Q16) / dt_ms

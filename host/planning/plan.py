@@ -5,11 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from steptwin.host.common.arrays import Int64Array
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.cut_short import CutShort
-from steptwin.host.planning.motions.held import Held, Hold
+from steptwin.host.planning.motions.held import CutShort, Held, Hold
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
@@ -91,7 +89,7 @@ class Plan:
         return max((peak for peak in self.peaks if peak.quantity is quantity), key=lambda peak: peak.percent)
 
     def until(self, end_ms: int) -> "Plan":
-        """Return the plan up to a point at which it stands; raise ValueError for another time.
+        """Return the plan up to a point where it stands; raise ValueError for another time.
 
         The peaks stay those of the whole.
         """

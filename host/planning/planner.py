@@ -4,6 +4,7 @@ Positions are converted to wire units on absolute values and rounded once; a rec
 two rounded absolutes, so rounding errors do not add up. Velocities are the trajectory's own at the points.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -13,12 +14,21 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning import checks
-from steptwin.host.planning.motions.stretched import STRETCH_MAX, Stretched, smallest_stretch
-from steptwin.host.planning.peaks import Peak, Quantity, speed_peaks, step_rate_peaks
+from steptwin.host.planning.motions.stretched import Stretched, largest_stretch, smallest_stretch
+from steptwin.host.planning.peaks import (
+    Peak,
+    Quantity,
+    Samples,
+    check_length,
+    highest,
+    sampled,
+    shifted,
+    speed_peaks,
+    step_rate_peaks,
+)
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.samples import Samples
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.robots.fewer_steps import with_fewer_steps
+from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
@@ -77,7 +87,7 @@ def stretch_that_passes(
     least = error.least_stretch * _stretched(trajectory, asked).duration_s / trajectory.duration_s
     factor = smallest_stretch(trajectory, passes, least, asked)
     if factor is None:
-        never = f"no stretch up to {STRETCH_MAX:g} makes it pass"
+        never = f"no stretch up to {largest_stretch(trajectory):g} makes it pass"
         raise InputError(f"{error}; {never}").plainly(f"{error.plain}; {never}") from error
     return factor
 
@@ -107,39 +117,48 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, point_ms: int = DEF
     Raises TooFastError if PVT records cannot hold the part.
     """
     own_ms = _point_times_ms(part, point_ms, from_ms)
-    samples = Samples.of(part, own_ms)
-    wire = _on_wire(robot, own_ms, samples)
-    shifted = samples._replace(t_s=samples.t_s + from_ms / 1000)
-    return _peaks(robot, own_ms + from_ms, *wire, shifted)
+    points, velocities, peaks = _looked(robot, own_ms, shifted(sampled(part), from_ms / 1000))
+    return (*_step_rates(robot, own_ms + from_ms, points, velocities), *peaks)
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     """Plan a trajectory; raise TooFastError for one that passes if it is stretched."""
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
-    samples = Samples.of(trajectory, times_ms)
-    checks.check_positions(robot, samples)
-    checks.check_rest(robot, samples)
-    points, velocities = _on_wire(robot, times_ms, samples)
-    peaks = _peaks(robot, times_ms, points, velocities, samples)
+    check = checks.SampleCheck(robot)
+    points, velocities, speeds = _looked(robot, times_ms, check.watched(sampled(trajectory)))
+    check.check_positions()
+    check.check_rest()
+    peaks = (*_step_rates(robot, times_ms, points, velocities), *speeds)
     checks.check_peaks(peaks)
     return Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64), peaks)
 
 
-def _on_wire(robot: Robot, times_ms: Int64Array, samples: Samples) -> tuple[FloatArray, FloatArray]:
-    """Return the points at these times and their velocities in wire units, as floats, which cannot overflow."""
-    at_points = np.searchsorted(samples.t_s, times_ms / 1000)
-    points = robot.to_units(samples.positions[at_points])
-    axis_velocities = robot.coupling.to_axes(samples.velocities[at_points])
-    velocities = np.round(axis_velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000)
-    return points, velocities
+def _looked(
+    robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]
+) -> tuple[FloatArray, FloatArray, tuple[Peak, ...]]:
+    """Look at a motion window by window.
+
+    Return its points at these times and their velocities in wire units, as floats, which cannot overflow, and its peaks
+    of speed and acceleration.
+    """
+    points = np.empty((len(times_ms), len(robot.joints)))
+    velocities = np.empty_like(points)
+    peaks, begin_ms = [], 0
+    for samples in windows:
+        end_ms = begin_ms + len(samples.t_s) - 1
+        into = slice(*np.searchsorted(times_ms, (begin_ms, end_ms + 1)))  # the first row again, if both windows have it
+        rows = times_ms[into] - begin_ms
+        points[into] = robot.to_units(samples.positions[rows])
+        velocities[into] = robot.coupling.to_axes(samples.velocities[rows])
+        peaks.append(tuple(speed_peaks(robot, samples)))
+        begin_ms = end_ms
+    return points, np.round(velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000), highest(peaks)
 
 
-def _peaks(
-    robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray, samples: Samples
-) -> tuple[Peak, ...]:
+def _step_rates(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> tuple[Peak, ...]:
     checks.check_record_widths(robot, times_ms, points, velocities)
-    return (*step_rate_peaks(robot, times_ms, points, velocities), *speed_peaks(robot, samples))
+    return step_rate_peaks(robot, times_ms, points, velocities)
 
 
 def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:
@@ -150,9 +169,11 @@ def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> 
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")
     end_ms = whole_ms("the duration", trajectory.duration_s)
+    check_length("the motion", end_ms)
     breakpoints_ms = [whole_ms("a breakpoint", t_s) for t_s in trajectory.breakpoints_s]
     for what, t_ms in (("the duration", end_ms), *(("a breakpoint", t_ms) for t_ms in breakpoints_ms)):
         if not 1 <= t_ms <= end_ms:
             raise InputError(f"{what}: {t_ms} ms is not from 1 ms to the end at {end_ms} ms")
-    grid_ms = range(-from_ms % point_ms, end_ms, point_ms)
-    return np.unique(np.array([0, *grid_ms, *breakpoints_ms, end_ms], dtype=np.int64))
+    grid_ms = np.arange(-from_ms % point_ms, end_ms, point_ms)
+    times_ms = np.sort(np.concatenate((grid_ms, np.array([0, *breakpoints_ms, end_ms], np.int64))))
+    return times_ms[np.diff(times_ms, prepend=-1) > 0]

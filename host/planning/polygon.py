@@ -31,7 +31,7 @@ class Departure:
         what: name of the joint, or TOOL.
         distance: distance, in `unit`.
         unit: mm or deg.
-        t_s: time at which the motion is there.
+        t_s: time when the motion is there.
         allowed: distance up to which it goes unremarked.
     """
 

@@ -27,7 +27,7 @@ class Switching:
 
 
 @dataclass(frozen=True, slots=True)
-class Wait:
+class PlannedWait:
     """A standstill amid a motion that lasts until a digital input has a level; the plan counts it as no time.
 
     Attributes:
@@ -89,11 +89,11 @@ class Waiting(Protocol):
     """A trajectory that waits for inputs on its way; others need not have the attribute."""
 
     @property
-    def waits(self) -> tuple[Wait, ...]:
+    def waits(self) -> tuple[PlannedWait, ...]:
         """The waits, in order of time."""
         ...
 
 
-def waits_of(trajectory: Trajectory) -> tuple[Wait, ...]:
+def waits_of(trajectory: Trajectory) -> tuple[PlannedWait, ...]:
     """Return a trajectory's waits for inputs, in order of time."""
     return trajectory.waits if isinstance(trajectory, Waiting) else ()

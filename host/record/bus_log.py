@@ -1,6 +1,6 @@
 """Write and read the bus log, one line a frame, in the format of `candump -L`.
 
-can-utils, cantools and Wireshark read it too. An instant is the simulated time at which the frame became valid.
+can-utils, cantools and Wireshark read it too. An instant is the simulated time when the frame became valid.
 """
 
 import re
@@ -10,6 +10,7 @@ from typing import Final
 
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.file_limits import LOG_LINE_CHARS_MAX
+from steptwin.host.common.own_files import growing_file, only_files
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -38,7 +39,7 @@ class BusLog:
         """Begin the log in a file, a pipe or a device; raise OSError if it cannot be opened."""
         self.failure: RecordingError | None = None
         self._path = path
-        self._file = path.open("wb", buffering=0)  # what is not written at once is not written at all
+        self._file = growing_file(path)  # what is not written at once is not written at all
         self._until_s = 0.0
 
     def append(self, lines: Iterable[str], until_s: float) -> None:
@@ -67,7 +68,7 @@ def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Fra
     Raises:
         InputError: a line is not in candump's format; the message names file and line.
     """
-    with log.open(encoding="ascii", errors="replace") as lines:
+    with open(log, encoding="ascii", errors="replace", opener=only_files) as lines:
         number = 0
         while number != frames and (line := lines.readline(LOG_LINE_CHARS_MAX + 1)):
             number += 1
@@ -81,7 +82,7 @@ def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Fra
 def count_frames(log: Path) -> int:
     """Return the number of frames: of lines, whatever they hold, the last one with or without its end."""
     frames, last = 0, b"\n"
-    with log.open("rb") as file:
+    with open(log, "rb", opener=only_files) as file:
         while chunk := file.read(_CHUNK_BYTES):
             frames += chunk.count(b"\n")
             last = chunk[-1:]

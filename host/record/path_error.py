@@ -7,8 +7,15 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify import Comparison
+from steptwin.host.common.bad_input import printable, shortened
+from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import deviations
+
+
+def heading(run: RunInfo, *what: str) -> str:
+    """Return robot, job and what is shown of them, and that the run is simulated."""
+    return f"{' · '.join((printable(shortened(run.robot)), printable(shortened(run.job)), *what))} (SIMULATED)"
+
 
 MAGNIFIED_PART: Final = 0.04
 """Largest size of the magnified error, as a fraction of the path's extent."""

@@ -13,7 +13,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.folder import StoredRun
 from steptwin.host.robots.box import Range
-from steptwin.host.robots.kinematics import Kinematics, Link, make_kinematics
+from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, OutputChange
 from steptwin.host.verify.wiring import output_changes
@@ -62,7 +62,7 @@ class RecordedMachine:
         """Return the tool's poses at the drivers' counts, shape (n, 4)."""
         return self.kinematics.forward(self.counted_joints(t_s))
 
-    def links(self, t_s: FloatArray) -> tuple[Link, ...]:
+    def links(self, t_s: FloatArray) -> tuple[ArmPart, ...]:
         """Return the machine's parts at the drivers' counts."""
         return self.kinematics.links(self.counted_joints(t_s))
 

@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
-from steptwin.host.common.text_file import read_text
+from steptwin.host.common.own_files import is_file, read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
 from steptwin.host.robots.robot import Robot
 
@@ -29,7 +29,7 @@ def load_robot(name: str) -> Robot:
     if name.endswith(SUFFIX):
         return load_robot_file(name)
     if name not in robot_names():
-        if Path(f"{name}{SUFFIX}").is_file():
+        if is_file(Path(f"{name}{SUFFIX}")):
             raise InputError(f"robot {name!r} is unknown: did you mean {name}{SUFFIX}, the file here?")
         raise unknown("robot", name, robot_names())
     return _brought(name)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 from steptwin.host.common.bad_input import at_most, require_positive, unknown
 from steptwin.host.common.errors import InputError
@@ -11,6 +11,45 @@ from steptwin.host.common.findings import check_all
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+class Microsteps(NamedTuple):
+    """Microsteps per full step of an axis; as text, a sentence that names them.
+
+    Attributes:
+        joint: name of the axis' joint.
+        driver: those that the driver makes, by its pins M1 and M2 or by its module's switches.
+        board: those that the board counts with (2000h:01).
+        filed: those of the robot's file.
+    """
+
+    joint: str
+    driver: int
+    board: int
+    filed: int
+
+    @property
+    def agree(self) -> bool:
+        """True if all three are the same."""
+        return self.driver == self.board == self.filed
+
+    @property
+    def right(self) -> bool:
+        """True if positions on the bus are those of the motor: the driver makes the steps that the board counts."""
+        return self.driver == self.board
+
+    def __str__(self) -> str:
+        """Say what is set where, and how far motions go if they go wrong."""
+        if self.agree:
+            return f"{self.joint}: {self.driver} microsteps"
+        filed = f"the robot's file says {self.filed}"
+        if self.right:
+            return f"{self.joint}: driver and board make {self.driver} microsteps, {filed}"
+        return (
+            f"{self.joint}: the driver makes {self.driver} microsteps, the board counts with {self.board}, {filed}:"
+            f" it moves {self.board / self.driver:g} times as far as the board says"
+        )
+
 
 DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
 """Driver profiles that the emulated board can have."""

@@ -58,7 +58,7 @@ class Box:
         """Return the distance of the box from the line between two points, and the place on the line nearest to it.
 
         The distance is 0 where the line meets the box. The place goes from 0 at the first point to 1 at the second.
-        The square of the distance is convex along the line, and a parabola between the places at which the line
+        The square of the distance is convex along the line, and a parabola between the places where the line
         crosses the planes of the box's faces: so the zero of its slope is exact.
         """
         ends_mm = self.x_mm, self.y_mm, self.z_mm

@@ -1,17 +1,16 @@
 """A joint of a robot, which one axis of the board drives."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import at_most, prefixed, require_positive
+from steptwin.host.common.bad_input import at_least, at_most, prefixed, require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
-from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.motor import JointLink, JointMotor
-from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.robots.transmission import Transmission
+from steptwin.host.robots.switches import JointHoming, JointSwitches
+from steptwin.host.robots.transmission import MICROSTEPS, Transmission
 
 WIRE_POSITION_MAX: Final = (1 << 31) - 1
 """Largest position on the wire, where positions are i32 wire units."""
@@ -101,3 +100,29 @@ class Joint:
     def step_rate_max_hz(self) -> float:
         """The step rate at the axis' highest speed, which is the joint's unless joints are coupled."""
         return (self.axis_speed_max or self.speed_max) * self.transmission.steps_per_unit
+
+
+_ROUNDING: Final = 1e-12
+"""Part of a ratio that is taken for a rounding error of its computation."""
+
+
+def with_fewer_steps(joint: Joint, part: float) -> tuple[Transmission, str]:
+    """Return a drive that makes at most this part of the joint's steps, and the robot file's keys and values.
+
+    The drive keeps as many microsteps as it can. If full steps are still too many, it has a longer travel per motor
+    turn as well: a longer lead of the screw, or a smaller ratio of the gears.
+    """
+    old = joint.transmission
+    microsteps = max((number for number in MICROSTEPS if number <= part * old.microsteps), default=min(MICROSTEPS))
+    drive = replace(old, microsteps=microsteps)
+    changed = [f"microsteps = {microsteps}"] if drive != old else []
+    part *= (1 + _ROUNDING) * old.microsteps / microsteps
+    if part >= 1:
+        return drive, changed[0]
+    if joint.unit is Unit.MM:
+        longer = at_least(old.travel_per_turn / part)
+        drive, setting = replace(drive, travel_per_turn=float(longer)), f"travel_per_turn = {longer}"
+    else:
+        smaller = at_most(old.ratio * part)
+        drive, setting = replace(drive, ratio=float(smaller)), f"ratio = {smaller}"
+    return drive, " with ".join([*changed, setting])

@@ -13,16 +13,13 @@ from typing import Final, NoReturn, TypeVar
 from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
-from steptwin.host.common.findings import Findings, UnreadError, check_all
-from steptwin.host.common.judging import judged, part_of
+from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
-from steptwin.host.robots.digital_input import Input
-from steptwin.host.robots.fewer_steps import with_fewer_steps
-from steptwin.host.robots.homing import JointHoming
-from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.digital_lines import Input, Output
+from steptwin.host.robots.joint import Joint, Unit, with_fewer_steps
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import check_names, check_unit, keys_of
 from steptwin.host.robots.kinematics.chain import check_links
@@ -30,10 +27,9 @@ from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMotor
-from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
-from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.host.robots.transmission import Transmission
 
 _Made = TypeVar("_Made")
@@ -151,7 +147,8 @@ def _joints(kind: _Mechanism, table: Table, key: str) -> dict[str, Joint]:
     with table.section(key) as section:
         if kind.joints:
             with table.findings.collecting():
-                check_names(kind.name, [name for name in section if not _headless(section, name)], kind.joints)
+                own = [name for name in section if name not in kind.joints or not _headless(section, name)]
+                check_names(kind.name, own, kind.joints)
         return {name: joints.get(name, part_of(Joint, {"name": name})) for name in {**section.values, **kind.joints}}
 
 
@@ -164,6 +161,8 @@ def _headless(joints: Table, name: str) -> bool:
 def _joint(kind: _Mechanism, joints: Table, name: str) -> Joint:
     expected = kind.joints.get(name)
     with joints.section(name) as table:
+        if kind.joints and not expected and (not table.values or _headless(joints, name)):
+            raise UnreadError(name)  # it is probably another joint's: `check_names` says so
         if expected and _headless(joints, name):  # it is missing, as `check_names` says
             return judged(Joint, {"name": name, "unit": expected, **table.gather({}, _JOINT_TABLES)}, table.findings)
         unit = _probable_unit(table, expected)
@@ -172,7 +171,10 @@ def _joint(kind: _Mechanism, joints: Table, name: str) -> Joint:
         values = table.gather(
             {"unit": partial(_unit, expected), **_JOINT, **turn}, {**_JOINT_OPTIONAL, **_JOINT_TABLES, **either}
         )
-        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps", *turn, *either) if key in values}
+        motor = {key: values.pop(key) for key in ("full_steps_per_rev", "microsteps", *turn) if key in values}
+        for key in either:  # without a unit, which of them is missing is unknown
+            if (value := values.pop(key, None)) is not None:
+                motor[key] = value
         fixed = {Unit.MM: {"ratio": 1.0}, Unit.DEG: {"travel_per_turn": 360.0}, None: {}}[unit]
         transmission = judged(Transmission, motor | fixed, table.findings)
         given = values | ({"unit": unit} if unit else {})

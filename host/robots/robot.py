@@ -15,13 +15,12 @@ from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
-from steptwin.host.robots.digital_input import Input
-from steptwin.host.robots.homing import JointHoming
+from steptwin.host.robots.digital_lines import Input, Output
 from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.motor import Dynamics
-from steptwin.host.robots.output import Output
 from steptwin.host.robots.shelf import Shelf
+from steptwin.host.robots.switches import JointHoming
 
 AXES_MAX: Final = 8
 """Axes that a board drives: two 16-bit timers with four compare channels each."""

@@ -13,8 +13,7 @@ from steptwin.host.common.bad_input import require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.digital_input import Input
-from steptwin.host.robots.output import Output
+from steptwin.host.robots.digital_lines import Input, Output
 
 Point = tuple[float, float, float]
 
@@ -25,7 +24,7 @@ hand holds is at its end stop."""
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A spot for one box outside of the shelf, such as a table at which boxes are handed over.
+    """A spot for one box outside of the shelf, such as a table where boxes are handed over.
 
     Attributes:
         lid_mm: where the tool's tip takes or releases a box, x, y and z: the middle of the box's lid.

@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
-from steptwin.emulator.bus_faults import BusFault
+from steptwin.emulator.faults.bus_faults import BusFault
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.robots.robot import Robot

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from steptwin.emulator.board import BoardConfig
-from steptwin.emulator.switches import WEIGHT_ONE, Switch, Travel
+from steptwin.emulator.board.board import BoardConfig
+from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import standing_steps, steps_at
 from steptwin.host.twin.drivers import driver_profile, fitted_module, switched_microsteps
-from steptwin.host.twin.standing import standing_steps, steps_at
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import FIRST_NODE_ID
 

@@ -7,20 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steptwin.controller.backend import Kernel, fastest_kernel
-from steptwin.emulator.bus_faults import BusFault, FaultScript
-from steptwin.emulator.operations import Scheduled
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.faults.bus_faults import BusFault, FaultScript
+from steptwin.emulator.faults.operations import Scheduled
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.folder import TEST_JOB
-from steptwin.host.robots.microsteps import Microsteps
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import Standing, standing_joints
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.recording_report import UnplannedRun
 from steptwin.host.twin.scenarios.played_document import played_document
 from steptwin.host.twin.scenarios.reading import read_scenario
 from steptwin.host.twin.scenarios.scenario import Scenario
-from steptwin.host.twin.standing import Standing, standing_joints
-from steptwin.host.twin.unplanned_run import UnplannedRun
 from steptwin.host.verify import AxisEvidence, Expectation, Report, RunInfo, verify
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND

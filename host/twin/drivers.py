@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from steptwin.emulator.driver_module import ClkEdge, Module
-from steptwin.emulator.driver_profiles import PROFILES, DriverProfile, bare_chip
+from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.driver_profiles import PROFILES, DriverProfile, bare_chip
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import DRIVER_SETTINGS, SWITCHED_PROFILES, BoardSettings
@@ -13,7 +13,7 @@ from steptwin.host.robots.transmission import MICROSTEPS
 
 
 @dataclass(frozen=True, slots=True)
-class DriverSettings:
+class DriverSetup:
     """How a robot's drivers are set.
 
     Attributes:
@@ -63,7 +63,7 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
         raise InputError(f"board.current_a: {error}") from error
 
 
-def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSettings:
+def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetup:
     """Return how drivers are set: as the robot's file says if it names this profile, else as usual."""
     own = profile == driver_profile(board)
 
@@ -71,7 +71,7 @@ def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetti
         stated = getattr(board, key) if own else None
         return float(getattr(profile, key) if stated is None else stated)
 
-    return DriverSettings(
+    return DriverSetup(
         current_a=setting("current_a"),
         standing_part=setting("idle_percent") / 100.0 if profile.switched else 1.0,
         fast_decay_part=setting("fast_decay_percent") / 100.0,

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import floor
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
-from steptwin.emulator.rotors import RotorRecord
-from steptwin.host.robots.microsteps import Microsteps
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.faults.bus_faults import FaultScript
+from steptwin.emulator.faults.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
+from steptwin.emulator.motors.rotors import RotorRecord
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import microsteps_of
 from steptwin.host.twin.embedded_network import EmbeddedNetwork

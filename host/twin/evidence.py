@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.pins import Pin, PinChange
-from steptwin.emulator.board import Board
-from steptwin.emulator.driver_bank import AxisTrace
-from steptwin.emulator.edges import NO_COUNTS, NO_LEVELS, Int64Array
-from steptwin.emulator.local_clock import LocalClock
-from steptwin.emulator.tb6560 import LimitUnit, Outputs, Violations
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int64Array
+from steptwin.emulator.board.local_clock import LocalClock
+from steptwin.emulator.drivers.driver_bank import AxisTrace
+from steptwin.emulator.drivers.tb6560 import LimitUnit, Outputs, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips

@@ -7,11 +7,11 @@ from typing import Unpack
 
 import numpy as np
 
-from steptwin.controller.backend import Kernel, fastest_kernel
-from steptwin.emulator.bus_faults import FaultScript
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.faults.bus_faults import FaultScript
 from steptwin.host.client import InputWait, Machine, Progress, object_dictionary
 from steptwin.host.client.stopping import await_rest
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from steptwin.controller.backend import KERNELS as OWN_KERNELS
-from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.controller.motion.backend import KERNELS as OWN_KERNELS
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 
@@ -11,7 +11,7 @@ __all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_named"]
 
 
 def _cortex_m3() -> Kernel:
-    from steptwin.emulator.cortex_m3.kernel import cortex_m3_kernel
+    from steptwin.emulator.cortex_m3.core_kernel import cortex_m3_kernel
 
     return cortex_m3_kernel()
 

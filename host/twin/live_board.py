@@ -2,34 +2,35 @@
 
 import time
 from collections import deque
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.lateness import Lateness
-from steptwin.emulator.live import LiveSimulation, warm_up
-from steptwin.emulator.pacer import Pacer
-from steptwin.emulator.surroundings import Surroundings
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_bank import AxisTrace
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.live.lateness import Lateness
+from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
+from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
-from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.robots.microsteps import Microsteps
+from steptwin.host.robots.board_settings import ActiveEdge, Microsteps
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of
 from steptwin.host.twin.evidence import axis_evidence
-from steptwin.host.twin.followed_motion import FollowedMotion
-from steptwin.host.twin.joint_totals import JointTotals
-from steptwin.host.twin.live_plan import LivePlan
+from steptwin.host.twin.live_plan import FollowedMotion, LivePlan
 from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine_parts import MachineParts
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.operation_log import OperationLog
 from steptwin.host.twin.recording_report import (
+    JointFigures,
     bus_figures,
     load_percent,
     mismatches,
@@ -43,6 +44,45 @@ from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
+
+
+@dataclass(slots=True)
+class JointTotals:
+    """Totals of a joint's driver since power-up.
+
+    Attributes:
+        joint: the joint.
+        start_steps: position at power-up, in steps of the robot's file from the joint's zero.
+        active_edge: edge of CLK that the driver counts.
+        moved_sixteenths: way of the motor from power-up to the last trace, in sixteenths of a full step.
+        pulses: number of rising CLK edges.
+        violations: number of times that a limit of the driver was broken.
+    """
+
+    joint: Joint
+    start_steps: int
+    active_edge: ActiveEdge
+    moved_sixteenths: int = 0
+    pulses: int = 0
+    violations: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the joint."""
+        return self.joint.name
+
+    def add(self, trace: AxisTrace) -> None:
+        """Add what the driver has done since the last trace."""
+        self.moved_sixteenths = trace.position_sixteenths
+        self.pulses += trace.clk_rise_counts.size
+        self.violations += trace.violations.counts.size
+
+    @property
+    def figures(self) -> JointFigures:
+        """The figures as of the last trace."""
+        end_steps = self.start_steps + self.moved_sixteenths / self.joint.transmission.step_sixteenths
+        return JointFigures(self.start_steps, end_steps, self.pulses, self.violations)
+
 
 RECORD_EVERY_S: Final = 0.5
 """Longest time for which the drivers' history is held in memory."""
@@ -218,11 +258,11 @@ class LiveBoard:
                 if self._recording and not self._recording.failure:
                     pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes, board.own_clock))
         if self._recording and self._plan:
-            self._recording.append(Piece(pieces, lines, self._plan.take(), self._mark(self._plan)))
+            self._recording.append(self._piece(pieces, lines, self._plan))
 
     def _end_round(self) -> list[str]:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
-        self._motion.follow()
+        self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.faults.struck.clear()
         if watch := self.live.simulation.shelf_watch:
@@ -241,22 +281,28 @@ class LiveBoard:
             self.recent_bus_load_percent = 100 * (busy_bits - self._busy_bits) / bits
             self._busy_bits, self._busy_until_s = busy_bits, now_s
 
-    def _mark(self, plan: LivePlan) -> Mark:
+    def _piece(
+        self, axes: Sequence[AxisEvidence], lines: Sequence[str], plan: LivePlan, *, ended: bool = False
+    ) -> Piece:
         computed_counts = min(board.computed_counts for board in self._boards)
-        return Mark(
+        motion = self._motion.recorded(ended=ended)
+        mark = Mark(
             until_counts=max(computed_counts - _OPEN_TICKS * TICK_COUNTS, 0),
-            start_counts=self._motion.start_counts or 0,
-            no_plan=plan.lacking_so_far,
-            in_motion=plan.in_motion,
+            start_counts=motion.start_counts or 0,
+            no_plan=motion.no_plan,
+            in_motion=motion.in_motion,
+            next_counts=motion.next_counts,
             load_percent=round(self.bus_load_percent, 3),
             wall_s=round(self.wall_s, 3),
         )
+        return Piece(axes, lines, plan.take(), mark, motion.plan_number)
 
     def close(self, document: dict[str, Any]) -> None:
         """Complete the files after the last `record`; `document` becomes report.json."""
         if self._bus_log:
             self._bus_log.close()
-        if self._recording:
+        if self._recording and self._plan:
+            self._recording.append(self._piece((), (), self._plan, ended=True))
             self._recording.finish(document)
 
     @property

@@ -1,17 +1,152 @@
 """Follow the motions of a live board and give the records of the last one as a plan in the machine's positions.
 
 The firmware's positions begin wherever a host has preset them; those of the machine are what its drivers have counted.
+
+With it the pulses of any host's motion can be verified against its records, to the wire unit. A row is made as soon as
+every axis that moves has its record for it, and rows are taken away to be written, so memory stays bounded. A row
+becomes text only then, which takes longer than all the rest.
+
+A recording shows one of them: the last that has a plan, even if others have moved the machine since. What comes after
+it is recorded, but the plan says nothing of it.
 """
 
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from itertools import groupby
+from typing import Final, NamedTuple
 
-from steptwin.emulator.board import Board
-from steptwin.host.record.folder import PlanRows
+import numpy as np
+
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board
+from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.received_plan import HALTED, ReceivedPlan
+from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
+
+NO_MOTION: Final = "no trajectory was run; a jog, a move or a homing has no plan"
+HALTED: Final = "it was halted on its way"
+ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
+_APART: Final = "the axes' records do not last equally long"
+_AHEAD_MAX: Final = 2 * QUEUE_DEPTH
+"""Number of one axis' records that may wait for those of the others; a queue holds half as many."""
+
+
+class _Row(NamedTuple):
+    """A point of the plan as the wire has it: positions in units, velocities in those of the records."""
+
+    time_ms: int
+    units: tuple[int, ...]
+    velocities: tuple[int, ...]
+
+
+class ReceivedPlan:
+    """Collects records as the board accepts them; at the end there is a plan, or a reason why there is none."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Begin without a plan."""
+        self._lacking: str | None = NO_MOTION
+        self.going = False
+        """True while the motion is under way."""
+        self.number = 0
+        """Counts the plans that were begun: this is the present one's number."""
+        self._rows: list[tuple[int, _Row | None]] = []
+        """Rows that are not taken yet, each with the number of its plan; None stands for the head of the file."""
+        self._robot = robot
+        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
+        """The last records of each joint; some of them may wait in its queue when a motion begins."""
+        self._pending = [deque[PvtRecord]() for _ in robot.joints]
+        """Records of the motion that are not in a row yet."""
+        self._moving: list[int] = []
+        """Joints that have records in this motion."""
+        self._time_ms = 0
+        self._units = [0] * len(robot.joints)
+        """Positions of the last row, in the machine's wire units."""
+
+    @property
+    def lacking(self) -> str | None:
+        """Reason why there is no plan at present; None if there is one."""
+        return ENDED_ELSEWHERE if self.going and not self._lacking else self._lacking
+
+    @property
+    def lacking_so_far(self) -> str | None:
+        """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
+        return self._lacking
+
+    def take(self) -> list[PlanRows]:
+        """Return the new rows of each plan, in order, and forget them."""
+        rows, self._rows = self._rows, []
+        return [
+            PlanRows(number, [self._text(row) for _, row in own])
+            for number, own in groupby(rows, key=lambda row: row[0])
+        ]
+
+    def accept(self, joint: int, record: PvtRecord) -> None:
+        """Take in a record that the board has queued."""
+        self._recent[joint].append(record)
+        if self.going and self._lacking is None:
+            self._pending[joint].append(record)
+            self._make_rows()
+
+    def begin(self, start_units: Sequence[int], queued: Sequence[int]) -> None:
+        """Begin a plan: a SYNC has started a motion, with this number of records in each joint's queue."""
+        self._moving = [joint for joint, count in enumerate(queued) if count]
+        self._lacking = None if self._moving else NO_MOTION
+        self.going = True
+        if not self._moving:
+            return
+        self._time_ms = 0
+        self._units = list(start_units)
+        for pending, recent, count in zip(self._pending, self._recent, queued, strict=True):
+            pending.clear()
+            pending.extend(list(recent)[len(recent) - count :])
+        self.number += 1
+        self._rows.append((self.number, None))
+        self._make_row([0] * len(self._units))
+        self._make_rows()
+
+    def fail(self, reason: str) -> None:
+        """Give up the plan: the machine does not move as the records say."""
+        if self._lacking is None:
+            self._lacking = reason
+
+    def end(self, end_units: Sequence[int]) -> None:
+        """End the motion, at the positions at which the machine now stands."""
+        self.going = False
+        if any(self._pending):
+            self.fail(_APART)
+        if list(end_units) != self._units:
+            self.fail(ENDED_ELSEWHERE)
+
+    def _make_rows(self) -> None:
+        while self._lacking is None and all(self._pending[joint] for joint in self._moving):
+            records = {joint: self._pending[joint].popleft() for joint in self._moving}
+            durations_ms = {record.duration_ms for record in records.values()}
+            if len(durations_ms) > 1:
+                self.fail(_APART)
+                return
+            self._time_ms += durations_ms.pop()
+            velocities = [0] * len(self._units)
+            for joint, record in records.items():
+                self._units[joint] += record.displacement_units
+                velocities[joint] = record.end_velocity
+            self._make_row(velocities)
+        if any(len(pending) > _AHEAD_MAX for pending in self._pending):
+            self.fail(_APART)
+
+    def _make_row(self, velocities: Sequence[int]) -> None:
+        self._rows.append((self.number, _Row(self._time_ms, tuple(self._units), tuple(velocities))))
+
+    def _text(self, row: _Row | None) -> str:
+        if row is None:
+            return trajectory_head(self._robot)
+        positions = self._robot.to_positions(np.array(row.units))
+        speeds = self._robot.to_positions(1000 * np.array(row.velocities) / VELOCITY_PER_UNIT_PER_MS)
+        return trajectory_row(row.time_ms / 1000, positions.tolist(), speeds.tolist())
+
 
 _UNITS_PER_SIXTEENTH: Final = UNITS_PER_FULL_STEP // 16
 
@@ -87,8 +222,13 @@ class LivePlan:
         if not in_motion:
             self._received.end(self._on_machine(self._demands_units()))
 
-    def take(self) -> PlanRows:
-        """Return the rows of the plan that are new, and forget them."""
+    @property
+    def number(self) -> int:
+        """The number of the present plan: plans are counted from 1 as they begin."""
+        return self._received.number
+
+    def take(self) -> list[PlanRows]:
+        """Return the rows of plans that are new, and forget them."""
         return self._received.take()
 
     def _demands_units(self) -> list[int]:
@@ -96,3 +236,86 @@ class LivePlan:
 
     def _on_machine(self, units: list[int]) -> list[int]:
         return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMotion:
+    """The motion that a recording shows.
+
+    Attributes:
+        start_counts: its t = 0; None if no SYNC has started a motion.
+        no_plan: why it has no plan; None if it has one.
+        in_motion: True if it has not come to its end.
+        plan_number: number of its plan, as LivePlan counts them; 0 without one.
+        next_counts: instant at which a later motion began; 0 if there was none.
+    """
+
+    start_counts: int | None
+    no_plan: str | None
+    in_motion: bool = False
+    plan_number: int = 0
+    next_counts: int = 0
+
+
+class FollowedMotion:
+    """Notes starts and ends of motions; the bus tells it of every frame before its receivers get it.
+
+    Attributes:
+        start_counts: t = 0 of the last motion that a SYNC started; None if there was none.
+        plan: the plan of that motion, made of its records; None if nobody wants it.
+    """
+
+    def __init__(self, axes: Sequence[tuple[Board, int]], plan: LivePlan | None) -> None:
+        """Follow the axes from now on; `axes` has the board of each joint, and the number of its axis there."""
+        self.start_counts: int | None = None
+        self.plan = plan
+        self._axes = axes
+        self._sync_counts: int | None = None
+        """Instant of a SYNC at rest that may start a motion; None once that is known."""
+        self._complete: RecordedMotion | None = None
+        """The last motion that has come to the end of its plan."""
+        self._rest_counts = 0
+        """Last instant at which the axes were seen at rest."""
+
+    def frame(self, frame: Frame, counts: int) -> None:
+        """Note a frame that is about to reach its receivers."""
+        self.follow(counts)
+        if frame.cob_id == COB_SYNC and not self.in_motion:
+            self._sync_counts = counts
+            if self.plan:
+                self.plan.sync()
+
+    def follow(self, now_counts: int) -> None:
+        """Note what has happened up to now: axes that move before the frame after a SYNC were started by it."""
+        self._note_later_motion(now_counts)
+        if self._sync_counts is not None and self.in_motion:
+            self.start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+            if self.plan:
+                self.plan.begin()
+        self._sync_counts = None
+        if self.plan:
+            went = self.plan.in_motion
+            self.plan.follow(in_motion=self.in_motion)
+            if went and not self.plan.in_motion and self.plan.lacking is None:
+                self._complete = RecordedMotion(self.start_counts, None, plan_number=self.plan.number)
+
+    def recorded(self, *, ended: bool) -> RecordedMotion:
+        """Return the motion that a recording shows: one that is under way only if the recording has not `ended`."""
+        if self.plan is None:
+            return RecordedMotion(self.start_counts, None)
+        lacking = self.plan.lacking if ended else self.plan.lacking_so_far
+        if self._complete and (lacking or self._complete.plan_number == self.plan.number):
+            return self._complete
+        return RecordedMotion(self.start_counts, lacking, self.plan.in_motion, self.plan.number)
+
+    def _note_later_motion(self, now_counts: int) -> None:
+        """Note that axes move on after the end of a plan, whoever has started them."""
+        if not self.in_motion:
+            self._rest_counts = now_counts
+        elif self._complete and not self._complete.next_counts and not (self.plan and self.plan.in_motion):
+            self._complete = replace(self._complete, next_counts=self._rest_counts)
+
+    @property
+    def in_motion(self) -> bool:
+        """True while any axis moves."""
+        return any(board.firmware.motion.running(axis) for board, axis in self._axes)

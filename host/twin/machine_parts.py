@@ -3,22 +3,21 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.board import Board
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.driver_profiles import DriverProfile
-from steptwin.emulator.operations import Scheduled
-from steptwin.emulator.rotor_watch import REST_TICKS, MotorWiring
-from steptwin.emulator.shelf_watch import ShelfWiring
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_profiles import DriverProfile
+from steptwin.emulator.faults.operations import Scheduled
+from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import make_boards
+from steptwin.host.twin.boards import make_boards, standing_steps
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.motors.in_loop import motor_wiring
 from steptwin.host.twin.shelf import shelf_wiring
-from steptwin.host.twin.standing import standing_steps
 
 
 @dataclass(frozen=True, slots=True)

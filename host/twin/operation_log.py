@@ -3,12 +3,12 @@
 from collections import deque
 from typing import Any
 
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import Scheduled
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import request_of
-from steptwin.host.twin.places import Places
+from steptwin.host.twin.input_changes import Places
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

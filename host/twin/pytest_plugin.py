@@ -13,14 +13,14 @@ import pytest
 if TYPE_CHECKING:
     from pluggy import Result
 
-    from steptwin.controller.backend import Kernel
-    from steptwin.emulator.bus_faults import BusFault
-    from steptwin.emulator.operations import Scheduled
+    from steptwin.controller.motion.backend import Kernel
+    from steptwin.emulator.faults.bus_faults import BusFault
+    from steptwin.emulator.faults.operations import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.boards import Standing
     from steptwin.host.twin.scenarios.scenario import Scenario
     from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
-    from steptwin.host.twin.standing import Standing
 
     MakeBoard = Callable[..., BoardUnderTest]
 
@@ -62,7 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(scope="session")
 def steptwin_kernel() -> "Kernel":
     """Return the fastest form of the firmware's kernel, loaded once in a session."""
-    from steptwin.controller.backend import fastest_kernel
+    from steptwin.controller.motion.backend import fastest_kernel
 
     return fastest_kernel()
 

@@ -1,21 +1,44 @@
-"""Report on a machine that moves without a known plan: a live board, a board under test, a replay."""
+"""Report on a machine that moves without a known plan: a live board, a board under test, a replay.
 
+The folder is the one that a live board leaves (docs/run-folder.md): the plan is that of the records which the axes have
+received, and there is no verdict. It has a waveform besides.
+"""
+
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from steptwin.emulator.bus import Bus
+from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.robots.microsteps import Microsteps
+from steptwin.host.record.bus_log import log_line
+from steptwin.host.record.folder import (
+    AxisTotals,
+    Header,
+    Mark,
+    Piece,
+    PlanRows,
+    Recording,
+    keep_recording,
+    prepare_folder,
+)
+from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of, microsteps_of
-from steptwin.host.twin.crystals import crystals_document
-from steptwin.host.twin.followed_motion import FollowedMotion
+from steptwin.host.twin.boards import axes_of, counted_steps, crystals_document, microsteps_of
+from steptwin.host.twin.evidence import axes_evidence
+from steptwin.host.twin.live_plan import FollowedMotion, LivePlan
 from steptwin.host.twin.machine_parts import MachineParts
+from steptwin.host.twin.operation_log import OperationLog
+from steptwin.host.twin.shelf import shelf_evidence
+from steptwin.host.verify import Evidence, shelf_document
+from steptwin.host.verify.wiring import output_changes
+from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -53,14 +76,14 @@ def recording_report(
         parts: the machine.
         simulation: its boards and their bus.
         joints: what each joint's driver has done.
-        motion: the last motion that a SYNC has started, and its plan.
+        motion: the motions that SYNCs have started, and their plans.
         job: what the report has in place of a job's name.
         wall_s: time on the wall clock since power-up.
         happened: further entries on what has happened since power-up.
         at_power_up: further entries on how the machine was then.
     """
     robot, boards, now_s = parts.robot, simulation.boards, round(simulation.now_s, 6)
-    started_counts = motion.start_counts
+    shown = motion.recorded(ended=True)
     return {
         "robot": robot.name,
         "job": job,
@@ -69,8 +92,9 @@ def recording_report(
         "simulated": True,
         "passed": None,
         **at_power_up,
-        "started_s": None if started_counts is None else started_counts / COUNTS_PER_SECOND,
-        "no_plan": motion.plan.lacking if motion.plan else None,
+        "started_s": None if shown.start_counts is None else shown.start_counts / COUNTS_PER_SECOND,
+        "next_motion_s": shown.next_counts / COUNTS_PER_SECOND if shown.next_counts else None,
+        "no_plan": shown.no_plan,
         "outputs": [],
         "boards": [board.config.axis_count for board in boards],
         **crystals_document([board.config.crystal_ppm for board in boards]),
@@ -114,3 +138,106 @@ def bus_figures(bus: Bus, now_s: float) -> dict[str, Any]:
 def load_percent(bus: Bus, now_s: float) -> float:
     """Return the part of the time since power-up in which a bus was busy, in percent."""
     return 100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3))
+
+
+class UnplannedRun:
+    """Follows a simulated machine from now on; may be saved at any time, and again later."""
+
+    def __init__(self, parts: MachineParts, simulation: Simulation, operations: OperationLog, job: str) -> None:
+        """Follow a machine whose bus keeps its frames.
+
+        Args:
+            parts: the machine.
+            simulation: its boards and their bus.
+            operations: what is done to the machine.
+            job: what the report has in place of a job's name.
+        """
+        self._parts = parts
+        self._robot = parts.robot
+        self._simulation = simulation
+        self._axes = axes_of(simulation.boards)
+        self._start_steps = parts.start_steps
+        self._job = job
+        self._began_s = time.perf_counter()
+        self._plan = LivePlan(self._robot, self._axes, self._start_steps)
+        self._motion = FollowedMotion(self._axes, self._plan)
+        self._rows: list[PlanRows] = []
+        """Rows of the plan up to the last time that it was saved."""
+        self._operations = operations
+        simulation.bus.also_log(self._motion.frame)
+
+    @property
+    def bus_log(self) -> list[tuple[int, Frame]]:
+        """Every frame with the instant, in counts, at which it became valid."""
+        bus = self._simulation.bus
+        return list(zip(bus.log_counts, bus.log_frames, strict=True))
+
+    def evidence(self) -> Evidence:
+        """Return every edge at the drivers; t = 0 is the start of the last motion by a SYNC, else power-up."""
+        self._motion.follow(self._simulation.now_counts)
+        axes = axes_evidence(self._robot, self._start_steps, self._axes)
+        outputs = output_changes(self._robot, axes)
+        watch = self._simulation.shelf_watch
+        if watch is None:
+            return Evidence(self._motion.start_counts or 0, axes, outputs)
+        watch.look_now(self._simulation.now_counts)
+        return Evidence(self._motion.start_counts or 0, axes, outputs, shelf_evidence(watch.shelf, self._parts.stock))
+
+    def save(self, folder: Path | str) -> None:
+        """Write the folder; another run's files are replaced, those of a live board's recording are not.
+
+        Raises:
+            InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
+            RecordingError, OSError: a file cannot be written.
+        """
+        keep_recording(folder)
+        path = prepare_folder(folder)
+        evidence = self.evidence()
+        shown = self._motion.recorded(ended=True)
+        self._rows = [
+            rows for rows in [*self._rows, *self._plan.take()] if rows.number in (shown.plan_number, self._plan.number)
+        ]
+        document = self._report(evidence)
+        recording = Recording(path, self._header(evidence), self._robot.toml)
+        recording.append(self._all(evidence))
+        recording.finish(document)
+        if recording.failure:
+            raise recording.failure
+        record = whole_record(evidence)
+        if record.from_counts < record.to_counts:
+            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, self._robot.name)
+
+    def _header(self, evidence: Evidence) -> Header:
+        axes = tuple(
+            AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+        )
+        return Header(self._robot.name, self._parts.driver_profile.name, self._simulation.bus.bitrate, axes)
+
+    def _all(self, evidence: Evidence) -> Piece:
+        lines = [log_line(counts, frame) for counts, frame in self.bus_log]
+        shown = self._motion.recorded(ended=True)
+        mark = Mark(
+            until_counts=self._simulation.now_counts,
+            start_counts=shown.start_counts or 0,
+            no_plan=shown.no_plan,
+            next_counts=shown.next_counts,
+        )
+        return Piece(evidence.axes, lines, self._rows, mark, shown.plan_number)
+
+    def _report(self, evidence: Evidence) -> dict[str, Any]:
+        """Return the figures under the keys of a live board's report.json (docs/live.md)."""
+        ends = counted_steps(self._robot, self._start_steps, self._axes)
+        shelf = {} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}
+        return recording_report(
+            self._parts,
+            self._simulation,
+            [
+                JointFigures(axis.start_steps, end, int(axis.clk_rise_counts.size), int(axis.violations.counts.size))
+                for axis, end in zip(evidence.axes, ends, strict=True)
+            ],
+            self._motion,
+            job=self._job,
+            wall_s=time.perf_counter() - self._began_s,
+            at_power_up={"commissioned": self._parts.commissioned},
+            happened={"operations": self._operations.requests(), **shelf},
+        )

@@ -7,19 +7,19 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Unpack
 
-from steptwin.controller.backend import Kernel, fastest_kernel
-from steptwin.emulator.live_loop import LiveLoop
-from steptwin.emulator.operations import Operation
-from steptwin.emulator.pacer import SPEED_MAX, SPEED_MIN
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.faults.operations import Operation
+from steptwin.emulator.live.live_loop import LiveLoop
+from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import Standing, standing_joints
 from steptwin.host.twin.control.port import ControlPort
 from steptwin.host.twin.endpoints import open_endpoint
 from steptwin.host.twin.input_changes import set_input
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
-from steptwin.host.twin.standing import Standing, standing_joints
 from steptwin.protocol.frame import BITRATES
 
 

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import Operation
-from steptwin.host.common.socketcand import LOOPBACK
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import Operation
+from steptwin.host.common.listening import LOOPBACK
 from steptwin.host.record.bus_log import read_frames
 from steptwin.host.record.folder import BUS_LOG, read_edges
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import Standing
 from steptwin.host.twin.served_board import ServedBoard
-from steptwin.host.twin.standing import Standing
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
 

@@ -4,9 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from steptwin.emulator.shelf import Point, ShelfConfig, SpotConfig
-from steptwin.emulator.shelf import Shelf as EmulatedShelf
-from steptwin.emulator.shelf_watch import ShelfWiring
+from steptwin.emulator.world.moving_shelf import MovingShelf, Point, ShelfConfig, SpotConfig
+from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.input_waiting import wired_inputs
@@ -14,8 +13,8 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.shelf import Shelf
-from steptwin.host.twin.standing import standing_steps
-from steptwin.host.twin.wires import Wires
+from steptwin.host.twin.boards import standing_steps
+from steptwin.host.twin.input_changes import Wires
 from steptwin.host.verify import ShelfEvent, ShelfEvidence
 
 SHUT_MM = 1.0
@@ -80,7 +79,7 @@ def usual_stock(shelf: Shelf) -> dict[str, str]:
     return {name: f"{name}-box" for name, spot in shelf.spots.items() if not spot.clears and not spot.feeds}
 
 
-def shelf_evidence(shelf: EmulatedShelf, start: Mapping[str, str]) -> ShelfEvidence:
+def shelf_evidence(shelf: MovingShelf, start: Mapping[str, str]) -> ShelfEvidence:
     """Return what happened at an emulated shelf; `start` is the stock at power-up."""
     events = tuple(
         ShelfEvent(event.counts, event.kind.value, event.where, event.box, event.kind.is_fault, event.tip_mm)

@@ -4,7 +4,7 @@ The verifier shares no code with the firmware that it judges.
 """
 
 from steptwin.host.verify.comparison import Comparison, compare
-from steptwin.host.verify.consistency import contradictions
+from steptwin.host.verify.consistency import contradictions, motor_moves
 from steptwin.host.verify.evidence import (
     NO_SLIPS,
     AxisEvidence,
@@ -18,11 +18,18 @@ from steptwin.host.verify.evidence import (
     ShelfEvidence,
     Slips,
 )
-from steptwin.host.verify.excitation import motor_moves
 from steptwin.host.verify.expectation import Expectation, Forward
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from steptwin.host.verify.report import AxisReport, BusReport, JointsReport, Report, RunInfo, ToolReport
-from steptwin.host.verify.shelf import shelf_contradictions, shelf_document
+from steptwin.host.verify.report import (
+    AxisReport,
+    BusReport,
+    JointsReport,
+    Report,
+    RunInfo,
+    ToolReport,
+    ViolationReport,
+)
+from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.verifier import (
     POSITION_ERROR_LIMIT_STEPS,
@@ -30,7 +37,6 @@ from steptwin.host.verify.verifier import (
     verify,
     verify_comparison,
 )
-from steptwin.host.verify.violations import ViolationReport
 
 __all__ = [
     "NO_SLIPS",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.verify.comparison import Comparison
 from steptwin.host.verify.expectation import Forward
 

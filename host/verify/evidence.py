@@ -81,7 +81,7 @@ class Phases:
 
 @dataclass(frozen=True, slots=True)
 class Slips:
-    """Instants at which a motor fell out of step, unseen by its driver; both arrays have shape (n,).
+    """Instants when a motor fell out of step, unseen by its driver; both arrays have shape (n,).
 
     Attributes:
         counts: the instants, sorted.

@@ -12,8 +12,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.counted import CountedSteps
-from steptwin.host.verify.oracle import IdealSteps
-from steptwin.host.verify.roots import IndexArray
+from steptwin.host.verify.oracle import IdealSteps, IndexArray
 
 SLOW_CROSSING = 0.01
 """Crossings slower than this fraction of the axis' fastest have no timing error: near a reversal a small position

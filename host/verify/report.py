@@ -1,11 +1,67 @@
 """Report a run in plain figures, with the reasons if it failed; the keys are a contract with the report's readers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
+from steptwin.host.verify.evidence import AxisEvidence, Evidence
 from steptwin.host.verify.switching import OutputReport
-from steptwin.host.verify.violations import ViolationReport
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+@dataclass(frozen=True, slots=True)
+class ViolationReport:
+    """A limit of one axis' driver that was broken at least once.
+
+    Attributes:
+        axis: name of the joint.
+        rule: short name of the limit, for programs.
+        broken: the fault and its consequence, for people.
+        count: number of violations.
+        worst: the value furthest from the limit.
+        limit: the limiting value.
+        unit: unit of `worst` and `limit`.
+        first_s: time of the first violation in the trajectory's time; negative before the motion's start.
+        source: document and place that state the limit.
+    """
+
+    axis: str
+    rule: str
+    broken: str
+    count: int
+    worst: float
+    limit: float
+    unit: str
+    first_s: float
+    source: str
+
+
+def violation_reports(evidence: Evidence) -> tuple[ViolationReport, ...]:
+    """Return the violations of every axis in order, and of each axis in the order of its limits."""
+    return tuple(report for axis in evidence.axes for report in _of_axis(axis, evidence.start_counts))
+
+
+def _of_axis(axis: AxisEvidence, start_counts: int) -> Iterator[ViolationReport]:
+    violations = axis.violations
+    for index, limit in enumerate(violations.limits):
+        chosen = violations.which == index
+        if not chosen.any():
+            continue
+        values = violations.values[chosen]
+        yield ViolationReport(
+            axis=axis.name,
+            rule=limit.rule,
+            broken=limit.broken,
+            count=values.size,
+            worst=float(values[np.argmax(np.abs(values - limit.limit))]),
+            limit=limit.limit,
+            unit=limit.unit,
+            first_s=float(violations.counts[chosen].min() - start_counts) / COUNTS_PER_SECOND,
+            source=limit.source,
+        )
+
 
 SIGNIFICANT_DIGITS = 9
 """Number of significant digits of a float: short enough to read, and an error of any size remains visible."""
@@ -112,7 +168,7 @@ class Report:
         axes: figures of each axis in joint order.
         joints: joint positions at start and end.
         tool: deviation of the tool.
-        outputs: each planned change of a digital output, with the time at which it was made.
+        outputs: each planned change of a digital output, with the time when it was made.
         violations: the drivers' limits that were broken.
         actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
             from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the

@@ -56,7 +56,7 @@ def output_reasons(reports: tuple[OutputReport, ...], evidence: Evidence) -> lis
 
 
 def _made(planned: tuple[Switching, ...], evidence: Evidence) -> list[float | None]:
-    """Return the time at which each planned change was made; None if another change or none is in its place."""
+    """Return the time when each planned change was made; None if another change or none is in its place."""
     made: list[float | None] = []
     for switching, change in zip_longest(planned, evidence.outputs):
         if switching is None:

@@ -13,16 +13,15 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.comparison import Comparison, compare
+from steptwin.host.verify.counted import powerless_steps
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
 from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
-from steptwin.host.verify.powerless import powerless_steps
 from steptwin.host.verify.pulses import pulse_facts
-from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport
-from steptwin.host.verify.shelf import shelf_document, shelf_reasons
+from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport, violation_reports
+from steptwin.host.verify.shelf_verdict import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
-from steptwin.host.verify.violations import violation_reports
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075

@@ -2,8 +2,8 @@
 
 import struct
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.firmware import Firmware
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.firmware import Firmware
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.frame import Frame

@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from tests.controller.bench_board import BenchBoard
 
 

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Sequence
 from itertools import accumulate
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
 from tests.controller.bench_board import BenchBoard

@@ -6,8 +6,8 @@ The switches are modelled here independently of the emulator, whose tests compar
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, HomingError, Mode, Status
 from tests.controller.bench_board import BenchBoard

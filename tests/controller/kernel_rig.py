@@ -3,9 +3,9 @@
 from bisect import bisect_left
 from dataclasses import dataclass
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
-from steptwin.controller.group_time import GroupTime
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.group_time import GroupTime
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.cyclic_position import NO_SET_POINT, NO_SYNC
+from steptwin.controller.modes.cyclic_position import NO_SET_POINT, NO_SYNC
+from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel, python_kernel
-from steptwin.controller.firmware import Firmware
-from steptwin.controller.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.controller.motion.backend import Kernel, python_kernel
+from steptwin.controller.node.firmware import Firmware
+from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.cia402 import DigitalOutput, ErrorCode, Mode, State
+from steptwin.protocol.cia402 import AbortConnection, DigitalOutput, ErrorCode, Mode, State
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtFlag
@@ -33,6 +33,7 @@ class TestBoot:
     def test_a_reset_lets_a_long_pulse_end(self, board: BenchBoard, node: int, ms_after: float) -> None:
         """The pulse of 1 ms has been placed with a setting that the reset takes back to 33 us."""
         board.write(od.STEPLEN_NS, 1_000_000)
+        board.write(od.ABORT_CONNECTION_OPTION, AbortConnection.DISABLE_VOLTAGE)
         board.enable(Mode.PROFILE_VELOCITY)
         board.write(od.TARGET_VELOCITY, 100 * STEP)
         board.firmware.motion.take_edges()

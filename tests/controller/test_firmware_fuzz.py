@@ -6,8 +6,8 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.pins import OUTPUT_PINS, Pin
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.pins import OUTPUT_PINS, Pin
 from steptwin.protocol import od
 from tests.controller.bench_board import BenchBoard
 from tests.controller.kernel_rig import Timing, pin_timing_faults

@@ -2,9 +2,9 @@
 
 import pytest
 
-from steptwin.controller.backend import KERNELS, Kernel
+from steptwin.controller.motion.backend import KERNELS, Kernel
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.cia402 import AbortConnection, State, Status
 from steptwin.protocol.pvt import PvtFlag
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS, STEP
@@ -317,6 +317,7 @@ class TestStopsDuringAHalt:
         assert board.value(od.PVT_UNDERRUNS) == 1
 
     def test_a_reset_node_halts_no_other_axis(self, pair: BenchBoard) -> None:
+        pair.write(od.ABORT_CONNECTION_OPTION, AbortConnection.DISABLE_VOLTAGE)
         pair.write(od.CONTROLWORD, HALT)
         pair.wait(200)
         pair.nmt(0x81, node=0x10)

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel, compiled_kernel, python_kernel
-from steptwin.controller.group_ramp import ramp_group
-from steptwin.controller.motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, Motion, Refusal
-from steptwin.controller.step_config import StepConfig
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel, compiled_kernel, python_kernel
+from steptwin.controller.motion.board_motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, BoardMotion, Refusal
+from steptwin.controller.motion.group_ramp import ramp_group
+from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
 from tests.controller.units import STEP
 
@@ -48,7 +48,7 @@ class GroupRun:
     TICKS = 4800
 
     def __init__(self, kernel: Kernel, *, group: bool = True, deceleration: int = DECELERATION) -> None:
-        self.motion = Motion(kernel, len(self.PLAN))
+        self.motion = BoardMotion(kernel, len(self.PLAN))
         self.limits = [deceleration] * len(self.PLAN)
         self.demands: list[list[int]] = []
         self.clk: list[list[int]] = [[] for _ in self.PLAN]
@@ -204,7 +204,7 @@ def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str,
 def test_the_ramp_suits_the_faster_segments_that_follow(kernel: Kernel) -> None:
     """1 kHz now, 8 kHz from 10 ms on: the ramp lasts as long as 8 kHz needs, but only if it reaches that part."""
     for deceleration_hz_per_s, ticks in ((20_000, 1600), (200_000, 20)):
-        motion = Motion(kernel, 1)
+        motion = BoardMotion(kernel, 1)
         motion.configure(0, CONFIG)
         for record in ((10 * STEP, KHZ, 20), (45 * STEP, 8 * KHZ, 10), (80 * STEP, 8 * KHZ, 10)):
             assert motion.push(0, *record) is Refusal.ACCEPTED
@@ -216,7 +216,7 @@ def test_the_ramp_suits_the_faster_segments_that_follow(kernel: Kernel) -> None:
 
 
 def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
-    motion = Motion(kernel, 1)
+    motion = BoardMotion(kernel, 1)
     motion.configure(0, CONFIG)
     motion.push(0, 10 * STEP, KHZ, 20)
     motion.start(0, in_group=True)
@@ -227,7 +227,7 @@ def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
 
 
 def test_a_queue_that_runs_out_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
-    motion = Motion(kernel, 1)
+    motion = BoardMotion(kernel, 1)
     motion.configure(0, CONFIG)
     motion.push(0, 40 * STEP, 4 * KHZ, 20)
     motion.start(0, in_group=True)
@@ -241,7 +241,7 @@ def test_a_queue_that_runs_out_while_slowing_down_is_an_underrun(kernel: Kernel)
 
 def test_velocity_is_scaled(kernel: Kernel) -> None:
     """Half way down the ramp of 400 ticks from 4 kHz the axis runs at 2 kHz, and then rests."""
-    motion = Motion(kernel, 1)
+    motion = BoardMotion(kernel, 1)
     motion.configure(0, CONFIG)
     for record in ((40 * STEP, 4 * KHZ, 20), (1000 * STEP, 4 * KHZ, 250)):
         motion.push(0, *record)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.cia402 import DigitalInput, ErrorCode, HomingError, Mode, State, Status
+from steptwin.protocol.cia402 import AbortConnection, DigitalInput, ErrorCode, HomingError, Mode, State, Status
 from steptwin.protocol.homing_methods import HOMING_METHODS
 from tests.controller.homing_bench import (
     ACCELERATION_STEPS_PER_S2,
@@ -539,6 +539,7 @@ class TestInterruption:
 
     def test_a_reset_of_the_node_ends_it(self, fast_kernel: Kernel) -> None:
         bench = self.searching(fast_kernel)
+        bench.write(od.ABORT_CONNECTION_OPTION, AbortConnection.DISABLE_VOLTAGE)
         bench.nmt(129)
         made = len(bench.rises)
         bench.wait(100)

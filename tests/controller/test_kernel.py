@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import KERNELS, Kernel, compiled_kernel, python_kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import KERNELS, Kernel, compiled_kernel, python_kernel
 from tests.controller.kernel_rig import KernelRig, Timing, timing_faults
 from tests.controller.units import MS, STEP
 

@@ -5,8 +5,8 @@ from fractions import Fraction
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import python_kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import python_kernel
 from tests.controller.exact_hermite import ExactHermite
 from tests.controller.kernel_rig import KernelRig, Timing
 from tests.controller.units import MS

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel, python_kernel
-from steptwin.controller.kernel import TICK_COUNTS, TICKS_PER_MS
-from steptwin.controller.motion import STOP_MAX_MS, AxisEvent, Motion, Refusal, stop_segments
-from steptwin.controller.step_config import StepConfig
+from steptwin.controller.motion.backend import Kernel, python_kernel
+from steptwin.controller.motion.board_motion import STOP_MAX_MS, AxisEvent, BoardMotion, Refusal, stop_segments
+from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
+from steptwin.controller.motion.step_config import StepConfig
 from steptwin.protocol.timer import counts_of_ns
 from tests.controller.units import STEP
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * STEP)
 
 
-def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> Motion:
-    motion = Motion(kernel, axes)
+def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> BoardMotion:
+    motion = BoardMotion(kernel, axes)
     for axis in range(axes):
         motion.configure(axis, config)
     return motion
@@ -43,7 +43,7 @@ def test_rate_limit_is_the_lower_of_velocity_and_pulse_timing() -> None:
 
 
 def test_an_unconfigured_axis_refuses_motion(kernel: Kernel) -> None:
-    assert Motion(kernel, 1).push(0, 1, 0, 1) is Refusal.TOO_FAST
+    assert BoardMotion(kernel, 1).push(0, 1, 0, 1) is Refusal.TOO_FAST
 
 
 def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
@@ -96,7 +96,7 @@ def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
 
 @pytest.mark.parametrize("answer", [lambda motion: motion.flush(0), lambda motion: motion.stop(0, 10)])
 def test_flush_and_stop_cancel_an_event_that_waits_for_its_tick(
-    kernel: Kernel, answer: Callable[[Motion], None]
+    kernel: Kernel, answer: Callable[[BoardMotion], None]
 ) -> None:
     """The kernel is up to a tick ahead of the board's clock; until the event is taken the axis counts as running."""
     motion = moving(kernel)

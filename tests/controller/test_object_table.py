@@ -6,9 +6,8 @@ import pytest
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.datatypes import DataType, encode
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
-from steptwin.protocol.entry import Access, DictionaryObject, Entry
+from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
 from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
@@ -40,8 +39,10 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
     (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
-    (0x2017, 1): (DONE, STATE),  # the least token claims the axis, so another one is refused
+    (0x2015, 0): (AbortCode.VALUE_TOO_LOW, DONE),  # only 1 stops, as only the fault reset ends it
+    (0x2017, 1): (AbortCode.VALUE_TOO_LOW, DONE),  # 0 reads as "free" and claims nothing
     (0x2017, 2): (DONE, STATE),  # no program is in charge: 0
+    (0x2018, 3): (DONE, STATE),  # no fault yet: 0
     (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }

@@ -3,7 +3,7 @@
 import pytest
 from canopen.profiles.p402 import State402
 
-from steptwin.controller.power_states import next_state
+from steptwin.controller.node.power_states import next_state
 from steptwin.protocol.cia402 import State
 
 RTSO, SO, OE = State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from steptwin.controller.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
+from steptwin.controller.modes.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
 
 PER_S2 = 64 / 1_000_000
 """A unit per s^2 in 1/64 unit per ms^2."""
@@ -176,3 +176,11 @@ def test_too_near_to_stop_it_overshoots_and_comes_back() -> None:
         farthest = max(farthest, position)
     assert farthest == 5000
     assert position == 1000
+
+
+@pytest.mark.parametrize(("distance", "jerk"), [(1, 1000), (-1, 1000), (2, 1000), (1, 10_000)])
+def test_where_there_is_no_room_for_a_ramp_it_creeps_for_16_ms(distance: int, jerk: int) -> None:
+    """A single unit would else take a ramp that covers more than it."""
+    run = ExecutedProfile(0).take(move(distance, 0, 0, Limits(960_000, 2**32 - 1, 2**32 - 1, jerk)))
+    assert [segment.duration_ms for segment in run.segments] == [16]
+    assert (run.units, run.velocity) == (distance, 0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.controller.motion.backend import Kernel, python_kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status

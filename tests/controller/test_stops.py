@@ -2,11 +2,11 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.pins import Pin
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.pins import Pin
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.cia402 import Mode, State, Status
+from steptwin.protocol.cia402 import AbortConnection, Mode, State, Status
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 
@@ -197,7 +197,9 @@ def test_options_that_a_stepper_does_not_have_are_refused(fast_kernel: Kernel, a
         assert board.write(address, value) in refusals | {0}
 
 
-def test_a_reset_of_a_moving_node_loses_its_position(moving: BenchBoard) -> None:
+@pytest.mark.parametrize("option", [AbortConnection.NO_ACTION, AbortConnection.DISABLE_VOLTAGE])
+def test_a_reset_that_cuts_a_moving_axis_loses_its_position(moving: BenchBoard, option: AbortConnection) -> None:
+    moving.write(od.ABORT_CONNECTION_OPTION, option)
     moving.nmt(0x81)
     is_cut(moving, State.SWITCH_ON_DISABLED)
 

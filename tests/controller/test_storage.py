@@ -4,7 +4,7 @@ from binascii import crc32
 
 import pytest
 
-from steptwin.controller.pins import Pin
+from steptwin.controller.node.pins import Pin
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import State

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.firmware import Firmware
-from steptwin.controller.measurements import DriverMonitor
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.firmware import Firmware
+from steptwin.controller.node.measurements import DriverMonitor
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from steptwin.protocol.frame import Frame
@@ -319,6 +319,18 @@ class TestFollowingError:
             slipping.lost_steps = 0
             slipping.wait(80)
         assert slipping.state() is State.OPERATION_ENABLED
+
+    def test_at_standstill_its_time_does_not_run(self, slipping: SlippingBoard) -> None:
+        """Out of its window while the axis stops, for a second at rest, and again in motion: its 100 ms begin anew."""
+        slipping.lost_steps = 20
+        slipping.wait(30)
+        slipping.write(od.TARGET_VELOCITY, 0)
+        slipping.wait(1000)
+        slipping.write(od.TARGET_VELOCITY, 2000 * STEP)
+        slipping.wait(80)
+        assert slipping.state() is State.OPERATION_ENABLED
+        slipping.wait(40)
+        assert slipping.errors() == [ErrorCode.FOLLOWING_ERROR]
 
     def test_a_new_reference_resets_it(self, slipping: SlippingBoard) -> None:
         slipping.lost_steps = 50

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.sync_clock import TICK_US, WINDOW, Slot, SyncClock
+from steptwin.controller.node.sync_clock import TICK_US, WINDOW, Slot, SyncClock
 
 START_US = 10_123
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.transmit_queue import (
+from steptwin.controller.node.transmit_queue import (
     BURST_FRAMES_MAX,
     PAUSE_COUNTS,
     PAUSE_COUNTS_MAX,
@@ -16,7 +16,7 @@ from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.entry import Access
 from steptwin.protocol.frame import COB_NMT, Frame
 from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.sdo_block import SEGMENT_BYTES
+from steptwin.protocol.sdo_server import SEGMENT_BYTES
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS
 

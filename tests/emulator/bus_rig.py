@@ -1,8 +1,8 @@
 """A bus with stations that the test controls."""
 
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import FaultScript
-from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.faults.bus_faults import FaultScript
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 

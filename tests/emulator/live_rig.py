@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from steptwin.controller.backend import fastest_kernel
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.live import LiveSimulation, warm_up
-from steptwin.emulator.live_loop import LiveLoop
-from steptwin.emulator.pacer import Pacer
+from steptwin.controller.motion.backend import fastest_kernel
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.live.live_loop import LiveLoop
+from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
+from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.live.socketcand_server import SocketcandServer
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.socketcand_server import SocketcandServer
 
 TIMEOUT_S = 120.0
 """Limit of every wait; only a failing test reaches it, however busy the machine is."""

@@ -6,14 +6,14 @@ from math import pi
 
 import numpy as np
 
-from steptwin.emulator.arm import BASE, Arm, Body
-from steptwin.emulator.edges import FloatArray
-from steptwin.emulator.mechanics import GRAVITY_M_S2
-from steptwin.emulator.motor import CATALOGUE, Motor
-from steptwin.emulator.power_supply import PowerSupply
-from steptwin.emulator.rotor_backend import RotorBackend
-from steptwin.emulator.rotor_kernel import DT_COUNTS, DT_S
-from steptwin.emulator.rotors import Drive, DriverEvents, RotorRecord, Rotors
+from steptwin.emulator.board.edges import FloatArray
+from steptwin.emulator.drivers.power_supply import PowerSupply
+from steptwin.emulator.motors.arm import BASE, Arm, Body
+from steptwin.emulator.motors.mechanics import GRAVITY_M_S2
+from steptwin.emulator.motors.motor import CATALOGUE, Motor
+from steptwin.emulator.motors.rotor_backend import RotorBackend
+from steptwin.emulator.motors.rotor_kernel import DT_COUNTS, DT_S
+from steptwin.emulator.motors.rotors import Drive, DriverEvents, RotorRecord, Rotors
 
 MOTOR = CATALOGUE["17HS19-2004S1"]
 IDEAL = replace(MOTOR, detent_torque_nm=0.0, iron_drag_nm_s=0.0, friction_nm=0.0)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from steptwin.emulator.tb6560 import Input, LevelChange, Pins
+from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins
 
 WIDTH = 2160
 """30 us."""
@@ -12,7 +12,7 @@ PERIOD = 4800
 """1 / 15 kHz."""
 FOREVER = 10**12
 
-POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Input.VDD, Input.VM, Input.RESET, Input.ENABLE))
+POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE))
 """The power-up sequence of the datasheet."""
 
 
@@ -31,7 +31,7 @@ def pins(
 
 def at(counts: int, **levels: int) -> tuple[LevelChange, ...]:
     """Return changes of inputs, given by name, at an instant."""
-    return tuple(LevelChange(counts, Input[name], level) for name, level in levels.items())
+    return tuple(LevelChange(counts, LevelPin[name], level) for name, level in levels.items())
 
 
 def cut(whole: Pins, instants: Iterable[int]) -> list[Pins]:

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.pins import Pin, PinChange
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.driver_module import Module, Requirements
-from steptwin.emulator.driver_profiles import PROFILES
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_module import Module, Requirements
+from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.tb6560 import Cooling, Rule
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.switches import Switch
-from steptwin.emulator.tb6560 import Cooling, Rule
+from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.frame import Frame

@@ -2,9 +2,9 @@
 
 import pytest
 
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
-from steptwin.emulator.can_timing import frame_bits
-from steptwin.emulator.fault_confinement import ErrorState
+from steptwin.emulator.bus.can_timing import frame_bits
+from steptwin.emulator.bus.fault_confinement import ErrorState
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 from tests.emulator.bus_rig import BusRig
@@ -154,6 +154,33 @@ def test_a_delay_holds_up_its_sender_once() -> None:
     rig.run()
     assert rig.bus.log_frames == [Frame(0x300, b""), FRAME, Frame(0x201, b"")]
     assert rig.bus.log_counts[1] == 1_000_000 + rig.bits(BITS - 4)
+
+
+@pytest.mark.parametrize("all_faults", [False, True])
+def test_the_end_of_a_delay_lets_its_sender_go(*, all_faults: bool) -> None:
+    """It waits for the pause of an error passive station at most, 8 bits."""
+    day = BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=86_400 * 72_000_000)
+    rig = rig_with(day)
+    rig.stations[0].send(FRAME, 0)
+    rig.run(1_000_000)
+    assert rig.bus.log_frames == []
+    if all_faults:
+        rig.bus.end_faults(1_000_000)
+    else:
+        rig.bus.end_fault(day, 1_000_000)
+    rig.run()
+    assert rig.bus.log_frames == [FRAME]
+    assert rig.bus.log_counts[0] == 1_000_000 + rig.bits(BITS - 4 + 8)
+
+
+def test_the_end_of_another_fault_leaves_a_delay() -> None:
+    delay, loss = BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=1_000_000), BusFault(BusFaultKind.LOSS, (0x300,))
+    rig = rig_with(delay, loss)
+    rig.stations[0].send(FRAME, 0)
+    rig.run(1000)
+    rig.bus.end_fault(loss, 1000)
+    rig.run()
+    assert rig.bus.log_counts[0] == 1_000_000 + rig.bits(BITS - 4)
 
 
 def test_a_fault_strikes_within_its_time_only() -> None:

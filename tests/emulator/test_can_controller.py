@@ -2,12 +2,12 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
-from steptwin.emulator.can_controller import CanController
-from steptwin.emulator.fault_confinement import ErrorState, FaultConfinement
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.bus.fault_confinement import ErrorState, FaultConfinement
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode

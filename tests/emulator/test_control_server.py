@@ -9,9 +9,9 @@ from itertools import chain
 
 import pytest
 
-from steptwin.emulator.control_server import Answer, ControlServer
-from steptwin.emulator.live import LiveSimulation
-from steptwin.emulator.tcp_server import BACKLOG_MAX_BYTES
+from steptwin.emulator.live.control_server import Answer, ControlServer
+from steptwin.emulator.live.live_simulation import LiveSimulation
+from steptwin.emulator.live.tcp_server import BACKLOG_MAX_BYTES
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig, await_true
 
 
@@ -121,7 +121,7 @@ def test_one_that_hangs_up_has_asked_for_what_it_has_asked_for(rig: Rig) -> None
 
 
 def test_one_more_than_there_may_be(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("steptwin.emulator.tcp_server.CLIENTS_MAX", 1)
+    monkeypatch.setattr("steptwin.emulator.live.tcp_server.CLIENTS_MAX", 1)
     first = rig.client()
     first.sendall(b"{}\n")
     lines(first, 1)

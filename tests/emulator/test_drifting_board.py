@@ -14,14 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.drifting_board import DriftingBoard, make_board
-from steptwin.emulator.local_clock import CRYSTAL_PPM_MAX, LocalClock
-from steptwin.emulator.operations import BusOff, EmergencyStop, WatchdogReset
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.board.drifting_board import DriftingBoard, make_board
+from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.faults.operations import BusOff, EmergencyStop, WatchdogReset
 from steptwin.emulator.simulation import Simulation
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import AbortConnection, State
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.simulations import MS, SECOND, STEP, wait
@@ -154,6 +156,17 @@ def test_nothing_is_lost_on_the_bus(parting: Run) -> None:
     assert all(counts <= after for (counts, _), (after, _) in zip(parting.bus, parting.bus[1:], strict=False))
 
 
+@pytest.mark.parametrize("ppm", [137, -993])
+def test_bus_off_stops_a_board_that_drifts(fast_kernel: Kernel, ppm: int) -> None:
+    simulation, _ = started(boards_of(fast_kernel, (ppm, 0)))
+    wait(simulation, 300)
+    simulation.operate(BusOff(0), 0)
+    assert simulation.boards[0].firmware.nodes[0].drive.state is State.FAULT_REACTION_ACTIVE
+    wait(simulation, 300)
+    assert not simulation.boards[0].moving
+    assert simulation.boards[1].moving
+
+
 @pytest.mark.parametrize("ppm", [CRYSTAL_PPM_MAX, -CRYSTAL_PPM_MAX])
 def test_heartbeats_come_by_the_boards_clock(ppm: int, fast_kernel: Kernel) -> None:
     simulation = Simulation(boards_of(fast_kernel, (ppm,)), Bus(1_000_000))
@@ -171,6 +184,8 @@ def test_faults_strike_a_board_that_drifts(fast_kernel: Kernel) -> None:
     """Emergency stop, bus-off and reset in motion: the board answers as any, and starts again by its own clock."""
     simulation, _ = started(boards_of(fast_kernel, (137, -993)))
     wait(simulation, 300)
+    for node in simulation.boards[1].firmware.nodes:
+        node.dictionary.set(od.ABORT_CONNECTION_OPTION, AbortConnection.NO_ACTION)
     simulation.operate(EmergencyStop(pressed=True), 0)
     simulation.operate(BusOff(0), 1)
     wait(simulation, 100.001)

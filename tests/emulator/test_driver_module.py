@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.dip_switches import switches_for
-from steptwin.emulator.driver import Driver
-from steptwin.emulator.driver_module import ClkEdge, Coupler, Module, Requirements
-from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from steptwin.emulator.tb6560 import Input, LevelChange, Pins, Rule, Tb6560
+from steptwin.emulator.drivers.dip_switches import switches_for
+from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_module import ClkEdge, Coupler, Module, Requirements
+from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins, Rule, Tb6560
 from tests.emulator.pins import POWER_UP, WIDTH, at, cut, pins
 from tests.emulator.simulations import MS
 
@@ -311,7 +311,7 @@ MODULES = [
 PULSES = st.lists(st.tuples(st.integers(1, 12_000), st.integers(1, 12_000)), min_size=1, max_size=40)
 TURNS = st.lists(st.integers(0, 500_000), max_size=40, unique=True)
 CHANGES = st.lists(
-    st.builds(LevelChange, st.integers(1, 500_000), st.sampled_from(list(Input)), st.integers(0, 1)), max_size=12
+    st.builds(LevelChange, st.integers(1, 500_000), st.sampled_from(list(LevelPin)), st.integers(0, 1)), max_size=12
 )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.edges import merged
+from steptwin.emulator.board.edges import merged
 
 
 @given(st.lists(st.lists(st.integers(-5, 40)), max_size=4))

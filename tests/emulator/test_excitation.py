@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from steptwin.emulator.tb6560 import Excitation, Input, LevelChange, Rule, Tb6560
-from steptwin.emulator.tb6560.excitation import PHASE_PERCENT, states
-from steptwin.emulator.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.emulator.drivers.tb6560 import Excitation, LevelChange, LevelPin, Rule, Tb6560
+from steptwin.emulator.drivers.tb6560.excitation import PHASE_PERCENT, states
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
 from tests.emulator.pins import POWER_UP, at, pins
 
 # Pages 12 to 14, clockwise from the initial state.
@@ -191,4 +191,4 @@ def test_before_the_supply_nothing_flows() -> None:
 
 def test_every_mode_has_its_levels() -> None:
     assert {levels: int(mode) for levels, mode in EXCITATIONS.items()} == {(0, 0): 1, (0, 1): 2, (1, 0): 16, (1, 1): 8}
-    assert set(Input) >= {Input.M1, Input.M2}
+    assert set(LevelPin) >= {LevelPin.M1, LevelPin.M2}

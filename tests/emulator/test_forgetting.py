@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.emulator.driver import Driver
-from steptwin.emulator.driver_module import Coupler, Module
-from steptwin.emulator.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from steptwin.emulator.tb6560 import Cooling, Input, LevelChange, Outputs
+from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_module import Coupler, Module
+from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from steptwin.emulator.drivers.tb6560 import Cooling, LevelChange, LevelPin, Outputs
 from tests.emulator.pins import POWER_UP, at, cut, pins
 from tests.emulator.simulations import MS
 
@@ -30,7 +30,7 @@ MODULES = [
 PULSES = st.lists(st.tuples(st.integers(1, 60_000), st.integers(1, 12_000)), min_size=1, max_size=30)
 TURNS = st.lists(st.integers(0, END // 2), max_size=20, unique=True)
 CHANGES = st.lists(
-    st.builds(LevelChange, st.integers(1, END // 2), st.sampled_from(list(Input)), st.integers(0, 1)), max_size=10
+    st.builds(LevelChange, st.integers(1, END // 2), st.sampled_from(list(LevelPin)), st.integers(0, 1)), max_size=10
 )
 CUTS = st.lists(st.integers(0, END), max_size=8)
 

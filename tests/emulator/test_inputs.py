@@ -11,16 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.motion import Motion
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.driver_bank import AxisTrace
-from steptwin.emulator.driver_module import Coupler, Module
-from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
-from steptwin.emulator.inputs import BoardInputs
-from steptwin.emulator.operations import (
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import BoardMotion
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.board.inputs import BoardInputs
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_bank import AxisTrace
+from steptwin.emulator.drivers.driver_module import Coupler, Module
+from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
+from steptwin.emulator.faults.operations import (
     BoardTemperature,
     DriverProtect,
     EmergencyStop,
@@ -31,8 +32,7 @@ from steptwin.emulator.operations import (
     Supply,
 )
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.switches import WEIGHT_ONE, Switch, Travel
-from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
+from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_SYNC, Frame
@@ -266,13 +266,13 @@ class TestEdges:
     def test_far_away_they_cost_nothing(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         """How often the motion is asked to go on: no oftener for switches that are not near."""
         calls: list[int] = []
-        advance = Motion.advance
+        advance = BoardMotion.advance
 
-        def counting(motion: Motion, until_tick: int) -> int:
+        def counting(motion: BoardMotion, until_tick: int) -> int:
             calls.append(until_tick)
             return advance(motion, until_tick)
 
-        monkeypatch.setattr(Motion, "advance", counting)
+        monkeypatch.setattr(BoardMotion, "advance", counting)
         asked = []
         for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_sixteenths=-(10**6)))):
             calls.clear()

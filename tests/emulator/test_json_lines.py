@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.json_lines import LINE_MAX_BYTES, JsonLineSession
+from steptwin.emulator.live.control_server import LINE_MAX_BYTES, JsonLineSession
 
 NO_OBJECT = 'the line is not a JSON object, such as {"do": "state"}'
 PIECES = st.one_of(

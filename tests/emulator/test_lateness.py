@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.lateness import Lateness
+from steptwin.emulator.live.lateness import Lateness
 
 
 def lateness_of(values_ns: list[int]) -> Lateness:

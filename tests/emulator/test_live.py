@@ -8,11 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel, fastest_kernel
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.live import PIECE_NS, SLICE_COUNTS, WORK_NS, LiveSimulation, Sender, warm_up
-from steptwin.emulator.pacer import Pacer
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.live.live_simulation import PIECE_NS, SLICE_COUNTS, WORK_NS, LiveSimulation, Sender, warm_up
+from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord

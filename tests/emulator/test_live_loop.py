@@ -9,15 +9,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import fastest_kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.live import LiveSimulation
-from steptwin.emulator.live_loop import LiveLoop
-from steptwin.emulator.pacer import Pacer
+from steptwin.controller.motion.backend import fastest_kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.live.live_loop import LiveLoop
+from steptwin.emulator.live.live_simulation import STALL_NS, LiveSimulation
+from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.stalls import STALL_NS
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS

@@ -1,22 +1,21 @@
 """Recursive Newton-Euler against Lagrange's equations, which are derived here from energies by differentiation."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from steptwin.emulator import mechanics
-from steptwin.emulator.arm import BASE, Arm, Body
-from steptwin.emulator.following import follow
-from steptwin.emulator.mechanics import GRAVITY_M_S2, MOTION_FIELDS
-from steptwin.emulator.motor import CATALOGUE
-from steptwin.emulator.power_supply import PowerSupply
-from steptwin.emulator.rotor_backend import RotorBackend, compiled_rotors, python_rotors
-from steptwin.emulator.rotor_kernel import DT_COUNTS, advance_rotors
-from steptwin.emulator.rotor_run import REFRESH_STEPS, keep
-from steptwin.emulator.rotors import Drive, DriverEvents, Rotors
+from steptwin.emulator.drivers.power_supply import PowerSupply
+from steptwin.emulator.motors import mechanics
+from steptwin.emulator.motors.arm import BASE, Arm, Body
+from steptwin.emulator.motors.following import ArmArrays, JointArrays, follow
+from steptwin.emulator.motors.mechanics import GRAVITY_M_S2, MOTION_FIELDS
+from steptwin.emulator.motors.motor import CATALOGUE
+from steptwin.emulator.motors.rotor_backend import RotorBackend, compiled_rotors, python_rotors
+from steptwin.emulator.motors.rotor_kernel import DT_COUNTS, EventArrays, RotorArrays, advance_rotors
+from steptwin.emulator.motors.rotor_run import REFRESH_STEPS, keep
+from steptwin.emulator.motors.rotors import Drive, DriverEvents, Rotors
 
 Array = NDArray[np.float64]
 STEP = 1e-4
@@ -208,23 +207,15 @@ def refreshed_each_step() -> RotorBackend:
     """Return the plain functions, with masses that are refreshed at every step of 10 us instead of every ms."""
 
     def run(
-        axes: Any, state: Any, events: Any, ends: Any, cursors: Any, bodies: Any, motion: Any, pair: Any, slopes: Any,
-        offsets: Any, places: Any, rates: Any, drifts: Any, zeros: Any, unit: Any, torques: Any, masses: Any,
-        matrix: Any, inverse: Any, bias: Any, forces: Any, supply: Any, kept: Any, count: int, axis_count: int,
-        first_step: int, steps: int, first_counts: float, gravity: float,
+        arm: ArmArrays, joints: JointArrays, masses: mechanics.MassArrays, rotors: RotorArrays, events: EventArrays,
+        kept: list[float], first_step: int, steps: int, first_counts: float,
     ) -> None:  # fmt: skip
         for step in range(steps):
-            follow(pair, slopes, offsets, state, places, rates, drifts, count, axis_count)
-            mechanics.refresh(
-                bodies, motion, places, rates, drifts, slopes, axes, zeros, unit, torques, masses, matrix, inverse,
-                bias, count, axis_count, gravity,
-            )  # fmt: skip
-            advance_rotors(
-                axes, state, inverse, bias, events, ends, cursors, forces, supply, axis_count, first_step + step, 1,
-                first_counts + step * DT_COUNTS,
-            )  # fmt: skip
+            follow(arm, rotors.state, joints)
+            mechanics.refresh(arm, joints, masses, rotors)
+            advance_rotors(rotors, events, first_step + step, 1, first_counts + step * DT_COUNTS)
             if (first_step + step + 1) % REFRESH_STEPS == 0:
-                keep(state, kept, step // REFRESH_STEPS, axis_count)
+                keep(rotors.state, kept, step // REFRESH_STEPS, arm.axis_count)
 
     return replace(python_rotors(), run=run)
 

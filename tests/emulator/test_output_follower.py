@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from steptwin.emulator.edges import Int8Array, Int64Array
-from steptwin.emulator.tb6560 import FieldTurns, Input, LevelChange, OutputChanges, Pins, Tb6560
-from steptwin.emulator.tb6560.thermal import Cooling
+from steptwin.emulator.board.edges import Int8Array, Int64Array
+from steptwin.emulator.drivers.tb6560 import FieldTurns, LevelChange, LevelPin, OutputChanges, Pins, Tb6560
+from steptwin.emulator.drivers.tb6560.thermal import Cooling
 from steptwin.protocol.timer import COUNTS_PER_MS
 
-ON = (Input.VDD, Input.VM, Input.RESET, Input.ENABLE)
-SETTINGS = (Input.M1, Input.M2, Input.TQ1, Input.TQ2, Input.DCY1, Input.DCY2)
-CHANGING = (*SETTINGS, Input.ENABLE, Input.RESET)
+ON = (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE)
+SETTINGS = (LevelPin.M1, LevelPin.M2, LevelPin.TQ1, LevelPin.TQ2, LevelPin.DCY1, LevelPin.DCY2)
+CHANGING = (*SETTINGS, LevelPin.ENABLE, LevelPin.RESET)
 
 
 def pins(rises: Int64Array, turns: tuple[Int64Array, Int8Array], changes: list[LevelChange], until_counts: int) -> Pins:
@@ -27,7 +27,7 @@ def in_full(found: FieldTurns | OutputChanges) -> OutputChanges:
 def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
     """Let a chip live through some ms with pulses, turns and changes of its inputs; look after each stretch of it."""
     random, follower = np.random.default_rng(seed), chip.follow_outputs()
-    levels, now_counts, told = dict.fromkeys(Input, 0), 0, []
+    levels, now_counts, told = dict.fromkeys(LevelPin, 0), 0, []
     for cycle in range(cycles):
         until_counts = now_counts + int(random.integers(1, 4)) * 18_000
         changes = [LevelChange(now_counts, pin, 1) for pin in ON] if cycle == 0 else []

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from steptwin.emulator.motor import CATALOGUE, RAD_S_PER_RPM, Motor
-from steptwin.emulator.pull_out import Supply, pull_out_nm
+from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
+from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm
 
 Array = NDArray[np.float64]
 
@@ -32,15 +32,15 @@ def with_iron(motor: Motor, iron_ohm: float) -> Motor:
     [
         (
             with_iron(replace(SMALL, inductance_mh=1.2 * SMALL.inductance_mh), 50.0),
-            Supply(24.0, 2.2, 0.25, 0.6), SMALL_RPM, SMALL_NM, 0.06, 0.10,
+            DriveSupply(24.0, 2.2, 0.25, 0.6), SMALL_RPM, SMALL_NM, 0.06, 0.10,
         ),
-        (SMALL, Supply(24.0, 2.2, 0.25, 0.6), SMALL_RPM, SMALL_NM, 0.16, 0.20),
-        (with_iron(LARGE, 110.0), Supply(48.0, 2.69 * 2**0.5, 0.25, 0.2), LARGE_RPM, LARGE_NM, 0.10, 0.16),
+        (SMALL, DriveSupply(24.0, 2.2, 0.25, 0.6), SMALL_RPM, SMALL_NM, 0.16, 0.20),
+        (with_iron(LARGE, 110.0), DriveSupply(48.0, 2.69 * 2**0.5, 0.25, 0.2), LARGE_RPM, LARGE_NM, 0.10, 0.16),
     ],
     ids=["17HE19, fitted", "17HE19, from its datasheet", "23HS30, fitted"],
 )  # fmt: skip
 def test_pull_out_is_near_the_published_curve(
-    motor: Motor, supply: Supply, rpm: Array, published_nm: Array, rms_max: float, error_max: float
+    motor: Motor, supply: DriveSupply, rpm: Array, published_nm: Array, rms_max: float, error_max: float
 ) -> None:
     """Errors as fractions of the torque at low speed."""
     errors = (pull_out_nm(motor, supply, rpm) - published_nm) / published_nm[0]
@@ -48,7 +48,7 @@ def test_pull_out_is_near_the_published_curve(
     assert np.abs(errors).max() <= error_max
 
 
-def chopped_nm(motor: Motor, supply: Supply, rpm: float) -> float:
+def chopped_nm(motor: Motor, supply: DriveSupply, rpm: float) -> float:
     """Return the pull-out torque with a chopper of 32 kHz that switches: charge to the reference, then decay."""
     angles, parts, rate_hz = np.linspace(0.0, np.pi, 31), 24, 32_000.0
     speed, dt_s = rpm * RAD_S_PER_RPM, 1.0 / rate_hz / parts
@@ -74,15 +74,15 @@ def chopped_nm(motor: Motor, supply: Supply, rpm: float) -> float:
 @pytest.mark.parametrize("fast_decay", [0.25, 1.0])
 @pytest.mark.parametrize("rpm", [300.0, 600.0])
 def test_the_averaged_chopper_is_near_one_that_switches(fast_decay: float, rpm: float) -> None:
-    motor, supply = CATALOGUE["17HS19-2004S1"], Supply(24.0, 2.0, fast_decay, 0.6)
+    motor, supply = CATALOGUE["17HS19-2004S1"], DriveSupply(24.0, 2.0, fast_decay, 0.6)
     assert pull_out_nm(motor, supply, np.array([rpm]))[0] == pytest.approx(chopped_nm(motor, supply, rpm), rel=0.12)
 
 
 def test_at_low_speed_it_is_the_holding_torque_of_the_current() -> None:
     """Km I, with a single amplitude I, less nothing."""
-    found = pull_out_nm(SMALL, Supply(24.0, 2.0, 0.25, 0.6), np.array([1.0]))[0]
+    found = pull_out_nm(SMALL, DriveSupply(24.0, 2.0, 0.25, 0.6), np.array([1.0]))[0]
     assert found == pytest.approx(SMALL.torque_constant_nm_a * 2.0, rel=2e-3)
 
 
 def test_no_torque_is_left_far_above_the_corner() -> None:
-    assert pull_out_nm(SMALL, Supply(12.0, 2.0, 0.25, 0.6), np.array([20_000.0]))[0] == 0.0
+    assert pull_out_nm(SMALL, DriveSupply(12.0, 2.0, 0.25, 0.6), np.array([20_000.0]))[0] == 0.0

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
-from steptwin.controller.motion import Motion
-from steptwin.controller.profile_velocity import ProfileVelocity
-from steptwin.emulator.operations import EmergencyStop, Operation
+from steptwin.controller.modes.profile_velocity import ProfileVelocity
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import BoardMotion
+from steptwin.emulator.faults.operations import EmergencyStop, Operation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, SHUTDOWN, SWITCH_ON, Mode
 from steptwin.protocol.frame import COB_NMT, COB_SDO_REQUEST, FIRST_NODE_ID, Frame
@@ -60,7 +60,7 @@ class TestSight:
 
     @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
     def test_enable_falls_within_a_pulse(self, case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(Motion, "last_fall_counts", lambda _motion, _axis: k.NEVER_COUNTS)
+        monkeypatch.setattr(BoardMotion, "last_fall_counts", lambda _motion, _axis: k.NEVER_COUNTS)
         assert "ENABLE becomes 0" in fault_of(Session.load(case))
 
     def test_an_old_target_moves_an_axis(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.pins import Pin
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.driver_profiles import PROFILES
-from steptwin.emulator.operations import BrownOut, EmergencyStop, Operation, PowerUp, WatchdogReset
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.tb6560 import Rule
+from steptwin.emulator.faults.operations import BrownOut, EmergencyStop, Operation, PowerUp, WatchdogReset
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.emulator.tb6560 import Rule
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Status
 from steptwin.protocol.frame import COB_SYNC, Frame

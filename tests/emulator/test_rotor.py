@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.tb6560 import Excitation, Input, LevelChange, Tb6560
-from steptwin.emulator.tb6560.pins import EXCITATIONS
+from steptwin.emulator.drivers.tb6560 import Excitation, LevelChange, LevelPin, Tb6560
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS
 from tests.emulator.pins import POWER_UP, at, cut, pins
 
 LEVELS = {int(mode): {"M2": m2, "M1": m1} for (m2, m1), mode in EXCITATIONS.items()}
@@ -69,7 +69,7 @@ def test_it_follows_the_field(
     """While there is no reset, the rotor turns as the field does, in one piece or in several."""
     turns = [(rise - 5_000, int(up)) for rise, up in zip(rises(len(directions)), directions, strict=True)]
     changes = tuple(
-        LevelChange(place * STEP_COUNTS + 3_000, Input[pin], level)
+        LevelChange(place * STEP_COUNTS + 3_000, LevelPin[pin], level)
         for place, mode in sorted(modes)
         for pin, level in LEVELS[mode].items()
     )

@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
-from steptwin.emulator.edges import FloatArray
-from steptwin.emulator.power_supply import PowerSupply
-from steptwin.emulator.rotors import Drive, DriverEvents
+from steptwin.emulator.board.edges import FloatArray
+from steptwin.emulator.drivers.power_supply import PowerSupply
+from steptwin.emulator.motors.rotors import Drive, DriverEvents
 from tests.emulator.motor_bench import (
     CURRENT_A,
     IDEAL,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.shelf import Point, Sensed, Shelf, ShelfConfig, ShelfEventKind, SpotConfig
+from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig, ShelfEventKind, SpotConfig
 
 STRIKER: Point = (675.0, 170.0, 160.0)
 OTHER: Point = (1075.0, 170.0, 160.0)
@@ -24,7 +24,7 @@ class Hand:
     """A hand at a shelf with a box on the table and one in B1; every action is a look, 10 counts after the last."""
 
     def __init__(self, *locked: str) -> None:
-        self.shelf = Shelf(
+        self.shelf = MovingShelf(
             ShelfConfig(
                 strikers_mm={"A1": STRIKER, "B1": OTHER},
                 spots={

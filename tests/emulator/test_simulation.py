@@ -2,9 +2,9 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol.frame import Frame
 from tests.emulator.simulations import SECOND

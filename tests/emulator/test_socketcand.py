@@ -9,7 +9,7 @@ from can.interfaces.socketcand.socketcand import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.socketcand import COMMAND_MAX, SessionMode, SocketcandSession, frame_text
+from steptwin.emulator.live.socketcand import COMMAND_MAX, SessionMode, SocketcandSession, frame_text
 from steptwin.protocol.frame import Frame
 
 OPENED = b"< open vcan0 >< rawmode >"

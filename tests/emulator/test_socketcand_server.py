@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 
-from steptwin.emulator.socketcand_server import WINDOW_FRAMES
-from steptwin.emulator.tcp_server import BACKLOG_MAX_BYTES
+from steptwin.emulator.live.socketcand_server import WINDOW_FRAMES
+from steptwin.emulator.live.tcp_server import BACKLOG_MAX_BYTES
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig, RawClient, await_true
 
 READ_TYPE = b"< send 610 8 40 0 10 0 0 0 0 0 >"
@@ -126,7 +126,7 @@ def test_fifty_clients(rig: LiveRig) -> None:
 
 
 def test_one_more_than_there_may_be(rig: LiveRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("steptwin.emulator.tcp_server.CLIENTS_MAX", 2)
+    monkeypatch.setattr("steptwin.emulator.live.tcp_server.CLIENTS_MAX", 2)
     first, _ = rig.client(), rig.client()
     with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as third:
         assert third.recv(100) == b"< error 2 clients are connected, no more are served >"
@@ -158,7 +158,7 @@ def test_out_of_files_it_waits_without_work(rig: LiveRig) -> None:
 def test_a_file_beyond_those_of_select(rig: LiveRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """`select` raises for such a file, which would end the loop for all."""
     first = rig.client()
-    monkeypatch.setattr("steptwin.emulator.tcp_server._SELECT_FILES", 3)
+    monkeypatch.setattr("steptwin.emulator.live.tcp_server._SELECT_FILES", 3)
     with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as second:
         assert second.recv(100) == b"< error 1 clients are connected, no more are served >"
     ask(first)

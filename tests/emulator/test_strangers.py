@@ -2,21 +2,23 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.can_timing import frame_bits
-from steptwin.emulator.operations import Babble, BusOff, Scheduled, StrangerSends
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_timing import frame_bits
+from steptwin.emulator.faults.operations import Babble, BusOff, Scheduled, StrangerSends
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, COB_NMT, COB_SYNC, Frame
+from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtRecord
-from tests.emulator.simulations import MS, STEP, wait, write
+from tests.emulator.simulations import MS, STEP, wait
 
 NODE = 0x10
 NOTHING = Frame(COB_NMT, bytes(8))
 """A frame that wins each arbitration and that nobody obeys."""
+OTHER = Frame(0x7FF, bytes(8))
 
 
 class Rig:
@@ -85,12 +87,52 @@ class TestBabble:
         with pytest.raises(BusOverloadError, match="no pause for 1 s"):
             rig.simulation.send(Frame(0x7FF, b""))
 
+    def test_ends_with_the_bus_repair(self, rig: Rig) -> None:
+        rig.simulation.operate(Babble(NOTHING, 100, 1_000_000))
+        rig.simulation.operate(Babble(OTHER, 100, 1_000_000))
+        wait(rig.simulation, 10)
+        rig.simulation.repair_bus()
+        wait(rig.simulation, 2)
+        self.is_silent(rig)
+
+    def test_ends_by_its_own_end_and_no_other_does(self, rig: Rig) -> None:
+        rig.simulation.operate(Babble(NOTHING, 100, 1_000_000))
+        rig.simulation.operate(Babble(OTHER, 100, 1_000_000))
+        wait(rig.simulation, 10)
+        rig.simulation.operate(Babble(NOTHING, 100, 0))
+        wait(rig.simulation, 2)
+        frames = len(rig.simulation.bus.log_frames)
+        wait(rig.simulation, 10)
+        assert {frame for frame in rig.simulation.bus.log_frames[frames:] if frame in (NOTHING, OTHER)} == {OTHER}
+        rig.simulation.operate(Babble(OTHER, 100, 0))
+        wait(rig.simulation, 2)
+        self.is_silent(rig)
+
+    def test_one_that_is_to_come_is_not_ended(self, rig: Rig) -> None:
+        begins = rig.simulation.now_counts + 10 * MS
+        rig.simulation.schedule([Scheduled(begins, Babble(NOTHING, 100, 20))])
+        rig.simulation.repair_bus()
+        wait(rig.simulation, 20)
+        assert rig.simulation.bus.log_frames.count(NOTHING) > 10
+
+    @staticmethod
+    def is_silent(rig: Rig) -> None:
+        frames = len(rig.simulation.bus.log_frames)
+        wait(rig.simulation, 200)
+        assert not {NOTHING, OTHER} & {*rig.simulation.bus.log_frames[frames:]}
+
     @pytest.mark.parametrize(
         ("period_us", "count", "message"),
-        [(46, 1, "period_us 46 is below 47, the shortest frame"), (47, 0, "count 0 is not 1 or more")],
+        [
+            (46, 1, "period_us 46 is not from 47 to 10000000"),
+            (10_000_001, 1, "period_us 10000001 is not from 47 to 10000000"),
+            (47, -1, "count -1 is not from 0 to 1000000"),
+            (47, 1_000_001, "count 1000001 is not from 0 to 1000000"),
+        ],
     )
     def test_impossible_ones_are_refused(self, period_us: int, count: int, message: str) -> None:
-        Babble(NOTHING, 47, 1)
+        Babble(NOTHING, 47, 1_000_000)
+        Babble(NOTHING, 10_000_000, 1)
         with pytest.raises(ValueError, match=message):
             Babble(NOTHING, period_us, count)
 
@@ -106,7 +148,7 @@ class TestSecondMaster:
         assert 0 < rig.board.position_steps(0) < 40
         assert rig.emergencies() == []
 
-    def test_stops_the_node_by_nmt_and_its_motion_by_an_underrun_that_it_tells_later(self, rig: Rig) -> None:
+    def test_stops_the_node_by_nmt_and_its_motion_with_it_which_it_tells_later(self, rig: Rig) -> None:
         """A stopped node takes no records and sends no EMCY; it keeps what it has to tell until it is started."""
         rig.simulation.schedule(
             [Scheduled(rig.simulation.now_counts + 10 * MS, StrangerSends(Frame(COB_NMT, b"\2\0")))]
@@ -118,7 +160,8 @@ class TestSecondMaster:
         assert rig.emergencies() == []
         rig.simulation.send(Frame(COB_NMT, b"\x01\x00"))
         wait(rig.simulation, 10)
-        assert rig.emergencies() == [ErrorCode.PVT_UNDERRUN]
+        assert rig.emergencies() == [ErrorCode.COMMUNICATION]
+        assert 0 < rig.board.position_steps(0) < 15
 
     @pytest.mark.parametrize("frame", [Frame(COB_SYNC, b""), record(0, 64 * STEP // 2)])
     def test_may_repeat_a_sync_or_a_record(self, rig: Rig, frame: Frame) -> None:
@@ -141,10 +184,16 @@ class TestSecondMaster:
 
 
 class TestBusOff:
-    def test_of_the_board_is_told_when_it_is_over(self, rig: Rig) -> None:
-        """The motion goes on meanwhile. The host's frame, which nobody acknowledges, is repeated again and again, and
-        each attempt leaves but one sequence of recessive bits."""
-        write(rig.simulation, NODE, od.PROFILE_ACCELERATION, 1)
+    @pytest.mark.parametrize(
+        ("option", "state", "steps"),
+        [(AbortConnection.NO_ACTION, State.FAULT, (20, 30)), (AbortConnection.FAULT_SIGNAL, State.FAULT, (0, 5))],
+    )
+    def test_of_the_board_is_told_when_it_is_over(
+        self, rig: Rig, option: AbortConnection, state: State, steps: tuple[int, int]
+    ) -> None:
+        """The host's frame, which nobody acknowledges, is repeated again and again, and each attempt leaves but one
+        sequence of recessive bits. Without an action the motion goes on until its queue is empty."""
+        rig.board.firmware.nodes[0].dictionary.set(od.ABORT_CONNECTION_OPTION, option)
         now = rig.simulation.now_counts
         rig.simulation.operate(BusOff(0))
         rig.simulation.host.send(record(1, 0), now)
@@ -153,7 +202,9 @@ class TestBusOff:
         told = [counts for counts, frame in log if frame.cob_id == COB_EMCY + NODE]
         assert rig.emergencies()[0] == ErrorCode.CAN_BUS_OFF_RECOVERED
         assert 128 * 11 <= (told[0] - now) / rig.simulation.bus.bit_counts < 128 * 150
-        assert rig.board.position_steps(0) == 40
+        assert rig.state is state
+        assert steps[0] <= rig.board.position_steps(0) <= steps[1]
+        assert rig.board.firmware.nodes[0].nmt_state is NmtState.PRE_OPERATIONAL
 
     def test_of_the_host_delays_its_frames(self, rig: Rig) -> None:
         now = rig.simulation.now_counts

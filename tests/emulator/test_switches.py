@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.emulator.switches import AxisSwitches, Switch
+from steptwin.emulator.world.switches import AxisSwitches, Switch
 from steptwin.protocol.cia402 import DigitalInput
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME

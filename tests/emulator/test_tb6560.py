@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.tb6560 import (
+from steptwin.emulator.drivers.tb6560 import (
     PINS,
     LimitUnit,
     Pins,
@@ -15,7 +15,7 @@ from steptwin.emulator.tb6560 import (
     clk_width_min_counts,
     oscillator_hz,
 )
-from steptwin.emulator.tb6560.pins import Input, LevelChange, PinKind
+from steptwin.emulator.drivers.tb6560.pins import LevelChange, LevelPin, PinKind
 from tests.emulator.pins import PERIOD, POWER_UP, WIDTH, at, cut, pins
 
 UP = ((1, 1),)
@@ -76,7 +76,7 @@ class TestDatasheet:
             " CW/CCW M2 M1 DCY2 DCY1"
         )
         inputs = {pin.name for pin in PINS if pin.kind is PinKind.INPUT}
-        assert inputs == {pin.name for pin in Input} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
+        assert inputs == {pin.name for pin in LevelPin} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
         assert [pin.name for pin in PINS if pin.kind is PinKind.OPEN_DRAIN] == ["MO", "Protect"]
 
     def test_the_pages_of_the_pins(self) -> None:
@@ -187,8 +187,8 @@ class TestPowerOrder:
         return list(zip(found.rules(), found.margins().tolist(), strict=True))
 
     def test_in_order(self) -> None:
-        supplies, released = [Input.VDD, Input.VM], [Input.RESET, Input.ENABLE]
-        order = [*supplies, *(pin for pin in Input if pin not in (*supplies, *released)), *released]
+        supplies, released = [LevelPin.VDD, LevelPin.VM], [LevelPin.RESET, LevelPin.ENABLE]
+        order = [*supplies, *(pin for pin in LevelPin if pin not in (*supplies, *released)), *released]
         on = (LevelChange(i, pin, 1) for i, pin in enumerate(order))
         off = (LevelChange(100 + i, pin, 0) for i, pin in enumerate(reversed(order)))
         assert self.rules_and_margins(*on, *off) == []
@@ -270,10 +270,12 @@ def test_nothing_happens_without_pulses() -> None:
 
 PULSES = st.lists(st.tuples(st.integers(1, 9000), st.integers(1, 4000)), min_size=1, max_size=60)
 TURNS = st.lists(st.integers(0, 400_000), max_size=10, unique=True)
-CHANGES = st.lists(st.tuples(st.integers(1, 400_000), st.sampled_from(list(Input)[1:]), st.integers(0, 1)), max_size=12)
+CHANGES = st.lists(
+    st.tuples(st.integers(1, 400_000), st.sampled_from(list(LevelPin)[1:]), st.integers(0, 1)), max_size=12
+)
 
 
-def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]]) -> Pins:
+def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]]) -> Pins:
     """Gaps and widths of pulses, where DIR turns, and what the other inputs do once the supply is up."""
     gaps, widths = zip(*pulses, strict=True)
     rises = np.cumsum(np.array(gaps) + np.concatenate(([0], widths[:-1]))).tolist()
@@ -289,13 +291,13 @@ def levels_at_rises(whole: Pins) -> list[int]:
 
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES)
 def test_against_a_chip_stepped_edge_by_edge(
-    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]]
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]]
 ) -> None:
     """The same rules, one pulse at a time."""
     whole = stream(pulses, turns, changes)
     steps, previous = [], -PERIOD
     for rise, fall in zip(whole.clk_rise_counts.tolist(), whole.clk_fall_counts.tolist(), strict=True):
-        reset = [change.level for change in whole.changes if change.pin is Input.RESET and change.counts <= rise][-1]
+        reset = [change.level for change in whole.changes if change.pin is LevelPin.RESET and change.counts <= rise][-1]
         turned = np.searchsorted(whole.dir_counts, rise, side="right")
         level = int(whole.dir_levels[turned - 1]) if turned else 0
         if reset and fall - rise >= WIDTH and rise - previous >= PERIOD:
@@ -312,7 +314,7 @@ def test_against_a_chip_stepped_edge_by_edge(
 
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 450_000), max_size=6))
 def test_pieces_make_no_difference(
-    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Input, int]], cuts: list[int]
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]], cuts: list[int]
 ) -> None:
     """Nor do looks at the chip in between."""
     whole = stream(pulses, turns, changes)

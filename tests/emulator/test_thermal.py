@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.tb6560 import Cooling, Rule, Tb6560
-from steptwin.emulator.tb6560.thermal import Junction
+from steptwin.emulator.drivers.tb6560 import Cooling, Rule, Tb6560
+from steptwin.emulator.drivers.tb6560.thermal import Junction
 from tests.emulator.pins import POWER_UP, at, pins
 from tests.emulator.simulations import SECOND
 

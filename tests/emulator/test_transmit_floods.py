@@ -4,13 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.outbox import QUIET_US
-from steptwin.controller.transmit_queue import BURST_FRAMES_MAX, PLACES, Service
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.can_controller import MAILBOXES
-from steptwin.emulator.operations import EmergencyStop
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.node.transmit_queue import BURST_FRAMES_MAX, PLACES, QUIET_US, Service
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_controller import MAILBOXES
+from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
@@ -29,8 +28,8 @@ from steptwin.protocol.frame import (
     FIRST_NODE_ID,
     Frame,
 )
-from steptwin.protocol.nmt import NmtCommand
-from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
+from steptwin.protocol.nmt import ErrorBehaviour, NmtCommand
+from steptwin.protocol.objects import ASYNCHRONOUS
 from tests.emulator.simulations import MS, wait
 
 AXES = 6
@@ -238,7 +237,7 @@ class TestEmergencies:
 
     def test_an_error_more_than_there_are_places(self, errors: Flooded) -> None:
         """The first EMCY is sent at once; then half as many errors as places fit, each with its end."""
-        self.alternate(errors, 1 + (EMCY_PLACES - 2) // 2)
+        self.alternate(errors, (EMCY_PLACES + 1) // 2)
         assert errors.value(od.EMCYS_LOST) == 0
         self.alternate(errors, 1)
         assert errors.value(od.EMCYS_LOST) > 0
@@ -249,6 +248,7 @@ def test_emergencies_wait_for_the_bus_and_none_is_lost(flooded: Flooded) -> None
     flooded.nmt(NmtCommand.START)
     wait(flooded.simulation, 5)
     node = flooded.board.firmware.nodes[0]
+    node.dictionary.set(od.COMMUNICATION_ERROR_BEHAVIOUR, ErrorBehaviour.NO_CHANGE)
     flooded.bus.throw_off(flooded.board.can, flooded.simulation.now_counts)
     now_us = flooded.simulation.now_counts // (MS // 1000)
     errors = PLACES[Service.EMCY]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_SYNC, Frame

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.pins import Pin
-from steptwin.emulator.board import Board, BoardConfig
-from steptwin.emulator.bus import Bus
-from steptwin.emulator.driver_module import ClkEdge, Module
-from steptwin.emulator.driver_profiles import PROFILES
-from steptwin.emulator.operations import SetWire
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.tb6560 import Pins, Rule
+from steptwin.emulator.faults.operations import SetWire
+from steptwin.emulator.faults.wires import AxisWires, Condition, Noise, Wire, WireState
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.switches import Switch
-from steptwin.emulator.tb6560 import Pins, Rule
-from steptwin.emulator.wires import AxisWires, Condition, Noise, Wire, WireState
+from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import COB_SYNC, Frame

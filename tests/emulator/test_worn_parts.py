@@ -5,12 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.controller.pins import Pin
-from steptwin.emulator.bouncing import Bouncer
-from steptwin.emulator.driver_profiles import THREE_AMP_MODULE
-from steptwin.emulator.operations import (
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.board.inputs import Bouncer
+from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.drivers.tb6560 import Rule
+from steptwin.emulator.faults.operations import (
     BouncingSwitch,
     Contact,
     DriverMode,
@@ -18,8 +19,7 @@ from steptwin.emulator.operations import (
     StuckSwitch,
     SwitchWire,
 )
-from steptwin.emulator.switches import Switch
-from steptwin.emulator.tb6560 import Rule
+from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from tests.compiled import skip_if_compiled

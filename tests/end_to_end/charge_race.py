@@ -32,7 +32,7 @@ TRAJECTORY: Final = "t,sx,sz,L1,th1,th2,th3\n0,0,0,100,0,60,30\n1.5,0,0,100,4,62
 _PROCESSES: Final = get_context("forkserver")
 _IMPORTED: Final = [
     __name__,
-    "steptwin.host.cli.run",
+    "steptwin.host.cli.run.run",
     "steptwin.host.operate.running",
     "steptwin.host.planning.planner",
     "steptwin.host.record.folder",

@@ -2,8 +2,8 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.host.papers.runs import Runs
+from steptwin.controller.motion.backend import Kernel
+from steptwin.host.studies.papers.runs import Runs
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import FaultScript
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.bus_faults import FaultScript
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
-from steptwin.controller.group_time import GroupTime
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.group_time import GroupTime
 from steptwin.host.client import InputWait, Machine, OutputCommand, Progress
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
-from steptwin.host.common.arrays import Int64Array
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, plan
 from steptwin.host.robots import load_robot

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.can_controller import CanController
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.bus.can_controller import CanController
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job

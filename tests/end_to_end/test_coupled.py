@@ -8,7 +8,7 @@ import cantools
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import Session

@@ -11,29 +11,25 @@ from typing import Any
 import pytest
 
 from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
-from docs.generate.driver import DRIVER_PAGE, render_driver
+from docs.generate.driver_page import DRIVER_PAGE, render_driver
 from docs.generate.faults import FAULTS_PAGE, render_faults
-from docs.generate.page import PAGE, render_page
 from docs.generate.papers import PAPERS_FOLDER
+from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
-from docs.generate.results import SAMPLED
-from docs.generate.robot_drawings import drawing
-from docs.generate.robot_file import Entry, read_robot_file
-from docs.generate.robot_files import ROBOT_FILES_PAGE, render_robot_files
-from docs.generate.runs import ROBOTS
-from docs.generate.waveform_pictures import WAVEFORM_PAGE
+from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing, render_robot_files
+from docs.generate.robots_page import PAGE, SAMPLED, render_page
+from docs.generate.tables import ROBOTS, WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
-from steptwin.host.papers import PAPERS, evaluated
-from steptwin.host.papers.page import render_page as render_paper
-from steptwin.host.papers.runs import Runs
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.robots.homing import JointHoming
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.host.robots.transmission import Transmission
+from steptwin.host.studies.papers import PAPERS, evaluated
+from steptwin.host.studies.papers.paper_page import render_page as render_paper
+from steptwin.host.studies.papers.runs import Runs
 from tests.end_to_end.pages import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -180,8 +176,8 @@ def test_every_number_of_a_robot_is_marked(robot: str) -> None:
 def test_a_robot_file_is_read_with_its_notes() -> None:
     sections = read_robot_file("lab-scara")
     assert sections["joints.d1"].comment == "lift: motor straight on a ball screw"
-    assert sections["joints.d1"].entries["upper"] == Entry("250.0", "[S]", "stroke")
-    assert sections["joints.d1"].entries["unit"] == Entry("mm", "", "")
+    assert sections["joints.d1"].entries["upper"] == WrittenValue("250.0", "[S]", "stroke")
+    assert sections["joints.d1"].entries["unit"] == WrittenValue("mm", "", "")
     assert sections["board"].entries["osc_pf"].value == "330"
 
 

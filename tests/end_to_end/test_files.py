@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from steptwin.emulator.can_controller import CanController
+from steptwin.emulator.bus.can_controller import CanController
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
 from tests.end_to_end.command_line import refusal

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from steptwin.host.cli.app import COMMANDS, EXAMPLES, program, run
+from steptwin.host.cli.app import EXAMPLES, GROUPS, program, run
 from steptwin.host.common.errors import BusError
 from steptwin.host.robots import load_robot
 
-NAMES = [name for names in COMMANDS.values() for name in names]
+NAMES = [name for group in GROUPS for name in group.commands]
 EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
 CHEAP = {"robots", "jobs", "fk", "ik", "sensitivity", "eds", "dbc"}
 WAITING = {"panel"}
@@ -101,7 +101,7 @@ def test_an_example_for_a_live_board_gets_as_far_as_the_bus(
     def no_bus(*_: object) -> None:
         raise BusError("no bus in this test")
 
-    monkeypatch.setattr("steptwin.host.client.bus_link.open_bus", no_bus)
+    monkeypatch.setattr("steptwin.host.client.links.bus_link.open_bus", no_bus)
     monkeypatch.setattr("steptwin.host.client.control_client.connected", no_bus)
     assert run(words_of(example)) == BusError.exit_code
     assert "no bus in this test" in "".join(capsys.readouterr())

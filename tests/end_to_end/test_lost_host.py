@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind, FaultScript
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
 from steptwin.host.twin.outcome import Outcome
 from tests.end_to_end.faulty_bus import MS, drawer_pull
 

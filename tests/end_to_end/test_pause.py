@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.verify import AxisEvidence
 from tests.end_to_end.halted_runs import Break, HaltedRun, run_with
 

@@ -4,16 +4,25 @@ from pathlib import Path
 
 import pytest
 
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.common.errors import WaitTimeoutError
 from steptwin.host.common.findings import Findings
+from steptwin.host.operate.running import execute_live
+from steptwin.host.operate.session import Session
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.input_changes import InputChange
 from tests.end_to_end.command_line import refusal, run_json
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
 EXAMPLES = {name: ROOT / "docs" / "programs" / f"{name}.toml" for name in robot_names()}
 INPUTS = {"teaching-scara": ["--input", "part_ready=on@1.5"]}
+WAITING_FOR = {"teaching-scara": "part_ready"}
+"""The input for which each example waits at its start; the others wait for none."""
 VERBS = {
     "teaching-scara": {"wait", "repeat", "call"},
     "calibration-scara": {"circle", "arc", "line"},
@@ -59,7 +68,69 @@ def test_each_robot_has_an_example(robot: str, capsys: pytest.CaptureFixture[str
     assert run(["verify", str(tmp_path / "out")]) == 0
 
 
+COMES_S = (0.0, 0.1, 0.3, 4.0, 8.0)
+"""When the input comes on: at once, within the 250 ms that are queued before the start, and up to seconds later."""
+
+
+@pytest.mark.parametrize("comes_s", COMES_S)
+@pytest.mark.parametrize("robot", WAITING_FOR)
+def test_an_example_waits_for_its_input(capsys: pytest.CaptureFixture[str], robot: str, comes_s: float) -> None:
+    document = run_json(capsys, "run", robot, str(EXAMPLES[robot]), "--input", f"{WAITING_FOR[robot]}=on@{comes_s}")
+    assert document["passed"]
+    first, *others = document["waits"]
+    assert (first["input"], first["at_s"]) == (WAITING_FOR[robot], 0.0)
+    assert comes_s + 0.23 <= first["stood_s"] <= comes_s + 0.31
+    assert [wait["stood_s"] for wait in others] == pytest.approx([0.26] * len(others), abs=0.03)
+
+
+@pytest.mark.parametrize("robot", WAITING_FOR)
+def test_an_example_whose_input_never_comes_names_the_time_out(capsys: pytest.CaptureFixture[str], robot: str) -> None:
+    assert run(["run", robot, str(EXAMPLES[robot])]) == 3
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert line.startswith(f"steptwin: step 1.1.1, pass 1: the input {WAITING_FOR[robot]} was not on within 30 s; ")
+    assert "STOPPED BY A WAIT THAT TIMED OUT" in said.out
+
+
+class TestLive:
+    """The examples on a live board, as `run --connect` makes them, in virtual time."""
+
+    @pytest.mark.parametrize("comes_s", COMES_S)
+    @pytest.mark.parametrize("robot", WAITING_FOR)
+    def test_an_example_waits_for_its_input(self, fast_kernel: Kernel, robot: str, comes_s: float) -> None:
+        board, session, example = self.standing(robot, fast_kernel)
+        board.change_inputs([InputChange(WAITING_FOR[robot], on=True, at_s=comes_s)])
+        outcome = execute_live(session, example, "example", approach=True)
+        assert outcome.passed
+        assert comes_s + 0.23 <= outcome.waits[0].stood_s <= comes_s + 0.31
+
+    @pytest.mark.parametrize("robot", WAITING_FOR)
+    def test_an_example_whose_input_never_comes_names_the_time_out(self, fast_kernel: Kernel, robot: str) -> None:
+        _, session, example = self.standing(robot, fast_kernel)
+        said = rf"^step 1\.1\.1, pass 1: the input {WAITING_FOR[robot]} was not on within 30 s$"
+        with pytest.raises(WaitTimeoutError, match=said):
+            execute_live(session, example, "example", approach=True)
+
+    @pytest.mark.parametrize("robot", [name for name in robot_names() if name not in WAITING_FOR])
+    def test_the_others_run(self, fast_kernel: Kernel, robot: str) -> None:
+        _, session, example = self.standing(robot, fast_kernel)
+        assert execute_live(session, example, "example", approach=True).passed
+
+    def standing(self, name: str, kernel: Kernel) -> tuple[EmbeddedBoard, Session, Plan]:
+        """Return a board whose robot stands where its example starts, and the example."""
+        robot = load_robot(name)
+        program = parse_program(EXAMPLES[name].read_text(), Findings())
+        example = plan(robot, compile_program(program, robot).trajectory)
+        board = EmbeddedBoard(robot, example.start_joints, kernel)
+        session = Session(board, robot)
+        with session.in_charge("preset", known=False) as machine:
+            machine.preset(example.start_units)
+        return board, session, example
+
+
 def test_no_example_is_left_out() -> None:
+    waiting = {robot for robot, path in EXAMPLES.items() if "wait = " in path.read_text()}
+    assert waiting == WAITING_FOR.keys()
     assert sorted(path.stem for path in (ROOT / "docs" / "programs").glob("*.toml")) == sorted(robot_names())
 
 

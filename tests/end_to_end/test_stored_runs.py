@@ -51,7 +51,7 @@ class TestTrace:
         for counts, level in ((rise - 1, "0"), (rise, "1")):
             from_s = repr((counts - evidence.start_counts) / 72e6)
             words = ["--from", from_s, "--to", "0.9", "--axis", "th2, d3", "--timescale", "10ns"]
-            assert run(["trace", str(carry_run), *words, "--out", str(out)]) == 0
+            assert run(["trace", str(carry_run), *words, "--out", str(out), "--replace"]) == 0
             dump = read_vcd(out.read_text())
             assert dump.initial["th2_step"] == level
             assert dump.initial["th2_enable"] == "1"
@@ -242,6 +242,6 @@ class TestPlot:
     def test_without_matplotlib(
         self, carry_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        monkeypatch.setattr("steptwin.host.cli.plot.find_spec", lambda _: None)
+        monkeypatch.setattr("steptwin.host.cli.files.plot.find_spec", lambda _: None)
         line = refusal(capsys, "plot", str(carry_run))
         assert line == "plot: matplotlib is not installed (pip install 'steptwin[plot]')"

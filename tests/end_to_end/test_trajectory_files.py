@@ -82,16 +82,18 @@ class TestBeforeARun:
         assert "off the lines" not in out[1]
         assert err == []
 
-    @pytest.mark.parametrize(("end", "asked"), [("0.1", True), ("0.13", False)])
-    def test_slow_times_are_asked_for(
-        self, end: str, asked: bool, capsys: pytest.CaptureFixture[str], tmp_path: Path
-    ) -> None:
-        """The limit of th1 is 180 deg/s, so a spline over 0.12 deg in 1 s has 0.1 % of it in its middle."""
-        file = file_of(tmp_path, f"t,th1,th2,d3,th4\n0,0,10,0,0\n1,{end},10,0,0\n")
+    def test_radians_are_asked_for(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        file = file_of(tmp_path, "t,th1,th2,d3,th4\n0,0,0.5,1,0\n2,0.6,1.0,1,0\n")
         _, err = said(capsys, file)
-        asking = "are the times in ms, or the angles in radians? They are read in s and degrees"
-        told = f"steptwin: warning: {file}: below 0.1 % of every limit: {asking}"
-        assert err == [told] * asked
+        asking = (
+            "every joint stays below 5 % of its limits and of its range, at 0.25 % at most. Is it in s, mm and degrees?"
+        )
+        assert err == [
+            f"steptwin: warning: {file}: {asking} --units rad fits, too: angles are then 57.3 times as large"
+        ]
+        out, err = said(capsys, file, "--units", "rad")
+        assert err == []
+        assert "peak speed 14.3 % of the limit (th1)" in out[0]
 
     def test_standing_still_is_not_slow(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         _, err = said(capsys, file_of(tmp_path, "t,th1,th2,d3,th4\n0,0,10,0,0\n1,0,10,0,0\n"))
@@ -104,7 +106,7 @@ class TestBeforeARun:
 
 
 def test_options_of_files_are_for_files(capsys: pytest.CaptureFixture[str]) -> None:
-    for option, value in (("--interpolate", "linear"), ("--ramps", "0.1")):
+    for option, value in (("--interpolate", "linear"), ("--ramps", "0.1"), ("--units", "rad,m")):
         assert refusal(capsys, "run", ROBOT, "carry", option, value) == f"{option} {value}: is for a trajectory file"
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.host.cli import workspace as command
 from steptwin.host.cli.app import run
+from steptwin.host.cli.robots import workspace as command
 
 LAB = ["workspace", "lab-scara"]
 

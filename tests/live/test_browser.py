@@ -30,6 +30,8 @@ NEAR_ITS_SWITCHES = "-120 -140 5 -350"
 """Where the machine stands when it is switched on: homing is short."""
 TABS = ("Jog", "Move", "Run", "Outputs", "Settings", "Result", "Hardware")
 PHONE = (412, 915)
+LIGHT_OR_DARK = """const button = document.querySelector('[aria-label="light or dark"]');
+    button?.click(); return Boolean(button);"""
 
 
 class Machine(NamedTuple):
@@ -158,7 +160,7 @@ def test_any_browser_stops_in_an_emergency_by_click_and_by_key(operator: Browser
         watcher.driver.switch_to.active_element.send_keys(Keys.ESCAPE)
 
     def by_click() -> None:
-        watcher.driver.find_element("css selector", "[data-estop]").click()
+        watcher.driver.find_element("css selector", ".estop").click()
 
     assert watcher.shows("operates, you watch")
     for stop in (by_click, by_key):
@@ -211,7 +213,7 @@ def test_a_phone_shows_the_emergency_stop_first_and_all_of_the_width(watcher: Br
     for tab in TABS:
         watcher.tab(tab)
         width, shown, top = watcher.run(
-            """const stop = document.querySelector("[data-estop]").getBoundingClientRect();
+            """const stop = document.querySelector(".estop").getBoundingClientRect();
             return [document.documentElement.scrollWidth, innerWidth, stop.top];"""
         )
         assert width <= shown == PHONE[0], tab
@@ -235,13 +237,14 @@ def test_a_replay_asks_no_other_host_and_can_be_read(carry_run: Path, watcher: B
         assert foreign_requests(watcher, url) == []
         for _ in range(2 if AXE else 0):
             assert lasting_findings(watcher) == []
-            watcher.run("document.querySelector('[aria-label=\"light or dark\"]').click()")
+            watcher.until(lambda: bool(watcher.run(LIGHT_OR_DARK)))
     watcher.open(machine.url)
 
 
 def test_a_frozen_and_a_killed_browser_end_their_jog(operator: Browser, watcher: Browser) -> None:
     """The last test of the file: the operator's browser is gone after it. The bench measures how soon it ends."""
-    operator.driver.refresh()
+    operator.tab("Jog")
+    operator.driver.refresh()  # which opens the same tab again
     for number in (signal.SIGSTOP, signal.SIGKILL):
         operator.until(lambda: operator.shows("you operate"))
         hold(operator, "jog th2 forward")

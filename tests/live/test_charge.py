@@ -2,7 +2,7 @@
 
 import subprocess
 
-from steptwin.host.client.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.protocol import od

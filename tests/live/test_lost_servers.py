@@ -82,7 +82,7 @@ def test_a_killed_server_leaves_a_recording_that_nothing_replaces_unasked(
     assert run(["verify", str(folder)]) == 1
     assert f"{ROBOT} live: INCOMPLETE\n  the recording has no end: " in capsys.readouterr().out
     for form in ("vcd", "vcd-full"):
-        assert run(["trace", str(folder), "--format", form, "--out", str(tmp_path / "trace")]) == 0
+        assert run(["trace", str(folder), "--format", form, "--out", str(tmp_path / "trace"), "--replace"]) == 0
         assert f"steptwin: warning: {folder}: the recording has no end" in capsys.readouterr().err
         assert (tmp_path / "trace").stat().st_size > 10_000
     before = contents(folder)

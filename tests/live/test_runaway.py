@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.host.client.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.waiting import require
 from steptwin.host.operate.jogging import jog
 from steptwin.host.operate.recovering import reset

@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import fastest_kernel
-from steptwin.emulator.board import Board
-from steptwin.emulator.bus import Bus
+from steptwin.controller.motion.backend import fastest_kernel
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.standing import standing_steps
+from steptwin.host.twin.boards import standing_steps
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live_rig import TIMEOUT_S, RawClient

@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.record.folder import read_report
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.artefacts import last_frames

@@ -40,6 +40,10 @@ def hold_up_amid(server: Server, *words: str) -> None:
     assert (command.returncode, err) == (0, ""), out
 
 
+SLOW = ("--units", "mm,deg")
+"""Says that a file which hardly moves the robot means it."""
+
+
 @in_real_time
 def test_a_run_ends_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No axis misses a heartbeat, no queue runs dry, every pulse is right; and the server tells what happened."""
@@ -48,7 +52,7 @@ def test_a_run_ends_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     points.write_text(POINTS)
     with serving(ROBOT, "--out", str(out / "live")) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
-        hold_up_amid(server, "run", ROBOT, str(points))
+        hold_up_amid(server, "run", ROBOT, str(points), *SLOW)
         code, told, _ = server.end(signal.SIGTERM)
     assert code == 0
     assert run(["verify", str(out / "live")]) == 0
@@ -83,7 +87,7 @@ def test_a_host_that_is_held_up_itself(tmp_path: Path) -> None:
     with serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         witness = RawClient(server.port)
-        command = server.start("run", ROBOT, str(points))
+        command = server.start("run", ROBOT, str(points), *SLOW)
         witness.expect(b"< frame 080 ")  # the SYNC that sets it going
         for _ in range(5):
             witness.expect(b"< frame 393 ")

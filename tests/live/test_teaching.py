@@ -6,7 +6,7 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics

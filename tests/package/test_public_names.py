@@ -31,7 +31,7 @@ def test_import_loads_nothing_else() -> None:
 
 
 def test_type_checkers_see_the_same_names() -> None:
-    tree = ast.parse(Path(steptwin.__file__).read_text(encoding="utf-8"))
+    tree = ast.parse(Path(steptwin.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [(node.module or "", node.names) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     seen = {alias.name: module for module, names in imports if module.startswith("steptwin.") for alias in names}
     assert sorted(seen) == sorted(steptwin.__all__) == sorted(set(dir(steptwin)) - {"__version__"})

@@ -11,7 +11,7 @@ from zipfile import ZipFile
 import pytest
 
 import steptwin
-from steptwin.host.campaign.source_version import digest_of
+from steptwin.host.studies.campaign.sources import digest_of
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
@@ -20,7 +20,7 @@ OWN_TEST = """
 import pytest
 
 import bench, controller, emulator, host, protocol
-from steptwin.controller.backend import Kernel, python_kernel
+from steptwin.controller.motion.backend import Kernel, python_kernel
 
 
 @pytest.fixture(scope="session")
@@ -114,6 +114,6 @@ def test_coverage_is_measured_through_the_links(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     cover = {line.split()[0]: line.split()[-1] for line in done.stdout.splitlines() if ".py" in line}
     assert cover["protocol/sync.py"] == "100%"
-    assert cover["controller/firmware.py"] == "0%"
+    assert cover["controller/node/firmware.py"] == "0%"
     assert done.returncode == 1
     assert "less than fail-under=95" in done.stdout

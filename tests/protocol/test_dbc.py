@@ -8,8 +8,7 @@ from cantools.database.can import Database
 
 from steptwin.protocol.dbc import AxisNames, render_dbc
 from steptwin.protocol.frame import COB_EMCY, COB_TPDO
-from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES, RPDO_DEFAULTS, TPDO_DEFAULTS
 from steptwin.protocol.pvt import PvtRecord
 
 SLIDE = AxisNames("sx", "mm", 655_360.0 / 16)

@@ -4,8 +4,7 @@ import pytest
 
 from steptwin.protocol import od
 from steptwin.protocol.entry import Entry, EntryUnit, ObjectCode
-from steptwin.protocol.objects import ENTRIES, OBJECTS
-from steptwin.protocol.pdo_defaults import RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES, OBJECTS, RPDO_DEFAULTS, TPDO_DEFAULTS
 
 PDO_PARAMETERS = od.RPDO_COMMUNICATION + od.RPDO_MAPPING + od.TPDO_COMMUNICATION + od.TPDO_MAPPING
 COUNTS = {od.address_of(item.index) for item in OBJECTS if item.code is not ObjectCode.VARIABLE}

@@ -94,7 +94,7 @@ def test_every_mapping_is_taken_apart_as_struct_packs_it(mapping: str, data: st.
     said = pdos.receive_pdos[3].receive(frame + spare)
     assert said is (ErrorCode.PDO_TOO_LONG if spare else ErrorCode.NONE)
     assert [dictionary.get(ADDRESSES[code]) for code in mapping] == sent
-    assert pdos.receive_pdos[3].refused == 0
+    assert dictionary.get(od.RPDO_VALUES_REFUSED) == 0
 
 
 def test_default_cob_ids_follow_the_predefined_connection_set() -> None:
@@ -136,7 +136,11 @@ def test_values_that_the_dictionary_refuses_are_dropped_and_counted() -> None:
     pdos.refresh(0)
     assert pdos.receive_pdos[0].receive(b"\x06\x00\x63") is ErrorCode.NONE
     assert (dictionary.get(od.CONTROLWORD), dictionary.get(od.MODE_OF_OPERATION)) == (6, 0)
-    assert pdos.receive_pdos[0].refused == 1
+    assert (dictionary.get(od.RPDO_VALUES_REFUSED), dictionary.get(od.RPDO_LAST_REFUSED)) == (1, 0x6060_0008)
+    pdos.receive_pdos[0].receive(b"\x07\x00\x63")
+    pdos.invalidate()
+    pdos.refresh(0)
+    assert dictionary.get(od.RPDO_VALUES_REFUSED) == 2
 
 
 class TestTransmission:
@@ -166,6 +170,63 @@ class TestTransmission:
         _, pdos = process_data()
         pdos.changed(od.ERROR_CODE)
         assert [pdo.due_us for pdo in pdos.transmit_pdos] == [100_000, None, 100_000, 0]
+
+    @pytest.mark.parametrize(
+        ("transmission", "mapping", "sampled"),
+        [
+            (254, (0x6064_0020,), True),
+            (254, (0x6041_0010, 0x6064_0020), True),
+            (255, (0x6064_0020,), True),
+            (255, (0x1001_0008, 0x606C_0020), True),
+            (255, (0x6041_0010, 0x6064_0020), False),
+            (255, (0x6064_0020, 0x6061_0008), False),
+            (255, (0x60FD_0020, 0x6064_0020), False),
+            (255, (0x603F_0010, 0x6064_0020), False),
+            (255, (0x2012_0308, 0x6064_0020), False),
+            (254, (), False),
+            (255, (), False),
+        ],
+    )
+    def test_any_change_counts_for_type_254_and_where_none_is_announced(
+        self, transmission: int, mapping: tuple[int, ...], *, sampled: bool
+    ) -> None:
+        """Sent when the node becomes OPERATIONAL, then within 1 ms of each change; by no timer."""
+        dictionary, pdos = process_data()
+        write(dictionary, 0x1801, 2, transmission)
+        write(dictionary, 0x1A01, 0, 0)
+        for number, word in enumerate(mapping, start=1):
+            write(dictionary, 0x1A01, number, word)
+        write(dictionary, 0x1A01, 0, len(mapping))
+        pdos.refresh(0)
+        pdo = pdos.transmit_pdos[1]
+        sent = []
+        for now_us in range(0, 10_000, 250):
+            if now_us in (3_250, 3_500, 7_000):
+                for word in mapping:
+                    dictionary.set(word >> 8, now_us & 0xFF)
+            if pdo.poll(now_us) is not None:
+                sent.append(now_us)
+        assert sent == ([0, 4_000, 7_000] if sampled else [])
+
+    def test_changes_are_sent_at_most_at_the_inhibit_rate(self) -> None:
+        dictionary, pdos = process_data()
+        for subindex, value in ((2, 254), (3, 25)):
+            write(dictionary, 0x1801, subindex, value)
+        pdos.refresh(0)
+        pdo, sent = pdos.transmit_pdos[1], []
+        for now_us in range(0, 10_000, 250):
+            dictionary.set(od.POSITION_ACTUAL, now_us)
+            if pdo.poll(now_us) is not None:
+                sent.append(now_us)
+        assert sent == [0, 2_500, 5_000, 7_500]
+
+    def test_the_event_timer_sends_what_has_not_changed(self) -> None:
+        dictionary, pdos = process_data()
+        for subindex, value in ((2, 254), (5, 7)):
+            write(dictionary, 0x1801, subindex, value)
+        pdos.refresh(0)
+        pdo = pdos.transmit_pdos[1]
+        assert [us for us in range(0, 22_000, 500) if pdo.poll(us) is not None] == [0, 7_000, 14_000, 21_000]
 
     @pytest.mark.parametrize(("transmission", "sent"), [(1, [1, 1, 1, 1]), (3, [0, 0, 1, 0]), (0, [1, 0, 0, 0])])
     def test_synchronous_types_count_syncs(self, transmission: int, sent: list[int]) -> None:

@@ -3,9 +3,8 @@
 import pytest
 
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.datatypes import DataType, encode
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.entry import Access, DictionaryObject, Entry
+from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
 from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 
@@ -80,6 +79,21 @@ def abort(code: int, head: str) -> str:
             id="segmented download in two segments",
         ),
         pytest.param([("21 7c 60 00 05 00 00 00", abort(0x0607_0012, "7c 60 00"))], id="announced size too large"),
+        *(
+            pytest.param(
+                [
+                    (f"21 16 20 01 {announced:02x} 00 00 00", "60 16 20 01 00 00 00 00"),
+                    ("00 61 62 63 64 65 66 67", "20 00 00 00 00 00 00 00"),
+                    ("1b 68 69 00 00 00 00 00", answer),
+                ],
+                id=f"segmented download of 9 bytes, announced as {announced}",
+            )
+            for announced, answer in (
+                (8, abort(0x0607_0010, "16 20 01")),
+                (9, "30 00 00 00 00 00 00 00"),
+                (12, abort(0x0607_0010, "16 20 01")),
+            )
+        ),
         pytest.param([("60 00 00 00 00 00 00 00", abort(0x0504_0001, "00 00 00"))], id="segment without a transfer"),
         pytest.param([("e0 00 10 00 00 00 00 00", abort(0x0504_0001, "00 00 00"))], id="no such command"),
         pytest.param([("21 00 10 00 04 00 00 00", abort(0x0601_0002, "00 10 00"))], id="segments into a constant"),

@@ -1,21 +1,16 @@
 """NMT, heartbeat, EMCY, PVT flow control and data types."""
 
-import io
 from functools import partial
 
 import pytest
-from canopen.objectdictionary import eds as canopen_eds
 from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.datatypes import DataType, decode, encode
-from steptwin.protocol.eds import render_eds
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES
 from steptwin.protocol.emergency import EmergencyProducer
-from steptwin.protocol.entry import ObjectCode
+from steptwin.protocol.entry import DataType, decode, encode
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
-from steptwin.protocol.objects import OBJECTS
 from steptwin.protocol.pvt import PvtRecord, PvtStatus, Verdict, judge
 
 
@@ -249,21 +244,3 @@ def test_datatypes_round_trip_over_their_ranges(data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from([t for t in DataType if t.size]))
     value = data.draw(st.sampled_from([kind.low, kind.high]) | st.integers(kind.low, kind.high))
     assert decode(kind, encode(kind, value)) == value
-
-
-class TestEds:
-    def test_the_canopen_library_reads_every_entry(self) -> None:
-        dictionary = canopen_eds.import_eds(io.StringIO(render_eds()), 0x12)  # type: ignore[no-untyped-call]
-        for item in OBJECTS:
-            for subindex, entry in item.entries.items():
-                found = dictionary.get_variable(item.index, subindex)
-                assert found is not None, f"{item.index:04X}:{subindex}"
-                assert found.data_type == entry.data_type
-                assert found.access_type == entry.access.value
-                assert found.default == entry.default_for(0x12)
-                assert found.name == (item.name if item.code is ObjectCode.VARIABLE else entry.name)
-                if entry.low is not None and entry.data_type is not DataType.INTEGER24:
-                    assert found.min == entry.low
-
-    def test_the_same_table_gives_the_same_bytes(self) -> None:
-        assert render_eds() == render_eds()

@@ -5,8 +5,7 @@ from typing import Any, Final
 from steptwin.host.client.words import error_text, mode_text, state_text
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State
-from steptwin.protocol.datatypes import DataType
-from steptwin.protocol.entry import Entry
+from steptwin.protocol.entry import DataType, Entry
 from steptwin.protocol.objects import ENTRIES
 
 

@@ -24,13 +24,12 @@ from steptwin.host.panel.desk.commands import (
 )
 from steptwin.host.panel.desk.desk import Desk
 from steptwin.host.panel.desk.events import Event, EventLog, Severity
-from steptwin.host.panel.desk.history import History, Samples
+from steptwin.host.panel.desk.history import Drawing, History, HistorySamples
 from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.results import Result
 from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
-from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START, STANDS_THERE, told
+from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START, STANDS_THERE, RefusedError, told
 
 __all__ = [
     "AS_SLOW_AS_NEEDED",
@@ -41,10 +40,12 @@ __all__ = [
     "DeclareHere",
     "Desk",
     "Disable",
+    "Drawing",
     "Enable",
     "Event",
     "EventLog",
     "History",
+    "HistorySamples",
     "HomeAll",
     "HomeJoint",
     "Jog",
@@ -57,7 +58,6 @@ __all__ = [
     "ResetFaults",
     "Result",
     "RunMotion",
-    "Samples",
     "Setting",
     "Severity",
     "Snapshot",

@@ -1,13 +1,12 @@
 """What each command needs before it is taken, and how it is carried out: one table."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
 from steptwin.host.client import Progress
-from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.plain_words import error_words
-from steptwin.host.common.errors import DeviceFaultError, StepTwinError
+from steptwin.host.common.errors import StepTwinError
 from steptwin.host.operate.homing import declare, home_robot
 from steptwin.host.operate.moving import Moved, goal_by_name, joints_at, move, standing_joints
 from steptwin.host.operate.recovering import reset
@@ -32,11 +31,11 @@ from steptwin.host.panel.desk.commands import (
     SwitchOutput,
     WriteSettings,
 )
-from steptwin.host.panel.desk.results import Results
-from steptwin.host.panel.desk.settings import Limits, write_settings
+from steptwin.host.panel.desk.results import RunResults
+from steptwin.host.panel.desk.settings import MachineSettings, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError
 from steptwin.host.panel.desk.words import told
-from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
@@ -53,12 +52,16 @@ class Doing:
         limits: the robot's limits, which a command may change.
         progress: called with the part that is done.
         results: the runs that have ended.
+        tell: logs what happens on the way.
+        seen_s: when the machine was as the operator saw it, on the clock of `time.monotonic`.
     """
 
     session: Session
-    limits: Limits
+    limits: MachineSettings
     progress: Progress
-    results: Results
+    results: RunResults
+    tell: Callable[[str], None]
+    seen_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +139,7 @@ def _move_tool(doing: Doing, command: MoveTool) -> str:
 
 def _run(doing: Doing, command: RunMotion) -> str:
     """Run a motion; its result is kept however it ends."""
-    run = doing.results.begin(command.name)
+    doing.tell(f"{command.name}: begins{'' if command.repeat == 1 else f', to be run {command.repeat} times'}")
     try:
         outcome = execute_live(
             doing.session,
@@ -145,12 +148,12 @@ def _run(doing: Doing, command: RunMotion) -> str:
             repeat=command.repeat,
             approach=command.approach,
             progress=doing.progress,
-            begun=run.begin_repetition,
+            begun=lambda: doing.results.reports.collect(len(command.plan.robot.joints)),
         )
     except (StepTwinError, StopAskedError) as error:
-        doing.results.end(run, None, told(error) if isinstance(error, StepTwinError) else str(error))
+        doing.results.end(command.name, None, told(error) if isinstance(error, StepTwinError) else str(error))
         raise
-    doing.results.end(run, outcome, None)
+    doing.results.end(command.name, outcome, None)
     return _ended(outcome)
 
 
@@ -165,15 +168,7 @@ def _switch(doing: Doing, command: SwitchOutput) -> str:
 
 
 def _reset(doing: Doing, _command: ResetFaults) -> str:
-    session = doing.session
-    try:
-        reset(session)
-    except DeviceFaultError as error:
-        lasting = [axis for axis in session.machine.axes if axis.state() in FAULT_STATES]
-        if not lasting:
-            raise
-        names, cause = ", ".join(axis.name for axis in lasting), error_words(lasting[0].read(od.ERROR_CODE))
-        raise DeviceFaultError(f"{names}: the cause lasts: {cause}; end it, then reset again") from error
+    reset(doing.session, age_s=time.monotonic() - doing.seen_s)
     return "faults are reset, the drives are off"
 
 

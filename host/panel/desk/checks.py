@@ -20,8 +20,8 @@ from steptwin.host.panel.desk.commands import (
     SwitchOutput,
     WriteSettings,
 )
-from steptwin.host.panel.desk.settings import Limits, check_settings
-from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.panel.desk.settings import MachineSettings, check_settings
+from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.robot import Robot
 
 
@@ -29,7 +29,7 @@ from steptwin.host.robots.robot import Robot
 class Standing:
     """What a command is checked with: the robot's limits, and where its joints stand in mm and degrees."""
 
-    limits: Limits
+    limits: MachineSettings
     joints: list[float]
 
     @property

@@ -3,28 +3,25 @@
 Positions and distances are in mm and degrees, speeds in mm/s and deg/s, parts of the highest speeds in percent.
 """
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from steptwin.host.operate.stepping import STEP_SPEED_PERCENT
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.programs.positions import ToolPosition
 
-AGE_MAX_S: Final = 1.0
-"""Age beyond which a command is dropped: its operator may have gone."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Command:
-    """A command; the desk drops one that is older than AGE_MAX_S.
+    """A command of the operator."""
 
-    Attributes:
-        asked_s: when it was asked for, on the clock of `time.monotonic`.
-    """
 
-    asked_s: float = field(default_factory=time.monotonic)
+class Order(NamedTuple):
+    """A command, and the number of the newest state that its page had shown."""
+
+    command: Command
+    shown: int
 
 
 @dataclass(frozen=True, slots=True)

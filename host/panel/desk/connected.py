@@ -8,16 +8,14 @@ from typing import Final
 from steptwin.host.client import stopping
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.operate.jogging import jog
+from steptwin.host.operate.jogging import jog, jog_tool
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.switching import read_outputs
-from steptwin.host.operate.tool_jogging import jog_tool
 from steptwin.host.panel.desk.actions import ACTIONS, Doing
-from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, JointJog
+from steptwin.host.panel.desk.commands import JointJog, Order
 from steptwin.host.panel.desk.parts import Asked, Parts
-from steptwin.host.panel.desk.presses import Press
-from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.presses import EXPIRED, RELEASED, Press
 from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports
 from steptwin.host.panel.desk.settings import read_settings
 from steptwin.host.panel.desk.stops import Stop, StopAskedError
@@ -54,6 +52,7 @@ class Connected:
             BusError: the connection is lost.
         """
         self.make_stop()
+        self._tell_missed()
         wanted = self._asked.take()
         if wanted is None:
             self.session.link.wait(_TURN_S)
@@ -64,28 +63,34 @@ class Connected:
             self._carry_out(wanted)
 
     @contextmanager
-    def _telling(self, name: str) -> Iterator[None]:
-        """Tell in the events how the block fails; then the worker does nothing any more."""
-        events = self._parts.events
+    def _telling(self, name: str) -> Iterator[list[str]]:
+        """Tell in the events how the block fails, and in the list that is yielded; then the worker does nothing."""
+        events, failures = self._parts.events, list[str]()
         try:
-            yield
+            yield failures
         except (InputError, DeviceFaultError, BusError) as error:
-            events.error(f"{name}: {told(error)}")
+            failures.append(f"{name}: {told(error)}")
+            events.error(failures[0])
         except StopAskedError as asked:
             events.warning(f"{name}: {asked}")
             raise
         finally:
             self._asked.end()
 
-    def _carry_out(self, command: Command) -> None:
-        action, parts = ACTIONS[type(command)], self._parts
-        name = action.title(command)
-        with self._telling(name):
-            age_s = time.monotonic() - command.asked_s
-            if age_s > AGE_MAX_S:
-                raise RefusedError(f"dropped, since it is {age_s:.1f} s old")
-            doing = Doing(self.session, parts.limits, lambda fraction: self._asked.begin(name, fraction), parts.results)
-            text = action.perform(doing, command)
+    def _carry_out(self, order: Order) -> None:
+        action, parts = ACTIONS[type(order.command)], self._parts
+        name = action.title(order.command)
+        with self._telling(name), self.session.one_action():
+            seen_s = parts.shown.require(order.shown)
+            doing = Doing(
+                self.session,
+                parts.limits,
+                lambda fraction: self._asked.begin(name, fraction),
+                parts.results,
+                parts.events.info,
+                seen_s,
+            )
+            text = action.perform(doing, order.command)
             self._asked_slowly_s = float("-inf")
             self._known = self._known and not action.changes_settings
             if text:
@@ -99,19 +104,40 @@ class Connected:
         def released() -> bool:
             return not presses.holds(press)
 
-        why = f"{name}: it has failed, see the events"
+        why = f"{name}: stopped"
         try:
-            with self._telling(name):
+            with self._telling(name) as failures, self.session.one_action():
                 if isinstance(wanted, JointJog):
-                    at_end = jog(self.session, wanted.joint, wanted.speed, None, until=released).at_limit
+                    jogged = jog(self.session, wanted.joint, wanted.speed, None, until=released)
+                    moved, at_end = jogged.end != jogged.start, jogged.at_limit
                 else:
-                    at_end = jog_tool(self.session, wanted.coordinate, wanted.speed, released).at_end
+                    tool = jog_tool(self.session, wanted.coordinate, wanted.speed, released)
+                    moved, at_end = tool.end != tool.start, tool.at_end
+                over = presses.why_over(press)
+                if not (moved or at_end):
+                    self._tell_in_vain(name, over)
+                elif over == EXPIRED:
+                    self._parts.events.warning(f"{name}: {over}")
                 why = f"{name}: at the end of its travel"
                 if at_end:
                     self._parts.events.info(why)
         finally:
             if not released():
-                presses.end(why)
+                presses.end(failures[0] if failures else why)
+
+    def _tell_missed(self) -> None:
+        """Say which presses were over before the machine was free: nothing was ever done for them."""
+        for press, why in self._parts.presses.missed():
+            self._tell_in_vain(f"jog {press.jog.name}", why)
+
+    def _tell_in_vain(self, name: str, why: str) -> None:
+        """Say that a button has moved nothing, unless a stop or the like has ended it, which says so itself."""
+        if why == EXPIRED:
+            self._parts.events.error(f"{name}: nothing has moved: {why}")
+        elif why in ("", RELEASED):
+            self._parts.events.error(
+                f"{name}: nothing has moved: {RELEASED} before the drives were ready: hold it longer"
+            )
 
     # --- stops
 
@@ -127,7 +153,7 @@ class Connected:
             return
         if asked is Stop.EMERGENCY:
             self._hold()
-        else:
+        elif asked is Stop.STOP:
             with self._telling("stop"):
                 stop(self.session)
         self._parts.stops.done(asked)

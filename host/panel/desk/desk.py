@@ -1,31 +1,28 @@
 """The desk: what pages read and ask. One in a process, for one machine."""
 
-import time
-
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.bus_link import Connection
+from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.client.pausing import send_pause, send_resume
 from steptwin.host.client.stopping import UNSURE, send_quick_stop
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.operate.jogging import check_jog
 from steptwin.host.panel.desk.actions import ACTIONS
 from steptwin.host.panel.desk.checks import Standing
-from steptwin.host.panel.desk.commands import AGE_MAX_S, Command, Jog, JointJog
+from steptwin.host.panel.desk.commands import Command, Jog, JointJog, Order
 from steptwin.host.panel.desk.events import EventLog
-from steptwin.host.panel.desk.figures import Figures
-from steptwin.host.panel.desk.history import History
+from steptwin.host.panel.desk.figures import BoardFigures
+from steptwin.host.panel.desk.history import Drawing, History
 from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.parts import Asked, Parts
 from steptwin.host.panel.desk.presses import Presses
 from steptwin.host.panel.desk.publisher import Publisher
-from steptwin.host.panel.desk.refused import RefusedError
-from steptwin.host.panel.desk.results import Result, Results
-from steptwin.host.panel.desk.settings import Limits, Setting
+from steptwin.host.panel.desk.results import Result, RunResults
+from steptwin.host.panel.desk.settings import MachineSettings, Setting
 from steptwin.host.panel.desk.snapshot import Snapshot
-from steptwin.host.panel.desk.stops import Stop, StopRequests
-from steptwin.host.panel.desk.words import told
+from steptwin.host.panel.desk.stops import ShownStates, Stop, StopRequests
+from steptwin.host.panel.desk.words import RefusedError, busy, told
 from steptwin.host.panel.desk.worker import Worker
-from steptwin.host.planning.tool_jog import check_tool_jog
+from steptwin.host.planning.tool_by_hand import check_tool_jog
 from steptwin.host.robots.robot import Robot
 
 
@@ -40,6 +37,7 @@ class Desk:
         events: what has happened, in words.
         history: the last minutes of every joint.
         operators: who may move the machine.
+        drawing: the planned path and the tool's trace.
     """
 
     def __init__(
@@ -54,20 +52,25 @@ class Desk:
             force: go on although the board carries another robot's name.
         """
         self.events = EventLog()
-        self.operators = Operators(self.events, self._operator_lost)
+        self.operators = Operators(self.events, self._operator_changed)
         self.history = History(len(robot.joints))
+        self.drawing = Drawing()
         self._presses = Presses()
         self._stops = StopRequests()
-        self._results = Results(self.history)
-        self._limits = Limits(robot, robot)
-        self._publisher = Publisher(self.operators, self.history, self.events, self._stops)
+        self._results = RunResults()
+        self._limits = MachineSettings(robot, robot)
+        self._shown = ShownStates()
+        self._publisher = Publisher(self.operators, self.history, self.events, self._stops, self.drawing, self._shown)
         self._asked = Asked(self._publisher, self._presses)
-        parts = Parts(self._publisher, self._presses, self._stops, self.events, self._results, self._limits)
+        parts = Parts(
+            self._publisher, self._shown, self._presses, self._stops, self.events, self._results, self._limits
+        )
         self._worker = Worker(connection, parts, self._asked, force=force)
-        self._figures = None if control is None else Figures(*control, self._publisher.known)
+        self._figures = None if control is None else BoardFigures(*control, self._publisher.known, self.events)
         self._worker.start()
 
-    def _operator_lost(self) -> None:
+    def _operator_changed(self) -> None:
+        self._shown.void("the operator changed")
         self._presses.end("another client operates the machine")
 
     @property
@@ -92,41 +95,60 @@ class Desk:
 
     # --- for the operator
 
-    def ask(self, client: str, command: Command) -> None:
+    def require_shown(self, name: str, shown: int | None) -> None:
+        """Raise RefusedError, with why, unless what is asked for now was asked for from the machine as it is.
+
+        `name` says what that is, and `shown` is the number of the newest snapshot that its page had shown then.
+        """
+        try:
+            self._shown.require(shown)
+        except RefusedError as error:
+            raise RefusedError(f"{name}: {error}") from error
+
+    def ask(self, client: str, command: Command, shown: int | None) -> None:
         """Let the machine carry out a command; return at once. How it ends is in `events`, and `results` for a run.
 
+        Args:
+            client: the page.
+            command: what the operator wants.
+            shown: number of the newest snapshot that the page had shown when he asked for it; None before the first.
+
         Raises:
-            RefusedError: nothing happens, and why: the client is not the operator; the command is more than a second
-                old or wrong; the machine is not connected, is busy, is held by an emergency stop, or not homed.
+            RefusedError: nothing happens, and why: the client is not the operator; the command comes more than a second
+                late, or was asked for before a stop, a reset, or another operator or connection; it is wrong; the
+                machine is not connected, is busy, is held by an emergency stop, or not homed.
         """
         self.operators.require(client)
-        age_s = time.monotonic() - command.asked_s
-        if age_s > AGE_MAX_S:
-            raise RefusedError(f"the command is {age_s:.1f} s old, more than {AGE_MAX_S:g} s: ask again")
         action = ACTIONS[type(command)]
         name = action.title(command)
         self._require_ready(name, drives=action.drives, homed=action.homed)
+        self.require_shown(name, shown)
+        assert shown is not None
         if self._presses.present is not None:
             raise RefusedError(f"{name}: a jog button is held")
         try:
             action.check(Standing(self._limits, [joint.position for joint in self.snapshot.joints]), command)
         except InputError as error:
             raise RefusedError(told(error)) from error
-        self._asked.ask(command)
+        self._asked.ask(Order(command, shown))
 
-    def beat(self, client: str, press: int, jog: Jog) -> None:
+    def beat(self, client: str, press: int, jog: Jog, shown: int | None) -> None:
         """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`presses.BEAT_S`) after that.
 
         The machine stops 250 ms (`presses.LEASE_S`) after the last beat. Each press has a number, greater than all
-        before on this client; a press that is over stays so.
+        before on this client; a press that is over stays so. `shown` is the number of the newest snapshot that the page
+        had shown when it sent the beat.
 
         Raises:
             RefusedError: nothing moves, and why: as `ask`, or because the press is over.
         """
         self.operators.require(client)
-        if not self._presses.is_present(client, press):
+        if self._presses.is_present(client, press):
+            self._require_young(jog, shown)
+        else:
             self._presses.require_new(client, press)
             self._require_ready(f"jog {jog.name}", drives=True, homed=not isinstance(jog, JointJog), jogging=True)
+            self.require_shown(f"jog {jog.name}", shown)
             try:
                 if isinstance(jog, JointJog):
                     check_jog(self.robot, jog.joint, jog.speed)
@@ -136,13 +158,26 @@ class Desk:
                 raise RefusedError(told(error)) from error
         self._presses.beat(client, press, jog)
 
-    def release(self, client: str, press: int) -> None:
-        """End a jog: the button is released, the page is left or loses the focus. Never raises."""
-        self._presses.release(client, press)
+    def _require_young(self, jog: Jog, shown: int | None) -> None:
+        """End the press that is held, and raise RefusedError, if its beats come too late: its release would, too."""
+        try:
+            self._shown.require_young(shown)
+        except RefusedError as error:
+            late = f"jog {jog.name}: {error}"
+            self._presses.end(late)
+            raise RefusedError(late) from error
 
-    def resume(self, client: str) -> None:
-        """Let a paused trajectory go on; raise RefusedError unless the client is the operator and one is paused."""
+    def release(self, client: str, press: int) -> str | None:
+        """End a jog: the button is released, the page is left or loses the focus. Never raises.
+
+        Return why the jog had ended before; None if it had not.
+        """
+        return self._presses.release(client, press)
+
+    def resume(self, client: str, shown: int | None) -> None:
+        """Let a paused trajectory go on; raise RefusedError as `ask`, or if none is paused."""
         self.operators.require(client)
+        self.require_shown("resume", shown)
         if self.snapshot.emergency_stopped:
             raise RefusedError("resume: the machine is held by an emergency stop")
         send_resume(self._executing("resume"))
@@ -165,7 +200,7 @@ class Desk:
             raise RefusedError(f"{name}: the machine is held by an emergency stop: reset it first")
         activity = snapshot.activity
         if activity is not None and not (jogging and activity.jogging):
-            raise RefusedError(f"{name}: busy: {activity.name}")
+            raise RefusedError(busy(name, activity.name))
         faulty = [joint for joint in snapshot.joints if joint.error is not None]
         if drives and faulty:
             raise RefusedError(f"{name}: {faulty[0].name} is in fault, {faulty[0].error}: reset it first")
@@ -183,22 +218,37 @@ class Desk:
         send_pause(self._executing("pause"))
         self.events.info(f"paused by {by}")
 
-    def stop(self, by: str = "a client") -> None:
-        """Stop all axes together; they hold their positions. `by` is whom the events name."""
+    def stop(self, by: str = "a client", press: str | None = None) -> bool:
+        """Stop all axes together; they hold their positions. Arguments and result are those of `emergency_stop`."""
+        self._shown.void("a stop came")
         self._presses.end("stopped")
         self._asked.drop()  # before the stop is asked for, or it could begin once the stop is made
         if self._worker.session is None:
             self.events.error(f"stop by {by}: not connected; {UNSURE}")
-            return
+            return False  # the press is not known then: its copy that comes later stops the machine
+        if press is not None and not self._stops.is_new(press):
+            return self.snapshot.connected
         self._stops.ask(Stop.STOP)
         self.events.warning(f"stop by {by}")
+        return self.snapshot.connected
 
-    def emergency_stop(self, by: str = "a client") -> None:
-        """Stop all axes at once and switch their power off, until a reset; `by` is whom the events name.
+    def emergency_stop(self, by: str = "a client", press: str | None = None) -> bool:
+        """Stop all axes at once and switch their power off, until a reset.
 
         The quick stop is sent from the calling thread. Without a connection it is made as soon as there is one again.
+
+        Args:
+            by: whom the events name.
+            press: name of the press of a button. A page sends a press again and again, on two ways, until it has an
+                answer: the first that comes stops the machine, and the others change nothing, also after a reset.
+
+        Returns:
+            Whether the machine was connected, so that it has been told.
         """
+        if press is not None and not self._stops.is_new(press):
+            return self.snapshot.connected
         self._publisher.known.emergency_stopped = True
+        self._shown.void("an emergency stop came")
         self._asked.drop()
         self._stops.ask(Stop.EMERGENCY)
         self._presses.end("emergency stop")
@@ -209,8 +259,9 @@ class Desk:
             send_quick_stop(session.link, session.machine.axes)
         except BusError as error:
             self.events.error(f"emergency stop by {by}: {told(error)}; {UNSURE}")
-        else:
-            self.events.error(f"emergency stop by {by}")
+            return False
+        self.events.error(f"emergency stop by {by}")
+        return self.snapshot.connected
 
     def gone(self, client: str) -> None:
         """Say that a page is closed for ever: its jog ends, and it no longer operates the machine."""

@@ -1,5 +1,7 @@
 """The last minutes of every joint, for plots and for files."""
 
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from threading import Lock
 from typing import Final
@@ -7,13 +9,72 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.kinematics.base import POSE_KEYS
+
+TRACE_POINTS: Final = 4000
+"""Number of points of the trace that are kept; the oldest go first, so that memory is bounded."""
+TRACE_STEP_MM: Final = 0.5
+"""Least distance of two points of the trace: less than a pixel."""
+_NOTHING: Final = np.empty((0, 3))
+
+
+class Drawing:
+    """The planned path and the tool's trace, in mm; may be used from any thread."""
+
+    def __init__(self) -> None:
+        self._path_mm: FloatArray = _NOTHING
+        self._trace_mm: deque[tuple[float, ...]] = deque(maxlen=TRACE_POINTS)
+        self._paths = self._traces = 0
+        self._lock = Lock()
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """How often the path was changed and the trace was cleared: pages draw anew what has another number."""
+        return self._paths, self._traces
+
+    @property
+    def path_mm(self) -> FloatArray:
+        """The path of the motion that was looked at or run last, shape (n, 3); empty without one."""
+        return self._path_mm
+
+    @property
+    def trace_mm(self) -> FloatArray:
+        """Where the tool was since the trace was cleared, shape (n, 3)."""
+        with self._lock:
+            return np.array(self._trace_mm) if self._trace_mm else _NOTHING
+
+    def show_path(self, path_mm: FloatArray) -> None:
+        """Show a planned path, shape (n, 3)."""
+        with self._lock:
+            self._path_mm = path_mm
+            self._paths += 1
+
+    def clear_path(self) -> None:
+        """Show no path."""
+        self.show_path(_NOTHING)
+
+    def follow(self, pose: Mapping[str, float] | None) -> None:
+        """Lengthen the trace to the tool's pose, unless this is unknown or hardly away from the trace's end."""
+        if pose is None:
+            return
+        point = tuple(pose[key] for key in POSE_KEYS[:3])
+        with self._lock:
+            if not self._trace_mm or np.linalg.norm(np.subtract(point, self._trace_mm[-1])) >= TRACE_STEP_MM:
+                self._trace_mm.append(point)
+
+    def clear_trace(self) -> None:
+        """Forget where the tool was."""
+        with self._lock:
+            self._trace_mm.clear()
+            self._traces += 1
+
 
 HISTORY_SAMPLES: Final = 12_000
 """Samples that are kept: five minutes at 40 a second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class HistorySamples:
     """Samples in order of time.
 
     Attributes:
@@ -47,7 +108,7 @@ class History:
             self._columns[place] = positions, rates, following_errors
             self._count += 1
 
-    def since(self, t_s: float = float("-inf")) -> Samples:
+    def since(self, t_s: float = float("-inf")) -> HistorySamples:
         """Return the samples after a time, all by default; the arrays are the caller's own."""
         with self._lock:
             size = self._t_s.size
@@ -55,4 +116,4 @@ class History:
             first = int(np.searchsorted(self._t_s[order], t_s, side="right"))
             kept = order[first:]
             times, columns = self._t_s[kept], self._columns[kept]
-        return Samples(times, columns[:, 0], columns[:, 1], columns[:, 2])
+        return HistorySamples(times, columns[:, 0], columns[:, 1], columns[:, 2])

@@ -5,7 +5,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from steptwin.host.panel.desk.events import EventLog
-from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.words import RefusedError
 
 
 class Operator(NamedTuple):
@@ -19,7 +19,7 @@ class Operators:
     """The lease of the operator; may be used from any thread. A client is any text that names a page."""
 
     def __init__(self, events: EventLog, changed: Callable[[], None]) -> None:
-        """Begin without an operator; `changed` is called when one loses the lease, which ends a jog."""
+        """Begin without an operator; `changed` is called when another client has the lease, or none."""
         self._events = events
         self._changed = changed
         self._holder: Operator | None = None
@@ -51,6 +51,7 @@ class Operators:
                 raise RefusedError(f"{holder.name} operates the machine: ask, or take over")
             self._holder = Operator(client, name)
         if holder is None:
+            self._changed()
             self._events.info(f"{name} operates the machine")
 
     def take_over(self, client: str, name: str) -> None:
@@ -58,6 +59,7 @@ class Operators:
         with self._lock:
             former, self._holder = self._holder, Operator(client, name)
         if former is None:
+            self._changed()
             self._events.info(f"{name} operates the machine")
         elif former.client != client:
             self._changed()

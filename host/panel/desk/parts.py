@@ -4,15 +4,15 @@ from dataclasses import dataclass
 from threading import Lock
 
 from steptwin.host.panel.desk.actions import ACTIONS
-from steptwin.host.panel.desk.commands import Command
+from steptwin.host.panel.desk.commands import Order
 from steptwin.host.panel.desk.events import EventLog
 from steptwin.host.panel.desk.presses import Press, Presses
 from steptwin.host.panel.desk.publisher import Publisher
-from steptwin.host.panel.desk.refused import RefusedError
-from steptwin.host.panel.desk.results import Results
-from steptwin.host.panel.desk.settings import Limits
+from steptwin.host.panel.desk.results import RunResults
+from steptwin.host.panel.desk.settings import MachineSettings
 from steptwin.host.panel.desk.snapshot import Activity
-from steptwin.host.panel.desk.stops import StopRequests
+from steptwin.host.panel.desk.stops import ShownStates, StopRequests
+from steptwin.host.panel.desk.words import RefusedError, busy
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +20,12 @@ class Parts:
     """The desk's parts that outlive a connection."""
 
     publisher: Publisher
+    shown: ShownStates
     presses: Presses
     stops: StopRequests
     events: EventLog
-    results: Results
-    limits: Limits
+    results: RunResults
+    limits: MachineSettings
 
 
 class Asked:
@@ -33,25 +34,25 @@ class Asked:
     def __init__(self, publisher: Publisher, presses: Presses) -> None:
         self._known = publisher.known
         self._presses = presses
-        self._command: Command | None = None
+        self._order: Order | None = None
         self._lock = Lock()
 
-    def ask(self, command: Command) -> None:
+    def ask(self, order: Order) -> None:
         """Let a command wait for the worker; raise RefusedError if the worker is busy."""
-        name = ACTIONS[type(command)].title(command)
+        name = ACTIONS[type(order.command)].title(order.command)
         with self._lock:
             if self._known.activity is not None:
-                raise RefusedError(f"{name}: busy: {self._known.activity.name}")
-            self._command = command
+                raise RefusedError(busy(name, self._known.activity.name))
+            self._order = order
             self.begin(name, 0.0)
 
-    def take(self) -> Command | Press | None:
+    def take(self) -> Order | Press | None:
         """Return the command that waits, else the press that is held, else None."""
         with self._lock:
-            command, self._command = self._command, None
-            if command is not None:
-                return command
-            press = self._presses.present
+            order, self._order = self._order, None
+            if order is not None:
+                return order
+            press = self._presses.serve()
             if press is not None:
                 self.begin(f"jog {press.jog.name}", None)
             return press
@@ -67,6 +68,6 @@ class Asked:
     def drop(self) -> None:
         """Drop a command that waits; one that is carried out goes on."""
         with self._lock:
-            if self._command is not None:
-                self._command = None
+            if self._order is not None:
+                self._order = None
                 self.end()

@@ -6,13 +6,14 @@ their way do not set the machine moving again.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
 from steptwin.host.panel.desk.commands import Jog
-from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.words import RefusedError
 
 BEAT_S: Final = 0.08
 """Time after which a page repeats its beat."""
@@ -20,6 +21,7 @@ LEASE_S: Final = 0.25
 """Time after the last beat at which a press ends: two beats may be lost and the third late."""
 EXPIRED: Final = "the page has fallen silent: press the button again"
 RELEASED: Final = "the button was released"
+_MISSED_MAX: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,9 @@ class Presses:
         self._until_s = 0.0
         self._over: dict[str, tuple[int, str]] = {}
         """Number of the last press of each client that is over, and why it is."""
+        self._served: Press | None = None
+        self._missed: deque[tuple[Press, str]] = deque(maxlen=_MISSED_MAX)
+        """Presses that ended before the machine came to serve them, and why they did."""
         self._lock = Lock()
 
     @property
@@ -54,6 +59,27 @@ class Presses:
         with self._lock:
             self._expire()
             return self._present
+
+    def serve(self) -> Press | None:
+        """Return the press that is held now, which is served from now on; None without one."""
+        self._served = self.present
+        return self._served
+
+    def missed(self) -> list[tuple[Press, str]]:
+        """Return, once, the presses that ended before they were served, and why they did."""
+        with self._lock:
+            missed = list(self._missed)
+            self._missed.clear()
+            return missed
+
+    def why_over(self, press: Press) -> str:
+        """Return why a press is over, as far as that is known; empty while it is held."""
+        with self._lock:
+            self._expire()
+            if self._present is press:
+                return ""
+            number, why = self._over.get(press.client, (-1, RELEASED))
+            return why if number == press.number else RELEASED
 
     def holds(self, press: Press) -> bool:
         """Return whether a press is still held."""
@@ -85,15 +111,17 @@ class Presses:
                 self._present = Press(client, number, jog)
             self._until_s = self._now_s() + LEASE_S
 
-    def release(self, client: str, number: int) -> None:
-        """End a press; one that has not come yet, too."""
+    def release(self, client: str, number: int) -> str | None:
+        """End a press; one that has not come yet, too. Return why it was over before, None if it was not."""
         with self._lock:
+            self._expire()
             held = self._present
             if held is not None and held.client == client and held.number <= number:
                 self._end(RELEASED)
-            last, _ = self._over.get(client, (-1, ""))
+            last, why = self._over.get(client, (-1, ""))
             if number > last:
                 self._over[client] = number, RELEASED
+            return why if number == last and why != RELEASED else None
 
     def end(self, why: str) -> None:
         """End the press that is held, if any."""
@@ -115,3 +143,5 @@ class Presses:
         held, self._present = self._present, None
         if held is not None:
             self._over[held.client] = held.number, why
+            if held is not self._served:
+                self._missed.append((held, why))

@@ -8,22 +8,48 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.client.drive_status import DriveStatus, at_rest
-from steptwin.host.client.plain_words import error_words, hindrance_words, state_words
-from steptwin.host.client.words import state_text
+from steptwin.host.client.drive_status import STOPPED, DriveStatus, at_rest
+from steptwin.host.client.words import error_words, hindrance_words, state_text, state_words
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.arm import Arm
 from steptwin.host.panel.desk.events import EventLog
-from steptwin.host.panel.desk.history import History
+from steptwin.host.panel.desk.history import Drawing, History
 from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.reports import SILENT_S, AxisReport, Reports
+from steptwin.host.panel.desk.reports import SILENT_S, AxisTelemetry, Reports
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
-from steptwin.host.panel.desk.stops import Stop, StopRequests
+from steptwin.host.panel.desk.stops import ShownStates, Stop, StopRequests
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import POSE_KEYS
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
+
+
+class DrawnArm:
+    """A robot's tool pose and polylines at the joint position that was given last."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._kinematics = make_kinematics(robot)
+        self._positions: list[float] = []
+        self.pose: Mapping[str, float] | None = None
+        """The tool's pose; None where the mechanism cannot be assembled."""
+        self.links_mm: tuple[FloatArray, ...] = ()
+        """The arm's polylines, each of shape (n, 3)."""
+
+    def move_to(self, positions: list[float]) -> None:
+        """Take a joint position in mm and degrees."""
+        if positions == self._positions:
+            return
+        self._positions = positions
+        joints = np.array([positions])
+        pose = self._kinematics.forward(joints)[0]
+        assembled = bool(np.isfinite(pose).all())
+        self.pose = dict(zip(POSE_KEYS, pose.tolist(), strict=True)) if assembled else None
+        self.links_mm = tuple(link.points_mm[0] for link in self._kinematics.links(joints))
+
 
 PERIOD_S: Final = 0.015
 """Least time between two snapshots."""
@@ -44,7 +70,7 @@ class Known:
         emergency_stopped: True from an emergency stop until the reset.
         simulated: True if the board says that it is emulated.
         outputs: the digital outputs, as last read.
-        bus_load_percent, late_ms: figures of a served board.
+        bus_load_percent, late_ms, stood_percent: figures of a served board.
     """
 
     activity: Activity | None = None
@@ -53,19 +79,30 @@ class Known:
     outputs: Mapping[str, bool] = field(default_factory=dict)
     bus_load_percent: float | None = None
     late_ms: float | None = None
+    stood_percent: float | None = None
 
 
 class Publisher:
     """Makes snapshots; the worker publishes, any thread reads `snapshot`."""
 
-    def __init__(self, operators: Operators, history: History, events: EventLog, stops: StopRequests) -> None:
+    def __init__(
+        self,
+        operators: Operators,
+        history: History,
+        events: EventLog,
+        stops: StopRequests,
+        drawing: Drawing,
+        shown: ShownStates,
+    ) -> None:
         self.known = Known()
+        self._shown = shown
         self._operators = operators
         self._history = history
         self._events = events
         self._stops = stops
+        self._drawing = drawing
         self._session: Session | None = None
-        self._arm: Arm | None = None
+        self._arm: DrawnArm | None = None
         self._reports: Reports | None = None
         self._published_s = self._news_s = float("-inf")
         self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
@@ -75,7 +112,10 @@ class Publisher:
         self._states_s = float("-inf")
         self._told: dict[str, str] = {}
         """The states that the events tell of, by joint."""
+        self._stopped = self._faulty = False
+        """Whether a drive was stopped or in fault, as last seen."""
         self._latest = Snapshot(
+            number=-1,
             time_s=time.monotonic(),
             connected=False,
             why_not="looking for the machine",
@@ -115,6 +155,7 @@ class Publisher:
     def connected(self, session: Session, reports: Reports) -> None:
         """Publish what this session's axes report, from now on."""
         self._session, self._reports = session, reports
+        self._shown.void("the machine was connected again")
 
     def disconnected(self, why: str) -> None:
         """Publish that the machine is not connected, and why; the rest stays as last known."""
@@ -125,8 +166,14 @@ class Publisher:
         )
 
     def emergency(self, axis: int, code: int) -> None:
-        """Take an error that an axis reports; called in the receiving thread."""
+        """Take an error that an axis reports; called in the receiving thread.
+
+        After an emergency stop, also one that is reset at once, nothing goes on that was asked for before.
+        """
         self._emergencies.append((axis, code))
+        if code == ErrorCode.ESTOP:
+            self._shown.void("an emergency stop came")
+            self._stops.ask(Stop.VOID)
 
     def publish(self) -> None:
         """Publish a snapshot, unless the last one is new enough or an axis has not reported yet."""
@@ -140,12 +187,14 @@ class Publisher:
             return
         self._published_s, self._news_s = now_s, reports.news_s
         self._follow_emergency_stop(reports.axes, drives)
+        self._follow_stops(drives)
         self._latest = self._snapshot(now_s, session, reports.axes, drives)
+        self._drawing.follow(self._latest.pose)
         self._tell_emergencies(session.robot.joint_names)
         self._tell_states(now_s, self._latest.joints)
 
     def _snapshot(
-        self, now_s: float, session: Session, reports: Sequence[AxisReport], drives: list[DriveStatus]
+        self, now_s: float, session: Session, reports: Sequence[AxisTelemetry], drives: list[DriveStatus]
     ) -> Snapshot:
         robot, known = session.robot, self.known
         places = joint_positions(
@@ -155,7 +204,7 @@ class Publisher:
         )
         positions = [place.position for place in places]
         if self._arm is None or self._arm.robot is not robot:
-            self._arm = Arm(robot)
+            self._arm = DrawnArm(robot)
         self._arm.move_to(positions)
         rates = _joint_values(session, [report.velocity_units_per_s for report in reports])
         errors = _joint_values(session, [report.following_error_units for report in reports])
@@ -180,6 +229,7 @@ class Publisher:
             )
         )
         return Snapshot(
+            number=self._shown.add(),
             time_s=now_s,
             connected=True,
             why_not=None,
@@ -195,9 +245,10 @@ class Publisher:
             bus_load_percent=known.bus_load_percent,
             queue_fill=_queue_fill(session, drives),
             late_ms=known.late_ms,
+            stood_percent=known.stood_percent,
         )
 
-    def _follow_emergency_stop(self, reports: Sequence[AxisReport], drives: Sequence[DriveStatus]) -> None:
+    def _follow_emergency_stop(self, reports: Sequence[AxisTelemetry], drives: Sequence[DriveStatus]) -> None:
         """Note an emergency stop, whoever has made it, and its end by a reset."""
         known = self.known
         if any(
@@ -212,6 +263,15 @@ class Publisher:
         ):
             known.emergency_stopped = False
             self._events.info("the emergency stop is over")
+
+    def _follow_stops(self, drives: Sequence[DriveStatus]) -> None:
+        """Void what was asked for before a stop or a fault, whoever has made it, and before a reset."""
+        stopped, faulty = any(drive.state in STOPPED for drive in drives), any(drive.in_fault for drive in drives)
+        if stopped and not self._stopped:
+            self._shown.void("the machine was stopped")
+        if self._faulty and not faulty:
+            self._shown.void("the machine was reset")
+        self._stopped, self._faulty = stopped, faulty
 
     def _tell_emergencies(self, names: Sequence[str]) -> None:
         """Log the errors that axes have reported, those with the same error together."""

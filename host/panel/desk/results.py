@@ -1,4 +1,10 @@
-"""What runs have come to, and what their pictures show."""
+"""What runs have come to, and what their pictures show.
+
+A position is reported without a time of the motion, and a pause or a computer that is too slow delays it by any amount.
+But the axis also reports which record it executes, and both frames have the time at which they were on the bus. The
+motion never gets ahead of that clock, so the motion's time of each position lies between two bounds. They are some
+20 ms apart, through pauses as well: one record of 10 ms, and the time for which a report may wait for the bus.
+"""
 
 import time
 from collections import deque
@@ -7,8 +13,96 @@ from itertools import count
 from threading import Lock
 from typing import Final
 
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
-from steptwin.host.panel.desk.history import History, Samples
+from steptwin.host.panel.desk.reports import AxisReports, ReportListener, Thinned
+from steptwin.host.planning.plan import Plan
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+_QUEUED_S: Final = 0.005
+"""Longest time for which a report waits for the bus."""
+_RATE_MAX: Final = 1.0005
+"""Seconds of the motion in a second of the bus' clock, at most: two quartz crystals differ by less."""
+_LOOKS: Final = 33
+"""Number of instants between the bounds at which a report is compared with the plan."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Where an axis was during a motion; the last place is where it stood after the end.
+
+    Attributes:
+        t_s: the motion's time of each report: of those that are possible the one at which the plan is nearest.
+        units: the positions reported, in wire units.
+        error_steps: how far each is from the plan at every time that is possible, in steps; 0 if the plan passes there.
+    """
+
+    t_s: FloatArray
+    units: FloatArray
+    error_steps: FloatArray
+
+
+def placed(outcome: LiveOutcome, reports: tuple[AxisReports, ...]) -> tuple[Placed, ...]:
+    """Return where each axis was during the last repetition of a run."""
+    return tuple(
+        _placed(outcome.plan, axis, reported, end.end_units)
+        for axis, (reported, end) in enumerate(zip(reports, outcome.axes, strict=True))
+    )
+
+
+def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int) -> Placed:
+    lower_s, upper_s = time_bounds(plan, reports)
+    last_s = plan.times_ms[-1:] / 1000
+    lower_s, upper_s = np.append(lower_s, last_s), np.append(upper_s, last_s)
+    units = np.append(_columns(reports.places)[1], end_units)
+    looks_s = np.linspace(lower_s, upper_s, _LOOKS, axis=1)
+    planned = _planned(plan, axis)(looks_s)
+    nearest = np.abs(planned - units[:, np.newaxis]).argmin(axis=1)
+    t_s = looks_s[np.arange(units.size), nearest]
+    error_units = units - np.clip(units, planned.min(axis=1), planned.max(axis=1))
+    return Placed(
+        np.maximum.accumulate(t_s),  # in their order, also where the plan turns back
+        units,
+        error_units * plan.robot.joints[axis].transmission.microsteps / UNITS_PER_FULL_STEP,
+    )
+
+
+def _planned(plan: Plan, axis: int) -> CubicHermiteSpline:
+    """Return an axis' planned position in wire units over the time in seconds, as its records tell it to the board."""
+    velocities = plan.velocities[:, axis] * (1000 / VELOCITY_PER_UNIT_PER_MS)
+    return CubicHermiteSpline(plan.times_ms / 1000, plan.points_units[:, axis], velocities)
+
+
+def time_bounds(plan: Plan, reports: AxisReports) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the greatest time of the motion, in seconds, at which each position can have been taken."""
+    begins_s = plan.times_ms / 1000
+    place_s, _ = _columns(reports.places)
+    record_s, numbers = _columns(reports.records)
+    executed = np.minimum(numbers.astype(np.int64), begins_s.size - 2)
+    at_s = np.concatenate((place_s, record_s))
+    lower_s = np.concatenate((np.zeros(place_s.size), begins_s[executed]))
+    upper_s = np.concatenate((np.full(place_s.size, begins_s[-1]), begins_s[executed + 1] + _QUEUED_S))
+    order = np.argsort(at_s, kind="stable")
+    clock_s = _RATE_MAX * (at_s[order] - at_s[order][:1])
+    lower_s, upper_s = lower_s[order], upper_s[order]
+    upper_s = np.minimum.accumulate(upper_s - clock_s) + clock_s  # not ahead of the clock since an earlier report
+    upper_s = np.minimum.accumulate(upper_s[::-1])[::-1]  # nor beyond where a later one still was
+    lower_s = np.maximum.accumulate((lower_s - clock_s)[::-1])[::-1] + clock_s
+    lower_s = np.maximum.accumulate(lower_s)
+    positions = np.argsort(order, kind="stable")[: place_s.size]
+    lower_s = np.clip(lower_s[positions] - _QUEUED_S, 0.0, begins_s[-1])
+    upper_s = np.clip(upper_s[positions], 0.0, begins_s[-1])
+    return np.minimum(lower_s, upper_s), upper_s
+
+
+def _columns(reports: Thinned) -> tuple[FloatArray, FloatArray]:
+    columns = np.array(reports.items, dtype=np.float64).reshape(-1, 2)
+    return columns[:, 0], columns[:, 1]
+
 
 RESULTS_MAX: Final = 20
 """Number of runs that are kept."""
@@ -25,8 +119,7 @@ class Result:
         passed: True if every axis ended at the planned step; None if the run was stopped or failed.
         why: why it was stopped or failed, in one line; None otherwise.
         outcome: plan, end of each axis and waits; None if the run was stopped or failed.
-        started_s: when the last repetition began, on the clock of `time.monotonic`; None if it never did.
-        samples: what the board reported during the run.
+        placed: where each axis was during the last repetition; empty if the run was stopped or failed.
     """
 
     number: int
@@ -35,53 +128,33 @@ class Result:
     passed: bool | None
     why: str | None
     outcome: LiveOutcome | None
-    started_s: float | None
-    samples: Samples
+    placed: tuple[Placed, ...] = ()
 
 
-@dataclass(slots=True)
-class Run:
-    """A run that goes on.
+class RunResults:
+    """The last runs that have ended; the worker adds them, any thread reads them.
 
     Attributes:
-        name: name of the motion.
-        asked_s: when it was begun, with its approach.
-        started_s: when the last repetition began; None before the first.
+        reports: what the axes report during the run that goes on.
     """
 
-    name: str
-    asked_s: float
-    started_s: float | None = None
-
-    def begin_repetition(self) -> None:
-        """Note that the axes have set off now."""
-        self.started_s = time.monotonic()
-
-
-class Results:
-    """The last runs that have ended; the worker adds them, any thread reads them."""
-
-    def __init__(self, history: History) -> None:
-        self._history = history
+    def __init__(self) -> None:
+        self.reports = ReportListener()
         self._numbers = count(1)
         self._results: deque[Result] = deque(maxlen=RESULTS_MAX)
         self._lock = Lock()
 
-    def begin(self, name: str) -> Run:
-        """Begin a run."""
-        return Run(name, time.monotonic())
-
-    def end(self, run: Run, outcome: LiveOutcome | None, why: str | None) -> None:
+    def end(self, name: str, outcome: LiveOutcome | None, why: str | None) -> None:
         """Keep a run that has ended, with its outcome or with the reason why it has none."""
+        reports = self.reports.collected()
         result = Result(
             number=next(self._numbers),
             wall_s=time.time(),
-            name=run.name,
+            name=name,
             passed=outcome.passed if outcome else None,
             why=why,
             outcome=outcome,
-            started_s=run.started_s,
-            samples=self._history.since(run.asked_s),
+            placed=placed(outcome, reports) if outcome else (),
         )
         with self._lock:
             self._results.append(result)

@@ -45,7 +45,7 @@ class Setting:
 
 
 @dataclass(slots=True)
-class Limits:
+class MachineSettings:
     """The robot's limits and all settings; the worker writes them, any thread may read them.
 
     Attributes:
@@ -67,7 +67,7 @@ _LIMITS: Final = {
 """Fields of a joint that may be made stricter, with their titles."""
 
 
-def read_settings(session: Session, limits: Limits) -> tuple[Setting, ...]:
+def read_settings(session: Session, limits: MachineSettings) -> tuple[Setting, ...]:
     """Read all settings; raise BusError if a node does not answer."""
     return (*_limits(limits.robot, limits.file), *_of_board(session))
 
@@ -108,7 +108,7 @@ def _of_board(session: Session) -> Iterator[Setting]:
             )
 
 
-def check_settings(limits: Limits, values: Mapping[str, float]) -> None:
+def check_settings(limits: MachineSettings, values: Mapping[str, float]) -> None:
     """Raise InputError, with the nearest valid choice, unless settings of these keys may have these values."""
     if not values:
         raise InputError("settings: none is given")
@@ -122,7 +122,7 @@ def check_settings(limits: Limits, values: Mapping[str, float]) -> None:
             setting.check(value)
 
 
-def limited(limits: Limits, values: Mapping[str, float]) -> Robot:
+def limited(limits: MachineSettings, values: Mapping[str, float]) -> Robot:
     """Return the robot with other limits; raise InputError if they are looser than the file's or fit nothing else."""
     file = limits.file
     joints = {joint.name: joint for joint in limits.robot.joints}
@@ -136,7 +136,7 @@ def limited(limits: Limits, values: Mapping[str, float]) -> Robot:
     return replace(limits.robot, joints=tuple(joints.values()))
 
 
-def write_settings(session: Session, limits: Limits, values: Mapping[str, float]) -> None:
+def write_settings(session: Session, limits: MachineSettings, values: Mapping[str, float]) -> None:
     """Write settings to the board and change the limits; raises as `check_settings` and `write_drive_setting`."""
     check_settings(limits, values)
     robot = limited(limits, values)

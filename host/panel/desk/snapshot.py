@@ -68,6 +68,7 @@ class Snapshot:
     """The machine and the desk at an instant. Everything but the texts is the last known while not connected.
 
     Attributes:
+        number: counts up; a command names the newest that its page had shown. -1 before the first connection.
         time_s: when it was taken, on the clock of `time.monotonic`.
         connected: False while no telemetry comes.
         why_not: why it is not connected, in one line; None while it is.
@@ -84,8 +85,11 @@ class Snapshot:
         bus_load_percent: of a served board; None if the bus does not tell.
         queue_fill: least part of a drive's queue of motion that is full, 0 to 1; None while no trajectory runs.
         late_ms: how late a served board is at the 99th percentile; None if it does not tell.
+        stood_percent: part of the last five seconds in which a served board's clock has stood since the computer was
+            too slow; None if it does not tell.
     """
 
+    number: int
     time_s: float
     connected: bool
     why_not: str | None
@@ -101,6 +105,7 @@ class Snapshot:
     bus_load_percent: float | None = None
     queue_fill: float | None = None
     late_ms: float | None = None
+    stood_percent: float | None = None
 
     @property
     def homed(self) -> bool:

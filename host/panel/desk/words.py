@@ -3,14 +3,19 @@
 import re
 from typing import Final
 
-from steptwin.host.common.errors import StepTwinError
+from steptwin.host.common.errors import InputError, StepTwinError
+
+
+class RefusedError(InputError):
+    """The desk does not do what was asked for, and nothing has changed; the message says why in one line."""
+
 
 AS_SLOW_AS_NEEDED: Final = "as slow as it must be"
 """The speed of a run that passes whatever the limits are, as pages call it."""
 MOVE_TO_START: Final = "first move to its start"
 """The switch that lets a run begin anywhere, as pages call it."""
 
-STANDS_THERE: Final = "It stands there"
+STANDS_THERE: Final = "Declare as position"
 """The button that declares where the joints stand, as pages call it."""
 
 _CHOICES: Final = tuple(
@@ -31,6 +36,11 @@ _CHOICES: Final = tuple(
     )
 )
 """Parameters of the library in messages, and what a page offers in their place; the first that fits is taken."""
+
+
+def busy(name: str, activity: str) -> str:
+    """Return why something cannot begin while the machine does something else, or the same already."""
+    return f"{name} goes on already" if name == activity else f"{name}: not begun: {activity} goes on"
 
 
 def told(error: StepTwinError) -> str:

@@ -2,21 +2,57 @@
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Event as Flag
-from threading import Thread
+from threading import Thread, get_ident
 from typing import Final
 
-from steptwin.host.client.bus_link import Connection, open_bus
+import can
+
+from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.links.bus_network import BusNetwork
 from steptwin.host.common.errors import BusError, StepTwinError
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.connected import Connected
-from steptwin.host.panel.desk.link import DeskLink
 from steptwin.host.panel.desk.parts import Asked, Parts
 from steptwin.host.panel.desk.reports import Reports
-from steptwin.host.panel.desk.stops import Stop, StopAskedError
+from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
 from steptwin.host.panel.desk.words import told
+
+
+class StoppableNetwork(BusNetwork):
+    """A network on which the thread that has opened it sends no frame after a stop was asked for; others may."""
+
+    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:
+        super().__init__(bus, title)
+        self._stops = stops
+        self._worker = get_ident()
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame; raise StopAskedError in the worker's thread if it must stop, BusError if the bus fails."""
+        if get_ident() != self._worker:
+            super().send_message(can_id, data, remote)
+            return
+        with self._stops.sending():
+            super().send_message(can_id, data, remote)
+
+
+class DeskLink(BusLink):
+    """A BusLink on which any function of `host/operate` publishes telemetry and ends when a stop is asked for."""
+
+    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests, publish: Callable[[], None]) -> None:
+        """Open the link in the worker's thread; `publish` is called in every wait."""
+        super().__init__(bus, title, network=lambda: StoppableNetwork(bus, title, stops))
+        self._stops = stops
+        self._publish = publish
+
+    def wait(self, dt_s: float) -> None:
+        """Sleep and publish; raise StopAskedError if the worker must stop, BusError if the bus has failed."""
+        super().wait(dt_s)
+        self._publish()
+        self._stops.check()
+
 
 _RETRY_S: Final = 0.3
 """Time between two attempts to connect."""
@@ -79,6 +115,7 @@ class Worker:
         with DeskLink(bus, title, parts.stops, parts.publisher.publish) as link:
             session = Session(link, parts.limits.robot)
             reports = Reports(link.network, session.machine.axes, parts.publisher.emergency)
+            parts.results.reports.listen(link.network, [axis.node_id for axis in session.machine.axes])
             connected = Connected(session, reports, parts, self._asked)
             connected.make_stop()
             session.require_present()

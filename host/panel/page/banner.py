@@ -1,31 +1,106 @@
 """The line under the head that says why the machine does not do what it is asked for, and the way out."""
 
+import time
 from collections.abc import Iterable
+from typing import Final
 
 from nicegui import ui
 
-from steptwin.host.client.plain_words import STOP_PRESSED
-from steptwin.host.panel.desk import HomeAll, ResetFaults, Snapshot
-from steptwin.host.panel.page.elements import Tone, plain
+from steptwin.host.client.words import STOP_PRESSED
+from steptwin.host.panel.desk import Event, HomeAll, ResetFaults, Severity, Snapshot
+from steptwin.host.panel.page.elements import Tone, card, choice, heading, line, moving, plain
 from steptwin.host.panel.page.visitor import Visitor
+
+_SHOWN: Final = 200
+"""Events that a page shows; the desk keeps more."""
+_FILTERS: Final = {"all": "all", "problems": "problems only"}
+_WORDS: Final = {Severity.INFO: "info", Severity.WARNING: "warning", Severity.ERROR: "error"}
+
+
+class EventLogView:
+    """The newest events first."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._log = visitor.desk.events
+        self._told = max((event.number for event in self._log.since()), default=0)
+        """Number of the last event that this browser need not be told of as a message."""
+        self._filter = "all"
+        self._shown: list[int] = []
+        """Numbers of the events in the list, the oldest first."""
+        with card(classes="panel-wide place-events"):
+            with line("between"):
+                heading("What has happened")
+                with line("tight"):
+                    choice("events to show", _FILTERS, self._filter, self._choose)
+                    plain("Clear", self._log.clear)
+            self._list = ui.element("div").classes("events").props('role=log aria-label="events" tabindex=0')
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show the events that have come; those that were cleared go."""
+        self._tell(snapshot)
+        self._show(self._wanted())
+
+    def _tell(self, snapshot: Snapshot) -> None:
+        """Show what has failed as a message, too, since the log is at the page's end."""
+        for event in self._log.since(self._told):
+            self._told = event.number
+            if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
+                self._visitor.tell(event.text)
+
+    def _wanted(self) -> list[Event]:
+        events = self._log.since()
+        return [event for event in events if self._filter == "all" or event.severity is not Severity.INFO][-_SHOWN:]
+
+    def _choose(self, name: str) -> None:
+        self._filter = name
+        self._list.clear()
+        self._shown = []
+        self._show(self._wanted())
+
+    def _show(self, events: list[Event]) -> None:
+        numbers = [event.number for event in events]
+        if self._shown and (not numbers or numbers[0] != self._shown[0]):
+            self._list.clear()
+            self._shown = []
+        for event in events[len(self._shown) :]:
+            with self._list:
+                _row(event).move(self._list, target_index=0)
+        self._shown = numbers
+
+
+def _row(event: Event) -> ui.element:
+    with ui.element("div").classes(f"event {event.severity}") as row:
+        ui.label(time.strftime("%H:%M:%S", time.localtime(event.wall_s))).classes("muted number")
+        ui.label(_WORDS[event.severity]).classes("kind")
+        ui.label(event.text)
+    return row
+
+
+_BEHIND_PERCENT: Final = 5.0
+"""Part of the time that an emulated board's clock must have stood to be worth a line."""
+
+
+_READY: Final = "Nothing is in the way."
 
 
 class Banner:
-    """A line that is there only when something is in the way."""
+    """A line that has its place at all times, so that the page stands when something comes into the way."""
 
     def __init__(self, visitor: Visitor) -> None:
-        with ui.element("div").classes("banner").props("role=status") as self._line:
+        with (
+            ui.element("div").classes("banner-place"),
+            ui.element("div").classes("banner").props("role=status") as self._line,
+        ):
             self._text = ui.label()
-            self._reset = plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt")
-            self._home = plain("Home all", lambda: visitor.ask(HomeAll()), "home")
+            self._reset = moving(plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt"))
+            self._home = moving(plain("Home all", lambda: visitor.ask(HomeAll()), "home"))
         self._tone: Tone = ""
-        self._line.set_visibility(False)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Show the most important reason."""
         text, tone, remedy = obstacle(snapshot)
-        self._text.set_text(text)
-        self._line.set_visibility(bool(text))
+        self._text.set_text(text or _READY)
         self._reset.set_visibility(remedy == "reset")
         self._home.set_visibility(remedy == "home")
         if tone != self._tone:
@@ -56,7 +131,18 @@ def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
     lost = [joint.name for joint in joints if not joint.homed]
     if lost and snapshot.activity is None:
         return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
-    return "", "", ""
+    behind = _behind(snapshot.stood_percent or 0.0)
+    return behind, "warn" if behind else "", ""
+
+
+def _behind(stood_percent: float) -> str:
+    """Return that an emulated board falls behind, or nothing if it does not."""
+    if stood_percent < _BEHIND_PERCENT:
+        return ""
+    return (
+        f"The emulated board falls behind: its clock stood for {stood_percent:.0f} % of the last 5 s, since the"
+        " computer is too slow. The machine moves as planned, but takes longer."
+    )
 
 
 def by_reason(reasons: Iterable[tuple[str, str | None]]) -> dict[str, list[str]]:

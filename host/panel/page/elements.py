@@ -1,10 +1,23 @@
 """The small parts of which every view is made: cards, headings, buttons, chips, tables and live numbers."""
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Final, Literal, Protocol
 
 from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from steptwin.host.panel.desk import Snapshot
+
+
+class View(Protocol):
+    """A part of the page."""
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show what has changed; called whenever something has, but not for numbers that always change."""
+        ...
+
 
 Handler = Callable[[], Any]
 Tone = Literal["", "good", "warn", "bad"]
@@ -40,9 +53,15 @@ def act(text: str, on_click: Handler, icon: str | None = None) -> ui.button:
     return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("act")
 
 
-def plain(text: str, on_click: Handler, icon: str | None = None) -> ui.button:
+def plain(text: str, on_click: Handler | None, icon: str | None = None) -> ui.button:
     """Return a button of lesser weight."""
     return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("plain")
+
+
+def moving(button: ui.button) -> ui.button:
+    """Return a button that moves the machine or changes it: it is dead while the page does not see the machine."""
+    button.props["data-moves"] = ""
+    return button
 
 
 def icon_button(name: str, label: str, on_click: Handler | None = None) -> ui.button:
@@ -94,6 +113,24 @@ def choice(label: str, options: Mapping[Any, str], value: Any, on_change: Callab
     return toggle
 
 
+_NUMBER: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+
+
+class NumberField(ui.number):
+    """A field for a number, which may have a decimal comma; a text that is none leaves the field without a value.
+
+    A browser's own field for numbers drops the comma where the language has a point: 1,5 would become 15.
+    """
+
+    def __init__(self, label: str | None = None, **options: Any) -> None:
+        super().__init__(label, **options)
+        self.props("type=text inputmode=decimal autocomplete=off")
+
+    def _event_args_to_value(self, e: GenericEventArguments) -> float | None:
+        text = str(e.args or "").strip()
+        return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else None
+
+
 def number_field(
     label: str,
     value: float | None,
@@ -103,22 +140,33 @@ def number_field(
     on_change: Callable[[], Any] | None = None,
     *,
     whole: bool = False,
-) -> ui.number:
+) -> NumberField:
     """Return a field for a number from `lower` to `upper`, which says its range and unit."""
     wrong = f"{lower:g} to {upper:g} {unit}".rstrip()
-    return (
-        ui.number(
-            label,
-            value=value,
-            format="%d" if whole else None,
-            step=1 if whole else None,
-            suffix=unit or None,
-            validation={wrong: lambda given: given is not None and lower <= given <= upper},
-            on_change=None if on_change is None else lambda _: on_change(),
-        )
-        .props(f'outlined dense hint="{wrong}" step=any')
-        .classes("w-field")
+
+    def fits(given: float | None) -> bool:
+        return given is not None and lower <= given <= upper and not (whole and given % 1)
+
+    field = NumberField(
+        label,
+        value=value,
+        format="%d" if whole else None,
+        suffix=unit or None,
+        validation={wrong: fits},
+        on_change=None if on_change is None else lambda _: on_change(),
     )
+    field.props["hint"] = wrong
+    return field.props("outlined dense").classes("w-field")
+
+
+def wrong_field(fields: Iterable[ui.element]) -> str | None:
+    """Return what is wrong in the first field that has no number, or one outside its range; None if all are right."""
+    wrong = [field for field in fields if isinstance(field, ui.number) and not field.validate()]
+    if not wrong:
+        return None
+    first = wrong[0]
+    given = "there is no number" if first.value is None else f"{first.value:.12g} does not fit"
+    return f"{first.props['label']}: {given}; it takes {first.error}"
 
 
 def table(headings: Iterable[tuple[str, str]]) -> ui.element:

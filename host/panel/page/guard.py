@@ -4,17 +4,162 @@ A browser sends its cookies and opens web sockets for any site that it shows, so
 every site that its user visits: by a request of that site (the Origin header tells), or by a name of that site that
 points to 127.0.0.1 (DNS rebinding; the Host header tells). The guard is pure ASGI, since Starlette's BaseHTTPMiddleware
 lets web sockets pass unseen.
+
+A page sends engine.io packets, most of them socket.io events with one JSON object each. The libraries take any of them
+for what their own script sends, and print a traceback for every other one.
 """
 
+import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from http.cookies import CookieError, SimpleCookie
-from typing import Final
+from typing import Any, Final
 from urllib.parse import parse_qsl, urlencode
 
+from nicegui import Client, json
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+SOCKET_PATH: Final = "/_nicegui_ws/"
+"""Where the packets come: as messages of a web socket, or as bodies of requests, several in one."""
+_BETWEEN_PACKETS: Final = "\x1e"
+_CONTROL: Final = frozenset(("1", "2", "2probe", "3", "3probe", "5", "6", "40", "41"))
+"""Packets without an event: close, ping, pong, upgrade, no operation; connect and disconnect."""
+_EVENT: Final = re.compile(r"42\d{0,9}(\[.*\])", re.DOTALL)
+"""An event, with or without the number under which an answer is awaited."""
+_CHARS_MAX: Final = 1_000_000
+"""Characters of a packet: the libraries take no more."""
+_ID_MAX: Final = 1 << 53
+_NAME_CHARS_MAX: Final = 100
+_RESERVED: Final = ("connect", "disconnect")
+"""Names of what the libraries themselves tell."""
+_LEVELS: Final = ("debug", "info", "warning", "error")
+
+_Check = Callable[[object], bool]
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and len(value) <= _NAME_CHARS_MAX
+
+
+def _is_number(value: object) -> bool:
+    """Return whether a value is a whole number, or the digits of one, as in a query."""
+    if isinstance(value, str):
+        return value.isascii() and value.isdecimal() and len(value) <= len(str(_ID_MAX))
+    return type(value) is int and 0 <= value <= _ID_MAX
+
+
+def _is_printed(value: object) -> bool:
+    """Return whether a value is a text that may be printed on a terminal."""
+    return isinstance(value, str) and all(char.isprintable() or char in "\n\t" for char in value)
+
+
+def _are_arguments(value: object) -> bool:
+    """Return whether a value is a list of JSON texts, or of nothing."""
+    return isinstance(value, list) and all(
+        text is None or (isinstance(text, str) and _parsed(text) is not _NO_JSON) for text in value
+    )
+
+
+def _or_nothing(check: _Check, value: object) -> bool:
+    return value is None or check(value)
+
+
+_HANDSHAKE: Final[Mapping[str, _Check]] = {
+    "client_id": _is_name,
+    "tab_id": _is_name,
+    "document_id": _is_name,
+    "old_tab_id": partial(_or_nothing, _is_name),
+    "next_message_id": partial(_or_nothing, _is_number),
+}
+_FIELDS: Final[Mapping[str, Mapping[str, _Check]]] = {
+    "handshake": _HANDSHAKE,
+    "event": {"client_id": _is_name, "id": _is_number, "listener_id": _is_name, "args": _are_arguments},
+    "javascript_response": {"client_id": _is_name, "request_id": _is_name},
+    "ack": {"client_id": _is_name, "next_message_id": lambda value: type(value) is int and _is_number(value)},
+    "log": {"client_id": _is_name, "level": lambda value: value in _LEVELS, "message": _is_printed},
+}
+"""The fields of each event; a field that may be nothing may be missing."""
+
+_NO_JSON: Final = object()
+
+
+def _parsed(text: str) -> Any:
+    """Return the value of a JSON text as the libraries read it; _NO_JSON for any other text."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return _NO_JSON
+
+
+def is_packet(text: str) -> bool:
+    """Return whether a packet is one that a page sends."""
+    if text in _CONTROL:
+        return True
+    event = _EVENT.fullmatch(text) if len(text) <= _CHARS_MAX else None
+    match _parsed(event[1]) if event else None:
+        case [str(name), dict(data)] if name in _FIELDS:
+            fits = all(check(data.get(field)) for field, check in _FIELDS[name].items())
+            return fits and (name != "event" or _is_listened_to(data))
+        case [str(name)] | [str(name), _]:  # of the panel itself, such as a stop, which nothing may hold back
+            return name not in _FIELDS and name not in _RESERVED
+    return False
+
+
+def _is_listened_to(event: Mapping[str, Any]) -> bool:
+    """Return whether an event's element waits for it; one that has just been deleted is the libraries' matter."""
+    client = Client.instances.get(event["client_id"])
+    element = None if client is None else client.elements.get(event["id"])
+    return element is None or event["listener_id"] in element._event_listeners  # noqa: SLF001 - nothing public tells
+
+
+def is_connection(scope: Scope) -> bool:
+    """Return whether a request for a connection has what the server reads of it."""
+    query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
+    if query.get("implicit_handshake") != "true":
+        return True
+    return all(check(query.get(field)) for field, check in _HANDSHAKE.items())
+
+
+def only_packets(receive: Receive) -> Receive:
+    """Return a function that receives as a web socket's, without what is no packet."""
+
+    async def receive_packet() -> Message:
+        while True:
+            message = await receive()
+            if message["type"] != "websocket.receive" or is_packet(message.get("text") or ""):
+                return message
+
+    return receive_packet
+
+
+async def packets_of(receive: Receive) -> Receive | None:
+    """Read the body of a request; return a function that receives it again, or None if it holds other than packets."""
+    body, more = b"", True
+    while more:
+        message = await receive()
+        if message["type"] != "http.request":
+            return None
+        body, more = body + message.get("body", b""), message.get("more_body", False)
+    try:
+        packets = body.decode().split(_BETWEEN_PACKETS)
+    except UnicodeDecodeError:
+        return None
+    if not all(map(is_packet, packets)):
+        return None
+    read = False
+
+    async def receive_again() -> Message:
+        nonlocal read
+        if read:
+            return await receive()
+        read = True
+        return {"type": "http.request", "body": body}
+
+    return receive_again
+
 
 BODY_BYTES_MAX: Final = 10_000_000
 """Largest body of a request: an uploaded trajectory or program."""
@@ -38,7 +183,7 @@ class _TooLargeError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class PageAccess:
     """Who may use the page.
 
     Attributes:
@@ -57,21 +202,21 @@ class Access:
         return f"steptwin_{self.port}"
 
 
-def local_access(port: int, *addresses: str) -> Access:
+def local_access(port: int, *addresses: str) -> PageAccess:
     """Return the access of a page that only this machine reaches, at its loopback addresses."""
     names = {"127.0.0.1", "localhost", "[::1]", *addresses}
-    return Access(frozenset(f"{name}:{port}" for name in names), None, port)
+    return PageAccess(frozenset(f"{name}:{port}" for name in names), None, port)
 
 
-def remote_access(port: int) -> Access:
+def remote_access(port: int) -> PageAccess:
     """Return the access of a page that other machines reach, by a new random token."""
-    return Access(None, secrets.token_urlsafe(24), port)
+    return PageAccess(None, secrets.token_urlsafe(24), port)
 
 
 class Guard:
     """ASGI middleware that refuses requests from elsewhere, on the page, on polling and on the web socket."""
 
-    def __init__(self, app: ASGIApp, access: Access) -> None:
+    def __init__(self, app: ASGIApp, access: PageAccess) -> None:
         self.app = app
         self._access = access
 
@@ -90,13 +235,32 @@ class Guard:
             await _refuse(scope, receive, send, 403, "open the address that was printed when the panel was started")
         elif _length(headers) > BODY_BYTES_MAX:
             await _refuse(scope, receive, send, 413, f"more than {BODY_BYTES_MAX} bytes")
+        elif scope["path"].startswith(SOCKET_PATH) and not is_connection(scope):
+            await _refuse(scope, receive, send, 400, "this is not what a page asks")
         else:
             await self._pass_on(scope, receive, send)
 
     async def _pass_on(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
-            await self.app(scope, receive, send)
+            await self.app(scope, only_packets(receive), send)
             return
+        if scope.get("method") == "POST" and scope["path"].startswith(SOCKET_PATH):
+            await self._poll(scope, receive, send)
+            return
+        await self._answer_http(scope, receive, send)
+
+    async def _poll(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            receive_packets = await packets_of(_limited(receive))
+        except _TooLargeError:
+            await _answer(send, 413, f"more than {BODY_BYTES_MAX} bytes")
+            return
+        if receive_packets is None:
+            await _answer(send, 400, "this is not what a page sends")
+        else:
+            await self._answer_http(scope, receive_packets, send)
+
+    async def _answer_http(self, scope: Scope, receive: Receive, send: Send) -> None:
         answered = False
 
         async def marked(message: Message) -> None:

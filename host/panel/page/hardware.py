@@ -10,12 +10,12 @@ from typing import Final
 
 from nicegui import ui
 
-from steptwin.host.client.control_client import ControlClient
-from steptwin.host.client.control_state import ControlState, SwitchState
+from steptwin.host.client.control_client import ControlClient, ControlState, SwitchState
 from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk import Snapshot, told
-from steptwin.host.panel.page.elements import Chip, Tone, cell, heading, line, note, plain, table
+from steptwin.host.panel.page.elements import Chip, NumberField, Tone, cell, heading, line, note, plain, table
+from steptwin.host.panel.page.sockets import SHOWN
 from steptwin.host.panel.page.visitor import Visitor
 
 _EVERY_S: Final = 1.0
@@ -44,10 +44,16 @@ class HardwareTab:
     async def _poll(self) -> None:
         await self._ask(self._control.state)
 
-    async def _do(self, request: Request) -> None:
-        """Let the operator change something."""
+    async def _do(self, name: str, request: Request, *, stops: bool) -> None:
+        """Let the operator change something; what stops the machine never comes too late."""
         visitor = self._visitor
-        if visitor.attempt(lambda: visitor.desk.operators.require(visitor.tab)):
+
+        def allow() -> None:
+            visitor.desk.operators.require(visitor.tab)
+            if visitor.desk.snapshot.connected and not stops:
+                visitor.desk.require_shown(name, SHOWN.get())
+
+        if visitor.attempt(allow):
             await self._ask(request)
 
     async def _ask(self, request: Request) -> None:
@@ -87,7 +93,7 @@ class HardwareTab:
         control = self._control
         with table([("the machine", ""), ("is", ""), ("", "")]):
             with self._row("estop", "emergency stop button"):
-                self._button("Press", partial(control.emergency_stop, pressed=True))
+                self._button("Press", partial(control.emergency_stop, pressed=True), stops=True)
                 self._button("Pull out", partial(control.emergency_stop, pressed=False))
             self._number_row("supply", "motor supply", "V", state.supply_v, control.supply)
             self._number_row("temperature", "board's temperature", "°C", state.temperature_degc, control.temperature)
@@ -128,14 +134,21 @@ class HardwareTab:
 
     def _number_row(self, key: str, text: str, unit: str, value: float, ask: Callable[[float], ControlState]) -> None:
         with self._row(key, text):
-            field = ui.number(value=value, suffix=unit).props("outlined dense step=any").classes("w-narrow")
+            field = NumberField(value=value, suffix=unit).props("outlined dense").classes("w-narrow")
             field.props["aria-label"] = text
-            self._button("Set", lambda: ask(float(field.value or 0.0)), text)
+            self._button("Set", lambda: ask(_given(field, text)), text)
 
-    def _button(self, text: str, request: Request, of: str = "") -> None:
-        button = plain(text, partial(self._do, request)).classes("small-button")
+    def _button(self, text: str, request: Request, of: str = "", *, stops: bool = False) -> None:
+        button = plain(text, partial(self._do, f"{of} {text}".strip(), request, stops=stops)).classes("small-button")
         if of:
             button.props["aria-label"] = f"{of}: {text}"
+
+
+def _given(field: NumberField, text: str) -> float:
+    """Return a field's number; raise InputError without one."""
+    if field.value is None:
+        raise InputError(f"{text}: there is no number")
+    return float(field.value)
 
 
 def _pressed(pressed: bool) -> tuple[str, Tone]:

@@ -3,11 +3,12 @@
 from nicegui import ui
 
 from steptwin.host.panel.desk import Activity, Snapshot
-from steptwin.host.panel.page.elements import Chip, Tone, icon_button, line, plain
+from steptwin.host.panel.page.elements import Chip, Tone, icon_button, line, moving, plain
+from steptwin.host.panel.page.sockets import SHOWN
 from steptwin.host.panel.page.visitor import Visitor
 
 
-class Header:
+class PageHead:
     """The head of the page; it stays in sight, with the emergency stop in it.
 
     Attributes:
@@ -20,25 +21,30 @@ class Header:
         with ui.header().classes("panel-header") as self.root:
             ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
             self._simulated = Chip("SIMULATED", "warn")
+            ui.label("no connection to the panel").classes("chip bad no-panel")
             self._state = Chip()
             self._activity = Chip()
+            for said in (self._state, self._activity):
+                said.element.classes("said")
             self._activity.element.props["data-activity"] = ""
             ui.element("div").classes("panel-spring")
             with line("tight"):
                 self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
-                self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow")
-                plain("Stop", lambda: desk.stop(visitor.name), "stop")
-            with line("tight"):
+                self._resume = moving(plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow"))
+                halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
+                halt.props["data-stop"] = "stop"
+            with line("tight said"):
                 self._operator = Chip()
                 self._take = plain("Operate", self._take_lease)
                 self._give = plain("Give up", self._give_lease)
             theme = icon_button("contrast", "light or dark")
             theme.props["data-theme-switch"] = ""
-            with ui.button(on_click=self.emergency_stop, color=None).props("unelevated").classes("estop") as stop:
+            with ui.button(color=None).props("unelevated").classes("estop") as stop:
                 ui.label("E-STOP")
                 ui.label("Esc").classes("key")
-            stop.props["data-estop"] = ""
+            stop.props["data-stop"] = "emergency_stop"
             stop.props["aria-label"] = "emergency stop, key Escape"
+            ui.element("div").classes("stop-line").props('role=alert data-stop-line=""')
             with ui.element("div").classes("part-track"):
                 ui.element("div").classes("part-bar").props["data-part"] = ""
 
@@ -67,12 +73,8 @@ class Header:
         self._take.set_visibility(not operates)
         self._give.set_visibility(operates)
 
-    def emergency_stop(self) -> None:
-        """Stop the machine at once, whoever operates it."""
-        self._visitor.desk.emergency_stop(self._visitor.name)
-
     def _go_on(self) -> None:
-        self._visitor.desk.resume(self._visitor.tab)
+        self._visitor.desk.resume(self._visitor.tab, SHOWN.get())
 
     def _take_lease(self) -> None:
         self._visitor.desk.operators.take_over(self._visitor.tab, self._visitor.name)

@@ -1,20 +1,57 @@
 """What all browsers share: one look at the desk a tick, and one message with it for every browser."""
 
 import json
-from collections.abc import Hashable
-from typing import Final
+import time
+from collections.abc import Hashable, Iterable
+from typing import Any, Final
 
+import numpy as np
 from nicegui import Client, app, core, ui
-from starlette.requests import Request
-from starlette.responses import Response
 
 from steptwin.host.client.control_client import ControlClient
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.desk import Desk, Snapshot
 from steptwin.host.panel.page.page import Page
-from steptwin.host.panel.page.ticks import tick_of
+from steptwin.host.panel.page.scene import flat_lines
+from steptwin.host.panel.page.sockets import Answer, note_shown, on_stop
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.robots.kinematics.base import POSE_KEYS
+
+
+def tick_of(snapshot: Snapshot) -> dict[str, Any]:
+    """Return what the panel's script shows of a snapshot: numbers in mm, degrees, percent and ms; None is unknown."""
+    pose, activity = snapshot.pose, snapshot.activity
+    return {
+        "n": snapshot.number,
+        "held": snapshot.emergency_stopped and all(joint.error is not None for joint in snapshot.joints),
+        "t": round(snapshot.time_s, 3),
+        "q": [round(joint.position, 4) for joint in snapshot.joints],
+        "known": [joint.homed for joint in snapshot.joints],
+        "v": [_rounded(joint.rate) for joint in snapshot.joints],
+        "e": [_rounded(joint.following_error) for joint in snapshot.joints],
+        "pose": None if pose is None else [round(pose[key], 3) for key in POSE_KEYS],
+        "arm": _drawable(snapshot.links_mm),
+        "tool": None if pose is None else [round(pose[key], 2) for key in POSE_KEYS[:3]],
+        "load": _rounded(snapshot.bus_load_percent),
+        "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
+        "late": _rounded(snapshot.late_ms),
+        "part": 0 if activity is None or activity.fraction is None else round(activity.fraction, 3),
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _drawable(parts: Iterable[FloatArray]) -> list[list[float]] | None:
+    """Return the arm's parts; None where the mechanism cannot be assembled, which has no picture."""
+    drawn = tuple(parts)
+    return flat_lines(drawn) if drawn and all(np.isfinite(part).all() for part in drawn) else None
+
 
 TICK_S: Final = 1 / 30
+_ALIVE_S: Final = 0.1
+"""Time without a tick after which pages are told that the panel goes on."""
 
 
 class Hub:
@@ -28,25 +65,29 @@ class Hub:
         self._pages: dict[str, Page] = {}
         self._names: dict[str, str] = {}
         self._seen: Hashable = None
-        self._time_s = 0.0
+        self._number = -1
+        self._sent_s = 0.0
 
     def start(self) -> None:
         """Follow the desk from now on; call this before the server runs."""
         app.timer(TICK_S, self.tick, immediate=False)
-        app.add_route("/emergency-stop", self._emergency_stop, methods=["POST"])
+        note_shown()
+        on_stop("emergency_stop", self._emergency_stop)
+        on_stop("stop", self._stop)
 
-    def build(self) -> None:
+    async def build(self) -> None:
         """Make the page of the browser that asks for it; its tab is the desk's client, which outlives a reload."""
         client = ui.context.client
         visitor = Visitor(self._desk, client)
-        page = Page(visitor, self._positions_file, self._control)
+        page = Page(visitor)
+        await page.build(self._positions_file, self._control)
         page.refresh(self._desk.snapshot)
         self._pages[client.id] = page
 
         def connected() -> None:
             visitor.tab = client.tab_id or client.id
             visitor.name = self._names.setdefault(visitor.tab, f"browser {len(self._names) + 1}")
-            page.arrive()
+            page.arrive(next((each for each in self._pages.values() if _is_older(each, page)), None))
             page.refresh(self._desk.snapshot)
 
         client.on_connect(connected)
@@ -61,16 +102,22 @@ class Hub:
     async def tick(self) -> None:
         """Send the newest snapshot to all browsers, and let their views follow what has changed."""
         snapshot = self._desk.snapshot
-        if snapshot.connected and snapshot.time_s != self._time_s:
-            self._time_s = snapshot.time_s
-            text = json.dumps(tick_of(snapshot))
-            for client_id in list(self._pages):
-                await core.sio.emit("tick", text, room=client_id)
+        now_s = time.monotonic()
+        if snapshot.connected and snapshot.number != self._number:
+            self._number, self._sent_s = snapshot.number, now_s
+            await self._send("tick", json.dumps(tick_of(snapshot)))
+        elif now_s - self._sent_s > _ALIVE_S:  # so that a page knows a machine that is lost from a panel that is
+            self._sent_s = now_s
+            await self._send("alive", "")
         seen = self._changes(snapshot)
         if seen != self._seen:
             self._seen = seen
             for page in list(self._pages.values()):
                 page.refresh(snapshot)
+
+    async def _send(self, name: str, text: str) -> None:
+        for client_id in list(self._pages):
+            await core.sio.emit(name, text, room=client_id)
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""
@@ -82,6 +129,7 @@ class Hub:
                 snapshot.simulated,
                 snapshot.emergency_stopped,
                 snapshot.pose is None,
+                round(snapshot.stood_percent or 0.0),
             ),
             tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.joints),
             activity and (activity.name, activity.paused, activity.pausable, round(100 * (activity.fraction or 0))),
@@ -90,9 +138,22 @@ class Hub:
             self._desk.events.span,
             results and results[-1].number,
             self._desk.settings,
+            self._desk.drawing.version,
         )
 
-    async def _emergency_stop(self, _request: Request) -> Response:
-        """Stop at once, for a page whose socket is not connected."""
-        self._desk.emergency_stop("a browser without connection")
-        return Response(status_code=204)
+    # --- stops, by anybody
+
+    def _emergency_stop(self, page: str | None, press: str | None) -> Answer:
+        return {"told": self._desk.emergency_stop(self._name(page), press)}
+
+    def _stop(self, page: str | None, press: str | None) -> Answer:
+        return {"told": self._desk.stop(self._name(page), press)}
+
+    def _name(self, page: str | None) -> str:
+        known = self._pages.get(page or "")
+        return known.visitor.name if known else "a browser"
+
+
+def _is_older(other: Page, page: Page) -> bool:
+    """Return whether a page is what the tab of another one has shown before it was loaded again."""
+    return other is not page and other.visitor.tab == page.visitor.tab

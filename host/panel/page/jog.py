@@ -6,10 +6,10 @@ from typing import Final
 from nicegui import events, ui
 
 from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
-from steptwin.host.panel.page.elements import choice, heading, line, note, stack
+from steptwin.host.panel.page.elements import choice, heading, line, live, note, stack
+from steptwin.host.panel.page.sockets import SHOWN
 from steptwin.host.panel.page.visitor import Visitor
-from steptwin.host.planning.tool_jog import tool_speed_max
-from steptwin.host.planning.tool_step import COORDINATE_UNITS
+from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS, tool_speed_max
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
@@ -36,12 +36,12 @@ class JogTab:
         with ui.element("div").classes("jog-sides"):
             with stack("tight"):
                 heading("Joints")
-                for joint in visitor.desk.robot.joints:
-                    self._row(joint.name, str(joint.unit))
+                for i, joint in enumerate(visitor.desk.robot.joints):
+                    self._row(joint.name, str(joint.unit), f"q{i}")
             with stack("tight"):
                 heading("Tool, along the world's axes")
-                for name, unit in COORDINATE_UNITS.items():
-                    self._row(name, unit)
+                for i, (name, unit) in enumerate(COORDINATE_UNITS.items()):
+                    self._row(name, unit, f"pose{i}")
                 self._why_no_tool = note("The tool can be jogged when every joint is homed.")
         ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
         ui.on("jog_release", self._release, args=[["press"]])
@@ -51,9 +51,11 @@ class JogTab:
         """Say why the tool cannot be jogged."""
         self._why_no_tool.set_visibility(not snapshot.homed)
 
-    def _row(self, name: str, unit: str) -> None:
+    def _row(self, name: str, unit: str, position: str) -> None:
         with ui.element("div").classes("jog-row"):
-            ui.label(f"{name}, {unit}").classes("joint-name")
+            with ui.element("div"):
+                ui.label(f"{name}, {unit}").classes("joint-name")
+                live(position, "number muted small")
             self._button(name, -1, "−")
             self._button(name, +1, "+")
 
@@ -105,14 +107,17 @@ class JogTab:
         if name not in (*self._visitor.desk.robot.joint_names, *COORDINATE_UNITS):
             return
         try:
-            self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign))
+            self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign), SHOWN.get())
         except RefusedError as error:
-            told = f"{press} {error}"
-            if told != self._refused:
-                self._refused = told
-                self._visitor.tell(str(error))
+            self._tell_once(press, str(error))
+
+    def _tell_once(self, press: int, why: str | None) -> None:
+        """Say why a press has ended, unless that was said of it already."""
+        if why is not None and self._refused != f"{press} {why}":
+            self._refused = f"{press} {why}"
+            self._visitor.tell(why)
 
     def _release(self, event: events.GenericEventArguments) -> None:
         match event.args:
             case {"press": int(press)}:
-                self._visitor.desk.release(self._visitor.tab, press)
+                self._tell_once(press, self._visitor.desk.release(self._visitor.tab, press))

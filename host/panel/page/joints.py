@@ -1,26 +1,96 @@
 """The table of the joints, the tool's pose, and the buttons for the machine as a whole."""
 
+from functools import partial
+
 from nicegui import ui
 
-from steptwin.host.panel.desk import Disable, Enable, HomeAll, HomeJoint, JointView, Snapshot
-from steptwin.host.panel.page.elements import Chip, Tone, act, card, cell, heading, line, live, plain, table
+from steptwin.host.client.words import state_words
+from steptwin.host.panel.desk import Disable, Enable, HomeAll, HomeJoint, JointView, Snapshot, SwitchOutput
+from steptwin.host.panel.page.elements import (
+    Chip,
+    Tone,
+    act,
+    card,
+    cell,
+    heading,
+    line,
+    live,
+    moving,
+    note,
+    plain,
+    table,
+)
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.protocol.cia402 import State
+
+
+class OutputsTab:
+    """A row for each output and each input of the robot's file."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        robot = visitor.desk.robot
+        heading("Outputs")
+        self._outputs: dict[str, Chip] = {}
+        self._inputs: dict[str, Chip] = {}
+        if robot.outputs:
+            with table([("output", ""), ("is", ""), ("", "")]):
+                for name in robot.outputs:
+                    self._outputs[name] = _output_row(visitor, name)
+        else:
+            note(f"{robot.name} has no outputs.")
+        heading("Inputs")
+        if robot.inputs:
+            with table([("input", ""), ("is", "")]):
+                for name in robot.inputs:
+                    with ui.element("tr"):
+                        with cell():
+                            ui.label(name)
+                        with cell():
+                            self._inputs[name] = Chip("off")
+        else:
+            note(f"{robot.name} has no inputs.")
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show what is on."""
+        for chips, levels in ((self._outputs, snapshot.outputs), (self._inputs, snapshot.inputs)):
+            for name, chip in chips.items():
+                on = levels.get(name)
+                chip.show("unknown" if on is None else "on" if on else "off", "good" if on else "")
+
+
+def _output_row(visitor: Visitor, name: str) -> Chip:
+    with ui.element("tr"):
+        with cell():
+            ui.label(name)
+        with cell():
+            chip = Chip("unknown")
+        with cell(), line("tight"):
+            for text, on in (("on", True), ("off", False)):
+                button = moving(plain(text, partial(_switch, visitor, name, on=on)))
+                button.props["aria-label"] = f"switch {name} {text}"
+    return chip
+
+
+def _switch(visitor: Visitor, name: str, *, on: bool) -> None:
+    visitor.ask(SwitchOutput(output=name, on=on))
+
 
 _POSE = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("phi", "deg"))
+_ON, _OFF = state_words(State.OPERATION_ENABLED), state_words(State.SWITCH_ON_DISABLED)
 
 
 class Joints:
     """The table of the joints with the tool's pose under it."""
 
     def __init__(self, visitor: Visitor) -> None:
-        self._rows: dict[str, _Row] = {}
+        self._rows: dict[str, _JointRow] = {}
         with card(classes="place-joints"):
             with line("between"):
                 heading("Joints")
                 with line("tight"):
-                    act("Switch on", lambda: visitor.ask(Enable()), "power_settings_new")
-                    plain("Switch off", lambda: visitor.ask(Disable()))
-                    plain("Home all", lambda: visitor.ask(HomeAll()), "home")
+                    self._on = moving(act("Switch on", lambda: visitor.ask(Enable()), "power_settings_new"))
+                    self._off = moving(plain("Switch off", lambda: visitor.ask(Disable())))
+                    moving(plain("Home all", lambda: visitor.ask(HomeAll()), "home"))
             with ui.element("div").classes("scroll-x"):
                 headings = [
                     ("joint", ""),
@@ -33,7 +103,7 @@ class Joints:
                 ]
                 with table(headings):
                     for i, joint in enumerate(visitor.desk.robot.joints):
-                        self._rows[joint.name] = _Row(visitor, i, joint.name, str(joint.unit))
+                        self._rows[joint.name] = _JointRow(visitor, i, joint.name, str(joint.unit))
             with ui.element("div").classes("pose"):
                 for i, (name, unit) in enumerate(_POSE):
                     with ui.element("div"):
@@ -44,9 +114,13 @@ class Joints:
         """Show states, homing and faults."""
         for joint in snapshot.joints:
             self._rows[joint.name].refresh(joint)
+        states = {joint.state for joint in snapshot.joints}
+        held = snapshot.emergency_stopped or any(joint.error for joint in snapshot.joints)
+        self._on.set_enabled(states != {_ON} and not held)
+        self._off.set_enabled(states != {_OFF})
 
 
-class _Row:
+class _JointRow:
     def __init__(self, visitor: Visitor, i: int, name: str, unit: str) -> None:
         with ui.element("tr"):
             with cell():
@@ -63,7 +137,7 @@ class _Row:
                 self._state = Chip()
             with cell(), line("tight nowrap"):
                 self._homed = Chip()
-                self._home = plain("Home", lambda: visitor.ask(HomeJoint(joint=name))).classes("small-button")
+                self._home = moving(plain("Home", lambda: visitor.ask(HomeJoint(joint=name))).classes("small-button"))
                 self._home.props["aria-label"] = f"home {name}"
 
     def refresh(self, joint: JointView) -> None:

@@ -1,6 +1,7 @@
 """The motions that the Run tab offers, planned and checked as on the command line: jobs, trajectory files, programs."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,18 +11,71 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.page.option_titles import naming_titles
 from steptwin.host.planning.jobs import job_fields, make_job
+from steptwin.host.planning.jobs.options import OptionField
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.planning.trajectory_file import SUFFIXES, read_file_motion
+from steptwin.host.planning.trajectory_file import SUFFIXES, doubt, read_file_motion
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
+TITLES: Final[dict[str, str]] = {
+    "approach_mm": "length of the approach",
+    "depth_mm": "depth of the grip",
+    "elbow": "elbow's side",
+    "from": "first point",
+    "law": "law of time",
+    "mm_per_rad": "growth of the radius",
+    "pause_s": "pause at each point",
+    "point_s": "time per point",
+    "psi_deg": "tool's angle psi",
+    "pull_s": "time of a pull",
+    "ramp_s": "time to speed up",
+    "repetitions": "cycles in one run",
+    "rise_mm": "rise per turn",
+    "sensors": "shelf's sensors",
+    "to": "second point",
+    "travel_mm": "length of the pull",
+    "x_mm": "centre x",
+    "y_mm": "centre y",
+    "z_law": "law of the rise",
+    "z_mm": "height of the start",
+}
+"""Title of each option by its name."""
+
+
+def option_title(field: OptionField) -> str:
+    """Return the title of an option; without one of its own it is its name without the unit."""
+    if field.name in TITLES:
+        return TITLES[field.name]
+    unit = "" if field.allowed is None else field.allowed.unit
+    return field.name.replace("_", " ").removesuffix(f" {unit}")
+
+
+@contextmanager
+def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
+    """Let errors of the block name options by the titles that the form shows."""
+    titles = {field.name: option_title(field) for field in fields if "_" in field.name}
+    try:
+        yield
+    except InputError as error:
+        names = re.compile(rf"\b({'|'.join(titles)})\b")
+        plain = names.sub(lambda found: f'"{titles[found[1]]}"', error.plain) if titles else error.plain
+        raise InputError(*error.messages).plainly(plain) from error
+
+
 ENDINGS: Final = (*SUFFIXES, SUFFIX)
 """Endings of the files that can be run."""
+USUAL_UNITS: Final = "deg,mm"
+UNITS: Final = {
+    USUAL_UNITS: "degrees, mm",
+    "rad": "radians, mm",
+    "m": "degrees, m",
+    "rad,m": "radians, m",
+}
+"""Titles of the units that a trajectory file may have."""
 _PATH_POINTS: Final = 600
 """Points of a planned path that is shown: as fine as a screen."""
 
@@ -32,16 +86,32 @@ def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float
         return _planned(robot, make_job(robot, name, options), stretch)
 
 
-def plan_upload(robot: Robot, name: str, content: bytes, stretch: float | None) -> Plan:
-    """Plan the motion in an uploaded file; raise InputError, with the file's own name, if something is wrong in it."""
+def plan_upload(
+    robot: Robot, name: str, content: bytes, stretch: float | None, units: str = USUAL_UNITS
+) -> tuple[Plan, str | None]:
+    """Plan the motion in an uploaded file; return what is to be asked about its units, too, if it hardly moves.
+
+    Raises:
+        InputError: something is wrong in the file, which has its own name in the message.
+    """
     with _as_file(name, content) as path:
         if path.endswith(SUFFIX):
             program = compile_program(read_program(path), robot)
             with program.explained(stretch or 1.0):
-                return _planned(robot, program.trajectory, stretch)
-        motion = read_file_motion(path, robot)
+                return _planned(robot, program.trajectory, stretch), None
+        motion = read_file_motion(path, robot, units=units)
         with motion.explained(stretch or 1.0):
-            return _planned(robot, motion.trajectory, stretch)
+            planned = _planned(robot, motion.trajectory, stretch)
+        if units != USUAL_UNITS:
+            return planned, None
+        return planned, _in_titles(doubt(motion, planned, lambda other: read_file_motion(path, robot, units=other)))
+
+
+def _in_titles(doubted: str | None) -> str | None:
+    """Return a question about units that names others as the Run tab does."""
+    for units, title in reversed(UNITS.items()):
+        doubted = doubted and doubted.replace(f"units={units} fits", f"“{title}” fits")
+    return doubted
 
 
 def path_mm(plan: Plan) -> FloatArray:

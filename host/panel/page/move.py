@@ -2,23 +2,130 @@
 
 from collections.abc import Callable, Mapping
 from math import isnan, nan
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from nicegui import ui
 
+from steptwin.host.common.errors import InputError
 from steptwin.host.panel.desk import STANDS_THERE, DeclareHere, MoveJoints, MoveTool, Snapshot
-from steptwin.host.panel.page.elements import act, choice, heading, line, note, number_field, plain
-from steptwin.host.panel.page.saved import SavedPositions
+from steptwin.host.panel.page.elements import (
+    act,
+    cell,
+    choice,
+    heading,
+    line,
+    moving,
+    note,
+    number_field,
+    plain,
+    table,
+    wrong_field,
+)
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
-from steptwin.host.planning.programs.positions import ToolPosition
-from steptwin.host.planning.tool_step import COORDINATE_UNITS
+from steptwin.host.planning.programs.positions import (
+    JointPosition,
+    Position,
+    ToolPosition,
+    delete_position,
+    read_positions,
+    save_position,
+)
+from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS
 from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 
+
+class SavedPositions:
+    """A row for each position in the file."""
+
+    def __init__(self, visitor: Visitor, scene: ArmScene, path: str, percent: Callable[[], float | None]) -> None:
+        self._visitor, self._scene, self._path, self._percent = visitor, scene, path, percent
+        with ui.element("div").classes("stack") as self.root:
+            with line():
+                self._name = ui.input("name").props("outlined dense").classes("w-field")
+                plain("Save present position", self._save, "bookmark_add")
+            self._list = ui.element("div")
+            note(f"The positions are in the file {path}, which commands and programs use, too.")
+        self.show()
+
+    def show(self) -> None:
+        """Read the file and show it."""
+        self._list.clear()
+        positions: Mapping[str, Position] = {}
+        with self._visitor.explained():
+            if Path(self._path).exists():
+                positions = read_positions(self._path, self._visitor.desk.robot)
+        with self._list:
+            if not positions:
+                note("No position is saved yet.")
+                return
+            with table([("name", ""), ("position", ""), ("", "")]):
+                for name, position in positions.items():
+                    self._row(name, position)
+
+    def _row(self, name: str, position: Position) -> None:
+        with ui.element("tr"):
+            with cell():
+                ui.label(name).classes("joint-name")
+            with cell("muted small"):
+                ui.label(position_words(position))
+            with cell(), line("tight nowrap"):
+                go = moving(plain("Go", lambda: self._go(position)))
+                go.props["aria-label"] = f"go to {name}"
+                go.on("mouseenter", lambda: self._show_ghost(position))
+                go.on("mouseleave", lambda: self._scene.clear_shape("ghost"))
+                plain("Delete", lambda: self._delete(name)).props["aria-label"] = f"delete {name}"
+
+    def _show_ghost(self, position: Position) -> None:
+        joints = self._visitor.desk.snapshot.joints
+        if isinstance(position, JointPosition) and joints:
+            goal = [position.joints.get(joint.name, joint.position) for joint in joints]
+            self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, goal))
+
+    def _go(self, position: Position) -> None:
+        percent = self._percent()
+        if percent is None:
+            return
+        if isinstance(position, JointPosition):
+            self._visitor.ask(MoveJoints(joints=position.joints, speed_percent=percent))
+        else:
+            self._visitor.ask(MoveTool(position=position, speed_percent=percent))
+
+    def _save(self) -> None:
+        name = str(self._name.value or "").strip()
+        snapshot = self._visitor.desk.snapshot
+        with self._visitor.explained() as failed:
+            if not snapshot.connected:
+                raise InputError("nothing to save: the machine is not connected")
+            if not snapshot.homed:
+                raise InputError("nothing to save: not every joint is homed")
+            if Path(self._path).exists() and name in read_positions(self._path, self._visitor.desk.robot):
+                raise InputError(f"{name} is saved already: delete it first")
+            joints = [joint.position for joint in snapshot.joints]
+            save_position(self._path, self._visitor.desk.robot, name, joints, "", replace=False)
+        if not failed:
+            self._name.set_value("")
+            self._visitor.tell(f"{name} is saved", "good")
+        self.show()
+
+    def _delete(self, name: str) -> None:
+        self._visitor.attempt(lambda: delete_position(self._path, self._visitor.desk.robot, name))
+        self.show()
+
+
+def position_words(position: Position) -> str:
+    """Return a position in one line."""
+    values = position.joints if isinstance(position, JointPosition) else position.coordinates
+    words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
+    if isinstance(position, JointPosition):
+        return words
+    return f"tool: {words}" + (f" ({position.branch})" if position.branch else "")
+
+
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
-_NO_GOAL: Final = "a field has no number, or one outside its range"
 _UNKNOWN: Final = "where the joints are is unknown: home the machine first"
 _DECLARE: Final = "For joints without a switch: nothing moves, the machine takes these for its positions."
 _FAR_MM: Final = 1e5
@@ -41,12 +148,19 @@ class MoveTab:
         self._choose("joints")
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Fill the fields when the machine's position is known for the first time."""
+        """Fill the fields when the position is known for the first time; let the machine move while it does nothing."""
         self._joints.fill_once(snapshot)
         self._tool.fill_once(snapshot)
+        for form in (self._joints, self._tool):
+            form.button.set_enabled(snapshot.activity is None)
 
-    def _percent(self) -> float:
-        return float(self.speed.value or 0.0)
+    def _percent(self) -> float | None:
+        """Return the speed; None, with a message, unless its field has one."""
+        wrong = wrong_field([self.speed])
+        if wrong is not None:
+            self._visitor.tell(wrong)
+            return None
+        return float(self.speed.value)
 
     def _choose(self, name: str) -> None:
         for kind, form in self._forms.items():
@@ -57,7 +171,7 @@ class MoveTab:
 class JointsForm:
     """A field for each joint."""
 
-    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float]) -> None:
+    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float | None]) -> None:
         self._visitor, self._scene, self._percent = visitor, scene, percent
         self._filled = self._known = False
         robot = visitor.desk.robot
@@ -70,9 +184,9 @@ class JointsForm:
                     for joint in robot.joints
                 }
             with line():
-                act("Move", self._move, "arrow_forward")
-                plain(STANDS_THERE, self._declare, "push_pin").tooltip(_DECLARE)
-                plain("Where it stands", self.fill)
+                self.button = moving(act("Move", self._move, "arrow_forward"))
+                moving(plain(STANDS_THERE, self._declare, "push_pin")).tooltip(_DECLARE)
+                plain("Fill in present position", self.fill)
                 plain("Home position", lambda: self._set(dict(zip(robot.joint_names, robot.home, strict=True))))
 
     def fill_once(self, snapshot: Snapshot) -> None:
@@ -95,9 +209,13 @@ class JointsForm:
 
     def _goal(self) -> dict[str, float] | None:
         """Return the positions in the fields; None while one of them is missing or wrong."""
-        if not all(field.validate() for field in self._fields.values()):
+        if wrong_field(self._fields.values()) is not None:
             return None
         return {name: float(field.value) for name, field in self._fields.items()}
+
+    def _why_no_goal(self) -> str:
+        wrong = wrong_field(self._fields.values())
+        return wrong if wrong is not None and self._visitor.desk.snapshot.homed else _UNKNOWN
 
     def _show_ghost(self) -> None:
         goal = self._goal()
@@ -109,22 +227,23 @@ class JointsForm:
     def _declare(self) -> None:
         goal = self._goal()
         if goal is None:
-            self._visitor.tell(_NO_GOAL)
+            self._visitor.tell(wrong_field(self._fields.values()) or "")
         else:
             self._visitor.ask(DeclareHere(joints=tuple(goal.values())))
 
     def _move(self) -> None:
         goal = self._goal()
+        percent = self._percent()
         if goal is None:
-            self._visitor.tell(_NO_GOAL if self._visitor.desk.snapshot.homed else _UNKNOWN)
-        elif self._visitor.ask(MoveJoints(joints=goal, speed_percent=self._percent())):
+            self._visitor.tell(self._why_no_goal())
+        elif percent is not None and self._visitor.ask(MoveJoints(joints=goal, speed_percent=percent)):
             self._scene.clear_shape("ghost")
 
 
 class ToolForm:
     """Fields for the tool's pose, and every branch of the arm that reaches it, or why it does not."""
 
-    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float]) -> None:
+    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float | None]) -> None:
         self._visitor, self._scene, self._percent = visitor, scene, percent
         self._kinematics = make_kinematics(visitor.desk.robot)
         self._filled = False
@@ -142,8 +261,8 @@ class ToolForm:
             heading("Ways to get there")
             self._branches = ui.element("div").classes("stack tight").props('role=radiogroup aria-label="branches"')
             with line():
-                act("Move", self._move, "arrow_forward")
-                plain("Where it stands", self.fill)
+                self.button = moving(act("Move", self._move, "arrow_forward"))
+                plain("Fill in present position", self.fill)
 
     def fill_once(self, snapshot: Snapshot) -> None:
         """Show where the tool is when it is known and the machine does nothing, the first time."""
@@ -212,9 +331,9 @@ class ToolForm:
 
     def _move(self) -> None:
         if self._branch is None:
-            self._visitor.tell("no way to get there: change the pose")
+            self._visitor.tell(wrong_field(self._fields.values()) or "no way to get there: change the pose")
             return
         coordinates = {name: float(field.value) for name, field in self._fields.items() if field.value is not None}
-        position = ToolPosition(coordinates, self._branch)
-        if self._visitor.ask(MoveTool(position=position, speed_percent=self._percent())):
+        position, percent = ToolPosition(coordinates, self._branch), self._percent()
+        if percent is not None and self._visitor.ask(MoveTool(position=position, speed_percent=percent)):
             self._scene.clear_shape("ghost")

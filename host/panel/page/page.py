@@ -1,55 +1,63 @@
 """The page of one browser: its views and where they stand."""
 
-from typing import Final
+import asyncio
+from typing import Final, TypeVar
 
 from nicegui import ui
 
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.panel.desk import Snapshot
-from steptwin.host.panel.page.banner import Banner
-from steptwin.host.panel.page.event_log import EventLogView
+from steptwin.host.panel.page.banner import Banner, EventLogView
+from steptwin.host.panel.page.elements import View
 from steptwin.host.panel.page.hardware import HardwareTab
-from steptwin.host.panel.page.header import Header
+from steptwin.host.panel.page.header import PageHead
 from steptwin.host.panel.page.jog import JogTab
-from steptwin.host.panel.page.joints import Joints
+from steptwin.host.panel.page.joints import Joints, OutputsTab
 from steptwin.host.panel.page.move import MoveTab
-from steptwin.host.panel.page.outputs import OutputsTab
 from steptwin.host.panel.page.plots_card import PlotsCard
 from steptwin.host.panel.page.result import ResultTab
 from steptwin.host.panel.page.run import RunTab
-from steptwin.host.panel.page.scene_card import scene_card
+from steptwin.host.panel.page.scene_card import SceneCard
 from steptwin.host.panel.page.settings import SettingsTab
-from steptwin.host.panel.page.theme import apply_theme
-from steptwin.host.panel.page.view import View
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import Visitor, apply_theme
 
+V = TypeVar("V", bound=View)
 _HARDWARE: Final = "Hardware"
 
 
 class Page:
     """The views of one browser."""
 
-    def __init__(self, visitor: Visitor, positions_file: str, control: ControlClient | None) -> None:
+    def __init__(self, visitor: Visitor) -> None:
+        """Make an empty page, which `build` fills."""
         self.visitor = visitor
+        self.views: list[View] = []
+
+    async def build(self, positions_file: str, control: ControlClient | None) -> None:
+        """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
+        visitor = self.visitor
         apply_theme()
-        header = Header(visitor)
-        ui.on("emergency_stop", lambda _: header.emergency_stop())
+        header = await self._add(PageHead(visitor))
         self._root = ui.element("div")
-        self.views: list[View] = [header]
         with header.root:
-            self.views.append(Banner(visitor))
+            await self._add(Banner(visitor))
         with self._root, ui.element("div").classes("panel-body"):
             with ui.element("div").classes("panel-left"):
-                self._scene = scene_card(visitor.desk.robot)
-                self._plots = PlotsCard(visitor)
+                self._scene = await self._add(SceneCard(visitor.desk.robot, visitor.desk.drawing))
+                self._plots = await self._add(PlotsCard(visitor))
             with ui.element("div").classes("panel-right"):
-                self.views.append(Joints(visitor))
-                self._make_tabs(positions_file, control)
-            self.views.append(EventLogView(visitor))
+                await self._add(Joints(visitor))
+                await self._make_tabs(positions_file, control)
+            await self._add(EventLogView(visitor))
 
-    def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
+    async def _add(self, view: V) -> V:
+        self.views.append(view)
+        await asyncio.sleep(0)
+        return view
+
+    async def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the tabs; all of them are built at once, so that a change shows wherever the operator looks."""
-        visitor, scene = self.visitor, self._scene
+        visitor, scene = self.visitor, self._scene.scene
         with ui.element("section").classes("panel-card flush place-tabs"):
             names = ["Jog", "Move", "Run", "Outputs", "Settings", "Result"]
             with ui.tabs().props("dense no-caps align=left outside-arrows mobile-arrows") as tabs:
@@ -57,25 +65,30 @@ class Page:
                 hardware = ui.tab(_HARDWARE) if control is not None else None
             with ui.tab_panels(tabs, value=jog, animated=False).props("keep-alive"):
                 with ui.tab_panel(jog).classes("stack"):
-                    self.views.append(JogTab(visitor))
+                    await self._add(JogTab(visitor))
                 with ui.tab_panel(move).classes("stack"):
-                    self.views.append(MoveTab(visitor, scene, positions_file))
+                    await self._add(MoveTab(visitor, scene, positions_file))
                 with ui.tab_panel(run).classes("stack"):
-                    self.views.append(RunTab(visitor, scene))
+                    self.run = await self._add(RunTab(visitor, scene))
                 with ui.tab_panel(outputs).classes("stack"):
-                    self.views.append(OutputsTab(visitor))
+                    await self._add(OutputsTab(visitor))
                 with ui.tab_panel(settings).classes("stack"):
-                    self.views.append(SettingsTab(visitor))
+                    await self._add(SettingsTab(visitor))
                 with ui.tab_panel(result).classes("stack"):
-                    self.views.append(ResultTab(visitor))
+                    await self._add(ResultTab(visitor))
                 if control is not None and hardware is not None:
                     with ui.tab_panel(hardware).classes("stack"):
-                        view = HardwareTab(visitor, control)
+                        view = await self._add(HardwareTab(visitor, control))
                     tabs.on_value_change(lambda event: view.open(event.value == _HARDWARE))
-                    self.views.append(view)
 
-    def arrive(self) -> None:
-        """Show a browser that has connected the past seconds; operate the machine if nobody does."""
+    def arrive(self, before: "Page | None") -> None:
+        """Show a browser that has connected the past; operate the machine if nobody does.
+
+        `before` is the page that the same tab has just shown; None without one.
+        """
+        if before is not None:
+            self.run.go_on(before.run.shown())
+        self._scene.arrive()
         self._plots.fill()
         operators = self.visitor.desk.operators
         if operators.holder is None:

@@ -1,18 +1,53 @@
 """The plots of the joints over time, with freeze and export."""
 
+import asyncio
 import csv
 import time
+from collections.abc import Sequence
 from io import StringIO
 from math import isnan
-from typing import Final
+from pathlib import Path
+from typing import Any, Final, Literal
 
+import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.host.panel.desk import Samples, Snapshot
+from steptwin.host.panel.desk import HistorySamples, Snapshot
 from steptwin.host.panel.page.elements import card, choice, icon_button, line, live, plain
-from steptwin.host.panel.page.plot import WINDOW_S, LivePlot, Quantity
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.robots.joint import Joint
+
+WINDOW_S: Final = 20.0
+"""Time that a plot shows."""
+
+Quantity = Literal["position", "rate", "error"]
+
+
+class LivePlot(
+    ui.element,
+    component="static/live_plot.js",
+    esm={"nicegui-echart": str(Path(nicegui.__file__).parent / "elements" / "echart" / "dist")},
+):
+    """A plot of every joint; joints in mm and in degrees have an axis each."""
+
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        super().__init__()
+        names = [{"name": joint.name, "unit": str(joint.unit)} for joint in joints]
+        self.props.update(label="plot of the joints over time", joints=names, seconds=WINDOW_S)
+
+    def fill(self, rows: list[list[Any]]) -> None:
+        """Add rows of the past, each (t_s, positions, rates, following errors)."""
+        self.run_method("fill", rows)
+
+    def show(self, quantity: Quantity) -> None:
+        """Choose what is plotted."""
+        self.run_method("show", quantity)
+
+    def freeze(self, on: bool) -> None:
+        """Let the picture stand, or run again."""
+        self.run_method("freeze", on)
+
 
 _QUANTITIES: Final = {"position": "position", "rate": "rate", "error": "following error"}
 
@@ -53,13 +88,14 @@ class PlotsCard:
         self._freeze.props(f"icon={'play_arrow' if self._frozen else 'pause'}")
         self._plot.freeze(self._frozen)
 
-    def _export(self) -> None:
-        robot = self._visitor.desk.robot
-        text = csv_of(self._visitor.desk.history.since(), [(joint.name, str(joint.unit)) for joint in robot.joints])
+    async def _export(self) -> None:
+        robot, history = self._visitor.desk.robot, self._visitor.desk.history
+        joints = [(joint.name, str(joint.unit)) for joint in robot.joints]
+        text = await asyncio.to_thread(lambda: csv_of(history.since(), joints))  # others' beats would have to wait
         ui.download.content(text.encode(), f"{robot.name}-history.csv", "text/csv")
 
 
-def rows_of(samples: Samples) -> list[list[object]]:
+def rows_of(samples: HistorySamples) -> list[list[object]]:
     """Return samples as the plot takes them; what the board did not report is null."""
     columns = (samples.positions, samples.rates, samples.following_errors)
     known = [
@@ -68,7 +104,7 @@ def rows_of(samples: Samples) -> list[list[object]]:
     return [list(row) for row in zip(samples.t_s.round(3).tolist(), *known, strict=True)]
 
 
-def csv_of(samples: Samples, joints: list[tuple[str, str]]) -> str:
+def csv_of(samples: HistorySamples, joints: list[tuple[str, str]]) -> str:
     """Return samples as CSV, the first at t = 0; what the board did not report is empty."""
     file = StringIO()
     writer = csv.writer(file, lineterminator="\n")

@@ -6,10 +6,12 @@ from typing import Any, Final
 import numpy as np
 from nicegui import ui
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
 from steptwin.host.panel.desk import Result, Snapshot
 from steptwin.host.panel.page.elements import Chip, cell, heading, line, note, plain, table
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.robots.robot import Robot
 
 _COLOURS: Final = ("#2f7de1", "#d9652b", "#2f9e63", "#a45fd6", "#b98a17", "#1797a8", "#d6478a", "#7b8794")
 _MUTED: Final = "#7d8894"
@@ -17,6 +19,8 @@ _LINE: Final = "#7d889440"
 """Colours that can be read on light and on dark."""
 _POINTS: Final = 800
 """Points of a curve: as fine as a screen."""
+_Curves = list[list[list[float]]]
+"""The points of each joint's or axis' curve, (s, value)."""
 
 
 class ResultTab:
@@ -72,8 +76,8 @@ class ResultTab:
                 note(result.why, "bad")
             if result.outcome is not None:
                 _ends_table(result.outcome)
-                if result.started_s is not None and result.samples.t_s.size > 1:
-                    _pictures(result, result.outcome, result.started_s)
+                if result.placed:
+                    _pictures(result, result.outcome)
 
 
 def verdict_words(result: Result) -> str:
@@ -104,30 +108,38 @@ def _ends_table(outcome: LiveOutcome) -> None:
                     ui.label(f"{axis.error_steps:.4f}")
 
 
-def _pictures(result: Result, outcome: LiveOutcome, started_s: float) -> None:
+def _pictures(result: Result, outcome: LiveOutcome) -> None:
     """Show what was planned, with what was reported over it, and their difference."""
-    trajectory = outcome.plan.trajectory
-    t_s = result.samples.t_s - started_s
-    inside = (t_s >= 0) & (t_s <= trajectory.duration_s)
-    if not inside.any():
-        return
-    every = -(-int(inside.sum()) // _POINTS)
-    t_s, reported = t_s[inside][::every], result.samples.positions[inside][::every]
-    planned = trajectory.positions(t_s)
-    names = list(outcome.plan.robot.joint_names)
-    _chart("positions: planned (line) and reported (dots), mm and deg", t_s, names, planned, reported)
-    _chart("reported minus planned, mm and deg", t_s, names, reported - planned, None)
+    trajectory, robot = outcome.plan.trajectory, outcome.plan.robot
+    t_s = np.linspace(0.0, trajectory.duration_s, _POINTS)
+    planned = [_points(t_s, joint) for joint in trajectory.positions(t_s).T]
+    names = list(robot.joint_names)
+    _chart("positions: planned (line) and reported (dots), mm and deg", names, planned, _joint_points(result, robot))
+    errors = [_points(axis.t_s, axis.error_steps) for axis in result.placed]
+    _chart("reported minus planned, steps", names, errors, None)
+    note("Over the motion's own time: while the machine is paused it stands. Each report's time is known to 20 ms.")
 
 
-def _chart(title: str, t_s: Any, names: list[str], lines: Any, dots: Any) -> None:
-    def points(values: Any) -> list[list[float]]:
-        return np.column_stack([t_s, values]).round(4).tolist()  # type: ignore[no-any-return]
+def _joint_points(result: Result, robot: Robot) -> list[list[list[float]]]:
+    """Return the joints' positions as they were reported; coupled joints need those of all axes at the same time."""
+    points = []
+    for i, own in enumerate(result.placed):
+        units = np.column_stack([np.interp(own.t_s, axis.t_s, axis.units) for axis in result.placed])
+        units[:, i] = own.units
+        points.append(_points(own.t_s, robot.to_positions(units)[:, i]))
+    return points
 
+
+def _points(t_s: FloatArray, values: FloatArray) -> list[list[float]]:
+    return np.column_stack([t_s, values]).round(4).tolist()  # type: ignore[no-any-return]
+
+
+def _chart(title: str, names: list[str], lines: _Curves, dots: _Curves | None) -> None:
     series: list[dict[str, Any]] = []
     for i, name in enumerate(names):
-        series.append({"type": "line", "name": name, "showSymbol": False, "data": points(lines[:, i])})
+        series.append({"type": "line", "name": name, "showSymbol": False, "data": lines[i]})
         if dots is not None:
-            dot = {"type": "scatter", "name": name, "symbolSize": 4, "data": points(dots[:, i])}
+            dot = {"type": "scatter", "name": name, "symbolSize": 4, "data": dots[i]}
             series.append(dot)
     ui.label(title).classes("muted small")
     muted = {"color": _MUTED}

@@ -1,17 +1,30 @@
 """The Run tab: choose a job or upload a file, see what it does, then let the machine do it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 from nicegui import events, ui
+from nicegui.elements.mixins.value_element import ValueElement
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.desk import AS_SLOW_AS_NEEDED, MOVE_TO_START, RunMotion, Snapshot
-from steptwin.host.panel.page.elements import act, choice, line, note, number_field, plain, stack
+from steptwin.host.panel.page.elements import (
+    act,
+    choice,
+    icon_button,
+    line,
+    moving,
+    note,
+    number_field,
+    plain,
+    stack,
+    wrong_field,
+)
 from steptwin.host.panel.page.guard import BODY_BYTES_MAX
-from steptwin.host.panel.page.motions import ENDINGS, path_mm, plan_job, plan_upload
-from steptwin.host.panel.page.option_titles import option_title
+from steptwin.host.panel.page.motions import ENDINGS, UNITS, USUAL_UNITS, option_title, path_mm, plan_job
+from steptwin.host.panel.page.planning_apart import Planned, plan_apart
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
@@ -19,9 +32,87 @@ from steptwin.host.planning.jobs.options import OptionField
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
 
+
+class Upload:
+    """A field onto which a file is dropped, with the name of the one that is there.
+
+    Attributes:
+        file: name and content; None without one.
+    """
+
+    def __init__(self, changed: Callable[[], Awaitable[None]], refused: Callable[[str], None]) -> None:
+        """Make it; `changed` is called when another file, or none, is there, `refused` with the reason for none."""
+        self.file: tuple[str, bytes] | None = None
+        self._changed, self._refused = changed, refused
+        with stack("tight") as self.root:
+            self._field = ui.upload(
+                label=f"choose or drop a file: {', '.join(ENDINGS)}",
+                auto_upload=True,
+                max_file_size=BODY_BYTES_MAX,
+                on_upload=self._take,
+                on_rejected=self._reject,
+            )
+            self._field.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
+            with line() as self._row:
+                self._name = ui.label().classes("joint-name")
+                icon_button("close", "take the file away", self._take_away)
+        self.show(None)
+
+    def show(self, file: tuple[str, bytes] | None) -> None:
+        """Have another file, or none; nobody is told."""
+        self.file = file
+        self._row.set_visibility(file is not None)
+        if file is not None:
+            self._name.set_text(f"Chosen: {file[0]}, {_size_words(len(file[1]))}")
+
+    async def _take(self, event: events.UploadEventArguments) -> None:
+        self._field.reset()  # its own list would grow, with a tick at each file
+        self.show((event.file.name, await event.file.read()))
+        await self._changed()
+
+    async def _take_away(self) -> None:
+        self.show(None)
+        await self._changed()
+
+    def _reject(self) -> None:
+        self._field.reset()
+        self._refused(
+            f"refused: the file ends in none of {', '.join(ENDINGS)}, or has more than {_size_words(BODY_BYTES_MAX)}"
+        )
+
+
+def _size_words(size_bytes: int) -> str:
+    """Return a size in the unit that fits."""
+    if size_bytes < 1000:
+        return f"{size_bytes} bytes"
+    return f"{size_bytes / 1e3:.3g} kB" if size_bytes < 1_000_000 else f"{size_bytes / 1e6:.3g} MB"
+
+
 _FILE: Final = "a file of yours"
 _PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": AS_SLOW_AS_NEEDED}
 _REPETITIONS_MAX: Final = 1000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What a Run tab shows.
+
+    Attributes:
+        fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
+        options: values of the job's options.
+        file: the file of the user's.
+        name, plan, path_mm, doubted: the preview, and what is to be asked about its file's units; None without one.
+        ran: True if the plan was run.
+    """
+
+    fields: tuple[Any, ...]
+    options: Mapping[str, Any]
+    file: tuple[str, bytes] | None
+    name: str
+    plan: Plan | None
+    path_mm: FloatArray | None
+    doubted: str | None
+    ran: bool
 
 
 class RunTab:
@@ -30,67 +121,93 @@ class RunTab:
     def __init__(self, visitor: Visitor, scene: ArmScene) -> None:
         self._visitor, self._scene = visitor, scene
         self._plan: Plan | None = None
+        self._path_mm: FloatArray | None = None
+        self._doubted: str | None = None
         self._name = ""
-        self._upload: tuple[str, bytes] | None = None
+        self._planning: asyncio.Task[Planned] | None = None
+        self._ran = False
+        """Whether the plan was run: then its path stays until the next preview."""
+        visitor.page.on_delete(self._end_planning)
         jobs = job_names(visitor.desk.robot)
         self._form: OptionForm | None = None
-        with line("between top"):
+        with line("top"):
             titles = {name: name for name in jobs} | {_FILE: _FILE}
             self._choice = ui.select(titles, value=jobs[0] if jobs else _FILE, label="motion").props("outlined dense")
-            self._choice.classes("w-field").on_value_change(self._choose)
-            with line("tight"):
-                ui.label("Speed").classes("muted")
-                self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
+            self._choice.classes("w-motion").on_value_change(self._choose)
+            self._preview = plain("Preview", self._look, "visibility")
+            self._start = moving(act("Run", self._run, "play_arrow"))
+        self._figures = ui.element("div").classes("stack tight")
+        with line("tight"):
+            ui.label("Speed").classes("muted")
+            self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
         self._summary = ui.label().classes("muted")
         self._options = stack()
+        self._upload = Upload(self._other_file, visitor.tell)
+        with line("tight") as self._of_a_file:
+            ui.label("Its units").classes("muted")
+            self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
         with line():
             self._repeat = number_field("repetitions", 1, 1, _REPETITIONS_MAX, "", whole=True).classes("w-narrow")
             self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
-        with line():
-            self._preview = plain("Preview", self._look, "visibility")
-            self._start = act("Run", self._run, "play_arrow")
-        self._figures = ui.element("div").classes("stack tight")
         self._choose()
 
-    def refresh(self, _snapshot: Snapshot) -> None:
-        """Nothing here follows the machine; the head shows the progress."""
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Let a motion be run while the machine does nothing; the head shows the progress."""
+        self._start.set_enabled(self._plan is not None and snapshot.activity is None)
+
+    def shown(self) -> "Shown":
+        """Return what the tab shows now, for the same tab when it is loaded again."""
+        fields = tuple(each.value for each in self._fields())
+        options = self._form.values() if self._form else {}
+        return Shown(
+            fields, options, self._upload.file, self._name, self._plan, self._path_mm, self._doubted, self._ran
+        )
+
+    def go_on(self, shown: "Shown") -> None:
+        """Show what the tab has shown before it was loaded again."""
+        self._upload.show(shown.file)
+        for field, value in zip(self._fields(), shown.fields, strict=True):
+            field.set_value(value)
+        if self._form:
+            self._form.fill(shown.options)
+        if shown.plan is not None and shown.path_mm is not None:
+            self._name = shown.name
+            self._show(shown.plan, shown.path_mm, shown.doubted)
+            self._ran = shown.ran
+
+    def _fields(self) -> tuple[ValueElement[Any], ...]:
+        """Return what keeps its value when the tab is loaded again, beside a job's options."""
+        return self._choice, self._pace, self._repeat, self._approach, self._units
 
     def _choose(self) -> None:
         """Show the options of the chosen job, or the place for a file."""
         name = str(self._choice.value)
         self._options.clear()
         self._outdate()
+        self._upload.root.set_visibility(name == _FILE)
+        self._of_a_file.set_visibility(name == _FILE)
         with self._options:
             if name == _FILE:
                 self._form = None
                 self._summary.set_text("A trajectory in CSV or JSON, or a program in TOML.")
-                self._upload_field()
             else:
                 robot = self._visitor.desk.robot
                 self._summary.set_text(job_summary(robot, name))
                 self._form = OptionForm(job_fields(robot, name), self._outdate)
 
-    def _upload_field(self) -> None:
-        upload = ui.upload(
-            label=f"choose or drop a file: {', '.join(ENDINGS)}",
-            auto_upload=True,
-            max_file_size=BODY_BYTES_MAX,
-            on_upload=self._take,
-            on_rejected=lambda: self._visitor.tell(
-                f"refused: it ends in none of {', '.join(ENDINGS)}, or is too large"
-            ),
-        )
-        upload.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
-
-    async def _take(self, event: events.UploadEventArguments) -> None:
-        self._upload = event.file.name, await event.file.read()
-        self._summary.set_text(f"Chosen: {event.file.name}")
+    async def _other_file(self) -> None:
         self._outdate()
-        await self._look()
+        if self._upload.file is not None:
+            await self._look()
 
     def _outdate(self) -> None:
         """Forget the preview, since something has changed: only what was seen can be run."""
-        self._plan = None
+        self._end_planning()
+        if self._plan is not None and not self._ran:
+            self._show_path(None)
+        self._plan = self._path_mm = None
+        self._ran = False
+        self._figures.clear()
         self._start.set_enabled(False)
 
     async def _look(self) -> None:
@@ -99,56 +216,84 @@ class RunTab:
         if make is None:
             return
         self._outdate()
-        self._figures.clear()
         self._preview.set_enabled(False)
-        with self._visitor.explained() as failed:
-            plan = await asyncio.to_thread(make)
-            self._show(plan, await asyncio.to_thread(path_mm, plan))
-        self._preview.set_enabled(True)
+        try:
+            with self._visitor.explained(message=False) as failed:
+                plan, doubted = await self._planned(make)
+                self._show(plan, await asyncio.to_thread(path_mm, plan), doubted)
+                self._show_path(self._path_mm)
+                self._scene.show_arm("ghost", links_at(plan.robot, plan.start_joints))
+        finally:
+            self._preview.set_enabled(True)
         if failed:
-            self._scene.clear_shape("plan")
+            self._show_path(None)
             with self._figures:
                 note(failed[0], "bad")
 
-    def _show(self, plan: Plan, path: FloatArray) -> None:
-        """Show a plan, which may be run from now on."""
-        self._plan = plan
+    async def _planned(self, make: Callable[[], Coroutine[Any, Any, Planned]]) -> Planned:
+        """Return the plan, unless something is changed or the page is closed meanwhile, which ends the planning."""
+        self._planning = asyncio.create_task(make())
+        return await self._planning
+
+    def _end_planning(self) -> None:
+        """End the planning, if one is under way."""
+        if self._planning is not None:
+            self._planning.cancel()
+
+    def _show(self, plan: Plan, path: FloatArray, doubted: str | None) -> None:
+        """Show a plan, which may be run from now on, and what is to be asked about its file's units."""
+        self._plan, self._path_mm, self._doubted = plan, path, doubted
         with self._figures:
             show_figures(plan)
-        self._scene.show_line("plan", path)
-        self._scene.show_arm("ghost", links_at(plan.robot, plan.start_joints))
-        self._start.set_enabled(True)
+            if doubted:
+                note(f"Look again: {doubted}", "warn")
+        self.refresh(self._visitor.desk.snapshot)
 
-    def _maker(self) -> Callable[[], Plan] | None:
+    def _show_path(self, path: FloatArray | None) -> None:
+        """Show a path, or none: the operator's in every browser, one that a watcher looks at in its own alone."""
+        drawing = self._visitor.desk.drawing
+        if not self._visitor.operates:
+            self._scene.show_line("plan", drawing.path_mm if path is None else path)
+        elif path is None:
+            drawing.clear_path()
+        else:
+            drawing.show_path(path)
+
+    def _maker(self) -> Callable[[], Coroutine[Any, Any, Planned]] | None:
         """Return the function that plans what is chosen; None, with a message, if something is missing or wrong."""
         robot = self._visitor.desk.robot
         pace = str(self._pace.value)
         stretch = None if pace == "auto" else float(pace)
         name = str(self._choice.value)
         if name == _FILE:
-            if self._upload is None:
+            if self._upload.file is None:
                 self._visitor.tell("choose a file first")
                 return None
-            upload = self._upload
+            upload = self._upload.file
             self._name = upload[0]
-            return lambda: plan_upload(robot, *upload, stretch)
-        texts = self._form.texts() if self._form else {}
-        if texts is None:
-            self._visitor.tell("an option has no value, or one outside its range")
+            units = str(self._units.value)
+            return lambda: plan_apart(robot, *upload, stretch, units)
+        wrong = self._form.wrong() if self._form else None
+        if wrong is not None:
+            self._visitor.tell(wrong)
             return None
+        texts = self._form.texts() if self._form else {}
         self._name = name
-        return lambda: plan_job(robot, name, texts, stretch)
+        return lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
 
     def _run(self) -> None:
-        if self._plan is None or not self._repeat.validate():
-            self._visitor.tell("look at the preview first")
+        wrong = wrong_field([self._repeat])
+        if self._plan is None or wrong is not None:
+            self._visitor.tell(wrong or "look at the preview first")
             return
         command = RunMotion(
             plan=self._plan, name=self._name, repeat=int(self._repeat.value), approach=bool(self._approach.value)
         )
         if self._visitor.ask(command):
+            self._ran = True
+            self._show_path(self._path_mm)
+            self._visitor.desk.drawing.clear_trace()
             self._scene.clear_shape("ghost")
-            self._scene.clear_shape("trace")
 
 
 class OptionForm:
@@ -160,14 +305,22 @@ class OptionForm:
             for field in fields:
                 self._fields[field.name] = _form_field(field, changed)
 
-    def texts(self) -> dict[str, str] | None:
-        """Return the options as texts, as on the command line; None while one is missing or out of range."""
-        texts = {}
-        for name, field in self._fields.items():
-            if isinstance(field, ui.number) and not field.validate():
-                return None
-            texts[name] = _text(field.value)
-        return texts
+    def wrong(self) -> str | None:
+        """Return which option is missing or out of range; None if all are right."""
+        return wrong_field(self._fields.values())
+
+    def texts(self) -> dict[str, str]:
+        """Return the options as texts, as on the command line."""
+        return {name: _text(field.value) for name, field in self._fields.items()}
+
+    def values(self) -> dict[str, Any]:
+        """Return what is in the fields."""
+        return {name: field.value for name, field in self._fields.items()}
+
+    def fill(self, values: Mapping[str, Any]) -> None:
+        """Write into the fields."""
+        for name, value in values.items():
+            self._fields[name].set_value(value)
 
 
 def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | ui.select | ui.input:

@@ -5,22 +5,77 @@ The browser draws with three.js, which NiceGUI brings for its own scene, and onl
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, TypedDict
 
 import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.links import Role
 from steptwin.host.robots.robot import Robot
+
+_MOVED: Final = 1e-6
+"""Distance in mm beyond which a point has moved."""
+_NEAR: Final = 0.06
+"""Distance of two names that are written as one, as a fraction of the arm's size."""
+
+
+class JointLabel(TypedDict):
+    """Names, and the point at which they stand: its part, in the order of `Kinematics.links`, and its number there."""
+
+    text: str
+    part: int
+    point: int
+
+
+def joint_labels(robot: Robot) -> list[JointLabel]:
+    """Return where the joints' names stand: at the pivot about which a joint turns, or at the part that it slides."""
+    kinematics = make_kinematics(robot)
+    links = kinematics.links(np.array([robot.home]))
+    parts = [link.points_mm[0] for link in links]
+    every = np.vstack(parts)
+    near_mm = _NEAR * float(np.linalg.norm(np.ptp(every, axis=0)))
+    labels: list[JointLabel] = []
+    for i, joint in enumerate(robot.joints):
+        beside = list(robot.home)
+        beside[i] += 1.0 if beside[i] < joint.upper else -1.0
+        moved = [link.points_mm[0] for link in kinematics.links(np.array([beside]))]
+        slides = [link.role is Role.SLIDE and link.name.endswith(f" {joint.name}") for link in links]
+        part, point = _place(parts, [_moves(*each) for each in zip(parts, moved, strict=True)], slides)
+        for label in labels:
+            if np.linalg.norm(parts[label["part"]][label["point"]] - parts[part][point]) < near_mm:
+                label["text"] += f", {joint.name}"
+                break
+        else:
+            labels.append({"text": joint.name, "part": part, "point": point})
+    return labels
+
+
+def _moves(before_mm: FloatArray, after_mm: FloatArray) -> BoolArray:
+    return np.asarray(np.linalg.norm(after_mm - before_mm, axis=1) > _MOVED)
+
+
+def _place(parts: list[FloatArray], moves: list[BoolArray], slides: list[bool]) -> tuple[int, int]:
+    """Return the part and the point of a joint: its own slide, else a point that stands beside one that moves."""
+    if any(slides):
+        return slides.index(True), 0
+    for part, moved in enumerate(moves):
+        for point in range(len(moved) - 1):
+            if moved[point + 1] and not moved[point]:
+                return part, point
+    moving = [part for part, moved in enumerate(moves) if moved.any()]
+    return (moving[0] if moving else len(parts) - 1), 0
+
 
 Arm = Literal["arm", "ghost", "other"]
 """The arms that the view can show at once: the machine, a ghost of where it is to go, and another run's."""
 Line = Literal["plan", "trace"]
 """The lines that the view can show: the planned path and the tool's trace."""
-View = Literal["top", "front", "side", "iso"]
+View = Literal["top", "front", "side", "iso", "path"]
+"""Where the camera looks from; `path` looks at the lines alone, from where it is."""
 
 _DECIMALS: Final = 2
 """Hundredths of a mm are far below a pixel."""
@@ -45,17 +100,22 @@ class ArmScene(
     component="static/arm_scene.js",
     esm={"nicegui-scene": str(Path(nicegui.__file__).parent / "elements" / "scene" / "dist")},
 ):
-    """A view of a robot's arm and of the boxes around it, in mm, with z up."""
+    """A view of a robot's arm and of the boxes around it, in mm, with z up.
+
+    The camera holds the arms and the planned path that are shown, until a user turns it.
+    """
 
     def __init__(self, robot: Robot, holding_mm: FloatArray | None = None) -> None:
-        """Make the view of all that the robot reaches, or of what holds points of shape (n, 3)."""
+        """Make the view of arms and lines, or of what holds points of shape (n, 3) as well."""
         super().__init__()
-        center_mm, span_mm = _middle_and_size(_reached_mm(robot) if holding_mm is None else holding_mm)
+        held_mm = np.empty((0, 3)) if holding_mm is None else holding_mm[np.isfinite(holding_mm).all(axis=1)]
+        span_mm = _size_mm(_reached_mm(robot) if holding_mm is None else held_mm)
         self.props.update(
             label=f"the arm of {robot.name} in three dimensions",
             roles=[str(link.role) for link in make_kinematics(robot).links(np.array([robot.home]))],
-            center=center_mm.tolist(),
+            names=list(joint_labels(robot)),
             span=span_mm,
+            hold=[held_mm.min(axis=0).tolist(), held_mm.max(axis=0).tolist()] if len(held_mm) else [],
             boxes=[_box(box) for box in robot.boxes.values()],
         )
 
@@ -95,10 +155,10 @@ def _reached_mm(robot: Robot) -> FloatArray:
     )
 
 
-def _middle_and_size(points_mm: FloatArray) -> tuple[FloatArray, float]:
+def _size_mm(points_mm: FloatArray) -> float:
+    """Return the size of what is seen: thicknesses and the grid follow it."""
     points_mm = points_mm[np.isfinite(points_mm).all(axis=1)]
-    lowest, highest = points_mm.min(axis=0), points_mm.max(axis=0)
-    return (lowest + highest) / 2, float(np.linalg.norm(highest - lowest)) * _CLOSE
+    return float(np.linalg.norm(np.ptp(points_mm, axis=0))) * _CLOSE
 
 
 def _box(box: Box) -> list[float]:

@@ -1,30 +1,48 @@
 """Serve a page in a browser until Ctrl-C: one port, the guard before everything, and nothing from other hosts."""
 
-import gc
+import logging
 import socket
-from collections.abc import Callable, Iterator
+import traceback
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
 
-from steptwin.host.client.connecting import address_text, in_url
+from steptwin.host.client.links.connecting import address_text, in_url
+from steptwin.host.common.bad_input import printable, shortened
 from steptwin.host.common.errors import BusError
 from steptwin.host.common.listening import is_loopback, listen
-from steptwin.host.common.signals import on_signals
+from steptwin.host.common.processes import collecting_often, on_signals
 from steptwin.host.panel.page.guard import TOKEN, Guard, local_access, remote_access
-from steptwin.host.panel.page.theme import FAVICON
+from steptwin.host.panel.page.visitor import FAVICON
 
 PORT: Final = 8090
 """Port at which the page is, unless another one is asked for or it is in use."""
 
 _RECONNECT_S: Final = 20.0
 """Time for which a page that has lost its connection is kept: a laptop's radio may take that long to come back."""
+_BUILD_S: Final = 60.0
+"""Time in which a page must be built, on a computer that is too slow; a browser waits for longer."""
 _GRACE_S: Final = 1
 """Time that open pages have to finish their requests when the server ends."""
+
+
+class OneLine(logging.Formatter):
+    """What an event of a page has raised, as a line that says where: a browser may send any value in an event."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line of a record."""
+        text, error = record.getMessage(), record.exc_info[1] if record.exc_info else None
+        if error is not None:
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            told = shortened(str(error))
+            text = f"{type(error).__name__}: {told} (in {at.name}, {Path(at.filename).name}:{at.lineno})"
+        return f"steptwin: panel: {printable(text)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +60,12 @@ class Address:
     allow_remote: bool = False
 
 
-def serve_page(build: Callable[[], None], listener: socket.socket, title: str, announce: Callable[[str], None]) -> None:
+def serve_page(
+    build: Callable[[], Awaitable[None] | None],
+    listener: socket.socket,
+    title: str,
+    announce: Callable[[str], None],
+) -> None:
     """Serve a page at a socket of `open_port` until Ctrl-C or SIGTERM.
 
     Args:
@@ -54,9 +77,9 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
     host, port = listener.getsockname()[:2]
     access = local_access(port, in_url(host)) if is_loopback(host) else remote_access(port)
     app = FastAPI(openapi_url=None)
+    ui.page("/", response_timeout=_BUILD_S)(build)
     ui.run_with(
         app,
-        root=build,
         title=title,
         favicon=FAVICON,
         dark=None,
@@ -66,6 +89,7 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
         tailwind=False,
         show_welcome_message=False,
     )
+    _tell_in_lines()
     token = "" if access.token is None else f"?{TOKEN}={access.token}"
     url = f"http://{address_text(_reachable(host), port)}/{token}"
     config = uvicorn.Config(
@@ -75,11 +99,20 @@ def serve_page(build: Callable[[], None], listener: socket.socket, title: str, a
         server_header=False,
         timeout_graceful_shutdown=_GRACE_S,
     )
-    gc.freeze()  # NiceGUI looks for the server among all objects: one of canopen's raises an error when looked at
-    try:
+    # A page is ten thousand objects in circles. And NiceGUI looks for the server among all objects that are not spared:
+    # one of canopen's raises an error when looked at.
+    with collecting_often():
         _Server(config, lambda: announce(url)).run(sockets=[listener])
-    finally:
-        gc.unfreeze()
+
+
+def _tell_in_lines() -> None:
+    """Let NiceGUI tell on stderr what an event of a page has raised, a line each."""
+    log = logging.getLogger("nicegui")
+    if not any(isinstance(handler.formatter, OneLine) for handler in log.handlers):
+        handler = logging.StreamHandler()
+        handler.setFormatter(OneLine())
+        log.addHandler(handler)
+    log.propagate = False
 
 
 def open_port(address: Address) -> socket.socket:

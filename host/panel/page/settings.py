@@ -1,9 +1,11 @@
 """The Settings tab: speeds, limits and currents with their units; some are the board's, some this panel's alone."""
 
+from collections.abc import Callable
+
 from nicegui import ui
 
 from steptwin.host.panel.desk import Setting, Snapshot, WriteSettings
-from steptwin.host.panel.page.elements import act, heading, line, note, number_field, plain
+from steptwin.host.panel.page.elements import act, heading, line, moving, note, number_field, plain, wrong_field
 from steptwin.host.panel.page.visitor import Visitor
 
 
@@ -16,7 +18,8 @@ class SettingsTab:
         self._fields: dict[str, ui.number | ui.select] = {}
         self._list = ui.element("div").classes("stack")
         with line():
-            act("Write what has changed", self._write, "save")
+            self._save = moving(act("Write what has changed", self._write, "save"))
+            self._save.set_enabled(False)
             plain("Show the present values", lambda: self._show(visitor.desk.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
 
@@ -38,23 +41,30 @@ class SettingsTab:
                 with ui.element("div").classes("form-grid"):
                     for setting in settings:
                         if setting.joint == joint:
-                            self._fields[setting.key] = _field(setting)
+                            self._fields[setting.key] = _field(setting, self._compare)
+        self._save.set_enabled(False)
 
     def _write(self) -> None:
-        if not all(field.validate() for field in self._fields.values() if isinstance(field, ui.number)):
-            self._visitor.tell("a field has no number, or one outside its range")
-            return
-        values = {setting.key: float(self._fields[setting.key].value) for setting in self._shown}
-        changed = {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
-        if not changed:
-            self._visitor.tell("nothing has changed")
-        else:
-            self._visitor.ask(WriteSettings(values=changed))
+        for joint in dict.fromkeys(setting.joint for setting in self._shown):
+            wrong = wrong_field(self._fields[setting.key] for setting in self._shown if setting.joint == joint)
+            if wrong is not None:
+                self._visitor.tell(wrong if joint is None else f"{joint}: {wrong}")
+                return
+        self._visitor.ask(WriteSettings(values=self._changed()))
+
+    def _changed(self) -> dict[str, float]:
+        """Return the values that differ from the present ones; a field without a number counts as changed."""
+        values = {setting.key: self._fields[setting.key].value for setting in self._shown}
+        return {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
+
+    def _compare(self) -> None:
+        self._save.set_enabled(bool(self._changed()))
 
 
-def _field(setting: Setting) -> ui.number | ui.select:
+def _field(setting: Setting, changed: Callable[[], None]) -> ui.number | ui.select:
     label = f"{'* ' if setting.stored else ''}{setting.title}"
     if setting.choices:
         texts = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
-        return ui.select(texts, value=setting.value, label=label).props("outlined dense").classes("w-field")
-    return number_field(label, setting.value, setting.lower, setting.upper, setting.unit)
+        select = ui.select(texts, value=setting.value, label=label, on_change=lambda _: changed())
+        return select.props("outlined dense").classes("w-field")
+    return number_field(label, setting.value, setting.lower, setting.upper, setting.unit, changed)

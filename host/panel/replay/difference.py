@@ -9,7 +9,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.panel.replay.model import Replay
-from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 
 INSTANTS: Final = 4001
 
@@ -42,7 +42,7 @@ class Course:
         return float(self.t_s[self.tool_mm.argmax()])
 
 
-class Difference:
+class RunPair:
     """Two runs at the same time of their motions; raises InputError unless both are of one mechanism."""
 
     def __init__(self, first: Replay, second: Replay) -> None:

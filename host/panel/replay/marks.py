@@ -8,14 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.client.plain_words import error_words, state_words
+from steptwin.host.client.words import error_words, state_words
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.bus_log import read_frames
 from steptwin.host.verify import AxisEvidence, DriverViolations, OutputChange
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_EMCY, COB_TPDO, FIRST_NODE_ID
-from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.pdo_defaults import TPDO_DEFAULTS
+from steptwin.protocol.objects import ENTRIES, TPDO_DEFAULTS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 TOGETHER_COUNTS: Final = 20 * COUNTS_PER_MS
@@ -37,7 +36,7 @@ class MarkKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class RunMark:
     """Something that has happened, at an instant or until another one, in counts since power-up."""
 
     kind: MarkKind
@@ -47,7 +46,7 @@ class Mark:
     text: str
 
 
-def violation_marks(axis: AxisEvidence) -> Iterator[Mark]:
+def violation_marks(axis: AxisEvidence) -> Iterator[RunMark]:
     """Yield a mark for each stretch of violations of one limit."""
     violations = axis.violations
     for index, limit in enumerate(violations.limits):
@@ -58,13 +57,13 @@ def violation_marks(axis: AxisEvidence) -> Iterator[Mark]:
             )
 
 
-def _violation(name: str, violations: DriverViolations, chosen: Int64Array, broken: str) -> Mark:
+def _violation(name: str, violations: DriverViolations, chosen: Int64Array, broken: str) -> RunMark:
     limit = violations.limits[int(violations.which[chosen[0]])]
     values = violations.values[chosen]
     worst = float(values[np.abs(values - limit.limit).argmax()])
     times = f", {chosen.size} times, at worst" if chosen.size > 1 else ", it was"
     first, last = violations.counts[chosen[[0, -1]]].tolist()
-    return Mark(MarkKind.VIOLATION, first, last, name, f"{broken}{times} {worst:g} {limit.unit}")
+    return RunMark(MarkKind.VIOLATION, first, last, name, f"{broken}{times} {worst:g} {limit.unit}")
 
 
 def _stretches(counts: Int64Array) -> Iterator[slice]:
@@ -77,14 +76,14 @@ def _stretches(counts: Int64Array) -> Iterator[slice]:
         first = end
 
 
-def output_marks(changes: tuple[OutputChange, ...]) -> Iterator[Mark]:
+def output_marks(changes: tuple[OutputChange, ...]) -> Iterator[RunMark]:
     """Yield a mark for each change of an output."""
     for change in changes:
         word = "on" if change.level else "off"
-        yield Mark(MarkKind.OUTPUT, change.counts, change.counts, change.name, word)
+        yield RunMark(MarkKind.OUTPUT, change.counts, change.counts, change.name, word)
 
 
-def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> list[Mark]:
+def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> list[RunMark]:
     """Return a mark for each error that a drive has reported, and for each change of the drives' states.
 
     Drives with the same error or state one after another share a mark. With `frames`, only so many of the log count.
@@ -92,7 +91,7 @@ def bus_marks(log: Path, names: tuple[str, ...], frames: int | None = None) -> l
     Raises:
         InputError: a line is not in candump's format; the message names file and line.
     """
-    marks: list[Mark] = []
+    marks: list[RunMark] = []
     states: dict[int, str] = {}
     for counts, (cob_id, data) in read_frames(log, frames):
         error, status = cob_id - COB_EMCY - FIRST_NODE_ID, cob_id - COB_TPDO[0] - FIRST_NODE_ID
@@ -116,18 +115,18 @@ def _state_words(statusword: int) -> str:
         return ""
 
 
-def _add(marks: list[Mark], kind: MarkKind, counts: int, who: str, text: str) -> None:
+def _add(marks: list[RunMark], kind: MarkKind, counts: int, who: str, text: str) -> None:
     """Add a drive's error or new state, to an earlier mark if other drives had the same shortly before."""
     for i in range(len(marks) - 1, max(len(marks) - _LOOK_BACK, 0) - 1, -1):
         mark = marks[i]
         together = counts - mark.until_counts <= TOGETHER_COUNTS
         if together and (mark.kind, mark.text) == (kind, text) and who not in mark.who.split(", "):
-            marks[i] = Mark(kind, mark.counts, counts, f"{mark.who}, {who}", text)
+            marks[i] = RunMark(kind, mark.counts, counts, f"{mark.who}, {who}", text)
             return
-    marks.append(Mark(kind, counts, counts, who, text))
+    marks.append(RunMark(kind, counts, counts, who, text))
 
 
-def time_words(mark: Mark, start_counts: int) -> str:
+def time_words(mark: RunMark, start_counts: int) -> str:
     """Return when a mark is, in the motion's time."""
     first_s, last_s = ((counts - start_counts) / COUNTS_PER_SECOND for counts in (mark.counts, mark.until_counts))
     return f"{first_s:.6f} s" if mark.counts == mark.until_counts else f"{first_s:.6f} to {last_s:.6f} s"

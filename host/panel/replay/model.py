@@ -15,7 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.replay.lanes import Lane, Span, lane
-from steptwin.host.panel.replay.marks import Mark, bus_marks, output_marks, violation_marks
+from steptwin.host.panel.replay.marks import RunMark, bus_marks, output_marks, violation_marks
 from steptwin.host.record.animation import extent_mm, shown_boxes
 from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
 from steptwin.host.record.folder.layout import existing_file
@@ -83,6 +83,7 @@ class Instant:
         currents_ma: currents of phases A and B to which each driver regulates, by axis.
         before: the last edge of any pin before the instant; None before the first.
         after: the first edge after it; None after the last.
+        has_plan: False if only counts are known: then what is planned is what was counted.
     """
 
     counts: int
@@ -95,12 +96,13 @@ class Instant:
     currents_ma: dict[str, tuple[int, int]]
     before: Edge | None
     after: Edge | None
+    has_plan: bool = True
 
 
 class Replay:
     """A stored run at any instant."""
 
-    def __init__(self, run: StoredRun, marks: Iterable[Mark]) -> None:
+    def __init__(self, run: StoredRun, marks: Iterable[RunMark]) -> None:
         self.run = run
         self.machine = RecordedMachine.of(run)
         self.marks = tuple(sorted(marks, key=lambda mark: mark.counts))
@@ -122,7 +124,7 @@ class Replay:
     @classmethod
     def of_folder(cls, folder: Path, plan_folder: Path | None = None) -> Self:
         """Read a run's folder; raise InputError as `read_run` does, or if the bus log is missing or wrong."""
-        run = read_run(folder, plan_folder)
+        run = read_run(folder, plan_folder, counts_suffice=True)
         evidence, recording = run.comparison.evidence, run.report.recording
         marks = [mark for axis in evidence.axes for mark in violation_marks(axis)]
         marks += output_marks(output_changes(run.robot, evidence.axes))
@@ -152,6 +154,7 @@ class Replay:
             counted_pose=tuple(counted_pose.tolist()),
             tool_error_mm=float(np.linalg.norm(counted_pose[:3] - planned_pose[:3])),
             levels=self._levels(counts),
+            has_plan=self.run.no_plan is None,
             currents_ma=self._currents_ma(counts),
             before=self.edge_before(counts),
             after=self.edge_after(counts),

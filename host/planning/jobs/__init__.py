@@ -8,11 +8,10 @@ from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.calibration_demo import DEMO
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
-from steptwin.host.planning.jobs.five_points import FIVE_POINTS
-from steptwin.host.planning.jobs.helix import HELIX
+from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job
 from steptwin.host.planning.jobs.options import OptionField
-from steptwin.host.planning.jobs.shelf import EVERY_SLOT, FETCH, STORE
+from steptwin.host.planning.jobs.shelf_jobs import EVERY_SLOT, FETCH, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot

@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.planning.jobs.fitting import fitted
-from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.job import Job, fitted
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove

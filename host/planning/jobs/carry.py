@@ -15,16 +15,14 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.elbows import with_elbow
-from steptwin.host.planning.jobs.fitting import fitted
-from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.job import Job, fitted, with_elbow
 from steptwin.host.planning.jobs.options import Point, joint_position, number, point
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
-from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 START_RAD: Final = (-0.000062, 0.000178, 0.0, -0.000117)
 GOAL_RAD: Final = (-0.522315, 1.504080, 0.0, -0.981765)

@@ -19,7 +19,7 @@ Choice = TypeVar("Choice")
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class OptionRange:
     """The values that a number may have, including both ends."""
 
     lower: float
@@ -46,7 +46,7 @@ class OptionField:
     name: str
     default: str | float
     choices: tuple[str, ...] = ()
-    allowed: Range | None = None
+    allowed: OptionRange | None = None
     whole: bool = False
     form: str = ""
 
@@ -65,7 +65,7 @@ def number(default: float, lower: float, upper: float, unit: str, fitting: Fitti
 
     With `fitting`, its value for a robot takes the place of the default.
     """
-    return field(default=default, metadata={"range": Range(lower, upper, unit), "fitting": fitting})
+    return field(default=default, metadata={"range": OptionRange(lower, upper, unit), "fitting": fitting})
 
 
 Point = tuple[float, float] | None
@@ -204,7 +204,7 @@ def _choices(default: Enum) -> dict[str, Enum]:
     return {str(choice.value): choice for choice in type(default)}
 
 
-def _number(name: str, text: str, allowed: Range) -> float:
+def _number(name: str, text: str, allowed: OptionRange) -> float:
     try:
         value = decimal(text)
     except ValueError:
@@ -215,9 +215,9 @@ def _number(name: str, text: str, allowed: Range) -> float:
     return value
 
 
-def _range(option: Field[Any], robot: Robot) -> Range:
+def _range(option: Field[Any], robot: Robot) -> OptionRange:
     if "joint" not in option.metadata:
-        allowed: Range = option.metadata["range"]
+        allowed: OptionRange = option.metadata["range"]
         return allowed
     joint = robot.joint(option.metadata["joint"])
-    return Range(joint.lower, joint.upper, joint.unit)
+    return OptionRange(joint.lower, joint.upper, joint.unit)

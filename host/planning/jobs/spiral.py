@@ -15,8 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
-from steptwin.host.planning.jobs.fitting import in_reach
-from steptwin.host.planning.jobs.job import Job
+from steptwin.host.planning.jobs.job import Job, in_reach
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motions.following import follow
 from steptwin.host.planning.motions.sampled import Sampled

@@ -12,10 +12,11 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve
 from steptwin.host.planning.laws.times import check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
-from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.paths import StraightLine, ToolPath
-from steptwin.host.planning.trajectory import Switching, Trajectory, Wait
+from steptwin.host.planning.peaks import check_length
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -26,7 +27,7 @@ PACE: Final = 0.8
 """Part of the joints' speed and acceleration limits that joint moves use."""
 
 JERK_TIME_S: Final = 0.1
-"""Time in which a joint move's acceleration rises to its highest value."""
+"""Time that a joint move's acceleration takes to its highest value."""
 
 WAIT_S: Final = 0.01
 """Time in the plan of a wait for an input: the pause at whose beginning the machine stands until it goes on."""
@@ -51,7 +52,7 @@ class Composer:
     _parts: list[Trajectory] = field(default_factory=list, init=False)
     _starts_ms: list[int] = field(default_factory=lambda: [0], init=False)
     _switchings: list[Switching] = field(default_factory=list, init=False)
-    _waits: list[Wait] = field(default_factory=list, init=False)
+    _waits: list[PlannedWait] = field(default_factory=list, init=False)
 
     @property
     def now_s(self) -> float:
@@ -76,6 +77,7 @@ class Composer:
 
     def go_by(self, law: Law, goal: FloatArray) -> None:
         """Move all joints to a position of shape (joints,) by a law with a distance of 1."""
+        self._check_length(law.duration_s)
         start, end = (tuple(joints.tolist()) for joints in (self.joints, goal))
         self._append(JointMove(self.robot.joint_names, start, end, law))
 
@@ -88,6 +90,7 @@ class Composer:
 
     def follow(self, path: ToolPath, law: Law, branch: str) -> None:
         """Move the tool along a path that begins at its pose, by a law with the path's length."""
+        self._check_length(law.duration_s)
         self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self.now_s))
 
     def switch(self, output: str, *, on: bool) -> None:
@@ -104,13 +107,14 @@ class Composer:
         """
         require_input(self.robot, sensor)
         check_timeout(timeout_s)
-        self._waits.append(Wait(sensor, on, self.now_s, timeout_s, place))
+        self._waits.append(PlannedWait(sensor, on, self.now_s, timeout_s, place))
         self.pause(WAIT_S)
 
     def pause(self, duration_s: float) -> None:
         """Stand still for whole milliseconds, at least one."""
         check_duration(duration_s)
-        self._append(Pause(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
+        self._check_length(duration_s)
+        self._append(Standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
     def last_part(self, from_s: float) -> Trajectory | None:
         """Return the last move if it began at this time or later; None if there is none."""
@@ -120,6 +124,10 @@ class Composer:
         """Return the sequence of all moves so far."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
         return Sequence(self.robot.joint_names, parts, starts_ms, tuple(self._switchings), tuple(self._waits))
+
+    def _check_length(self, more_s: float) -> None:
+        """Raise TooLongError if the sequence would last too long with a further move; it is not made then."""
+        check_length("the whole motion", self._starts_ms[-1] + round(1000 * more_s))
 
     def _append(self, part: Trajectory) -> None:
         self._parts.append(part)

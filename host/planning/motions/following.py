@@ -7,8 +7,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
-from steptwin.host.planning.out_of_reach import OutOfReachError
-from steptwin.host.planning.paths import Pose
+from steptwin.host.planning.paths import OutOfReachError, Pose
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
@@ -60,7 +59,7 @@ def _turns_deg(first_deg: float, near_deg: float) -> float:
 
 
 def _check(constraints: tuple[Constraint, ...], t_s: FloatArray, passing_before: Callable[[int], Pose | None]) -> None:
-    """Raise OutOfReachError for the first place at which a path breaks a constraint, with the last that passes."""
+    """Raise OutOfReachError for the first place where a path breaks a constraint, with the last that passes."""
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))

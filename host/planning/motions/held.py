@@ -10,6 +10,42 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching, Trajectory
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CutShort:
+    """The first part of a trajectory, up to an instant when it stands; implements Trajectory.
+
+    Attributes:
+        trajectory: the trajectory itself.
+        duration_s: duration of the part, a whole number of milliseconds.
+    """
+
+    trajectory: Trajectory
+    duration_s: float
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The trajectory's joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The trajectory's breakpoints before the end."""
+        return tuple(t_s for t_s in self.trajectory.breakpoints_s if t_s < self.duration_s)
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """The trajectory's changes of outputs up to the end."""
+        return tuple(change for change in self.trajectory.switchings if change.until_s <= self.duration_s)
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(t_s)
+
+
 class Hold(NamedTuple):
     """A standstill: the time of the original motion at which it is put in, and its duration, in milliseconds."""
 
@@ -63,7 +99,7 @@ class Held:
         return self.trajectory.velocities(self._own_s(t_s))
 
     def _later_s(self, t_s: float) -> float:
-        """Return the time at which an instant of the original motion comes; at a standstill, its end."""
+        """Return the time when an instant of the original motion comes; at a standstill, its end."""
         ms = 1000 * t_s
         return (ms + sum(hold.duration_ms for hold in self.holds if hold.at_ms <= ms)) / 1000
 

@@ -37,7 +37,7 @@ class Sampled:
     Attributes:
         joint_names: names of the robot's joints.
         curve: curve from seconds to joint positions of shape (joints,), in mm and degrees.
-        breakpoints_s: times at which the acceleration jumps.
+        breakpoints_s: times when the acceleration jumps.
         switchings: changes of outputs during the motion.
     """
 

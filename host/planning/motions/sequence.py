@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory, Wait
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
+class Standstill:
     """A motion in which all joints stand still; implements Trajectory."""
 
     joint_names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Sequence:
     parts: tuple[Trajectory, ...]
     starts_ms: tuple[int, ...]
     switchings: tuple[Switching, ...]
-    waits: tuple[Wait, ...] = ()
+    waits: tuple[PlannedWait, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -55,7 +55,7 @@ class Sequence:
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """The parts' breakpoints, and the times at which one part follows another."""
+        """The parts' breakpoints, and the times when one part follows another."""
         breakpoints_ms = set(self.starts_ms[1:-1])
         for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
             breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
@@ -73,7 +73,9 @@ class Sequence:
         starts_s = np.array(self.starts_ms) / 1000
         which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
         values = np.empty((len(t_s), len(self.joint_names)))
-        for i in np.flatnonzero(np.bincount(which)):
-            part, own = self.parts[i], which == i
+        counts = np.bincount(which, minlength=len(self.parts))
+        in_order = np.split(np.argsort(which, kind="stable"), np.cumsum(counts)[:-1])
+        for i in np.flatnonzero(counts):
+            part, own = self.parts[i], in_order[i]
             values[own] = of(part, np.clip(t_s[own] - starts_s[i], 0.0, part.duration_s))
         return values

@@ -8,8 +8,32 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.least_passing import least_passing
-from steptwin.host.planning.trajectory import Switching, Trajectory, Wait, waits_of
+from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, waits_of
+
+
+def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest: int) -> int | None:
+    """Return the smallest number above `fails` that passes; None if none up to `largest` does.
+
+    What passes is taken to pass for all larger numbers. Whether it does so or not, the number before the one returned
+    is `fails` or has been tried and does not pass. A good guess, best from below, saves trials.
+    """
+    below, longer = fails, 1
+    number = min(max(fails + 1, guess), largest)
+    while not passes(number):
+        if number >= largest:
+            return None
+        below, number, longer = number, min(number + longer, largest), 2 * longer
+    if number - below > 1 and below == fails and not passes(number - 1):
+        return number
+    while number - below > 1:
+        middle = (number + below) // 2
+        if passes(middle):
+            number = middle
+        else:
+            below = middle
+    return number
+
 
 PER_FACTOR: Final = 1000
 """Steps of 1 in a stretch factor: factors are found, said and tried in thousandths."""
@@ -41,12 +65,15 @@ class Stretched:
     def by(cls, trajectory: Trajectory, factor: float) -> "Stretched":
         """Return a trajectory that takes `factor` times as long, rounded up to a millisecond.
 
-        Raises InputError unless the factor is from 1 / STRETCH_MAX to STRETCH_MAX.
+        Raises InputError unless the factor is from 1 / STRETCH_MAX to STRETCH_MAX, and the duration up to LONGEST_MS.
         """
         if not 1 / STRETCH_MAX <= factor <= STRETCH_MAX:
             raise InputError(f"stretch={factor:g}: is not from {1 / STRETCH_MAX:g} to {STRETCH_MAX:g}")
-        duration_ms = whole_ms("the duration", trajectory.duration_s)
-        return cls(trajectory, max(1, ceil(duration_ms * factor - _WHOLE_MS)) / 1000)
+        duration_ms = max(1, ceil(whole_ms("the duration", trajectory.duration_s) * factor - _WHOLE_MS))
+        if duration_ms > LONGEST_MS:
+            longest = f"more than an hour; the largest is {largest_stretch(trajectory):g}"
+            raise TooLongError(f"stretch={factor:g}: makes a motion of {duration_ms / 1000:g} s, {longest}")
+        return cls(trajectory, duration_ms / 1000)
 
     @property
     def factor(self) -> float:
@@ -75,7 +102,7 @@ class Stretched:
         )
 
     @property
-    def waits(self) -> tuple[Wait, ...]:
+    def waits(self) -> tuple[PlannedWait, ...]:
         """The trajectory's waits, at the first whole milliseconds in their pauses; their time-outs stay."""
         return tuple(
             replace(wait, at_s=_ceil_ms(1000 * self.factor * wait.at_s) / 1000) for wait in waits_of(self.trajectory)
@@ -107,12 +134,21 @@ def smallest_stretch(
     """Return the smallest factor, in thousandths and above `fails`, at which a trajectory passes.
 
     At the factor `fails` it does not pass, below `least` it certainly does not. Returns None if no factor up to
-    STRETCH_MAX passes.
+    `largest_stretch` passes.
     """
 
     def passes_at(factor: int) -> bool:
         return passes(Stretched.by(trajectory, factor / PER_FACTOR))
 
-    least_factor = ceil(min(least, STRETCH_MAX) * PER_FACTOR * (1 - 1e-12))
-    factor = least_passing(passes_at, floor(fails * PER_FACTOR), least_factor, round(STRETCH_MAX * PER_FACTOR))
+    largest = largest_stretch(trajectory)
+    if not fails < largest:
+        return None
+    least_factor = ceil(min(least, largest) * PER_FACTOR * (1 - 1e-12))
+    factor = least_passing(passes_at, floor(fails * PER_FACTOR), least_factor, round(largest * PER_FACTOR))
     return None if factor is None else factor / PER_FACTOR
+
+
+def largest_stretch(trajectory: Trajectory) -> float:
+    """Return the largest factor for a trajectory, in thousandths: STRETCH_MAX, or that of the longest motion."""
+    longest = floor(PER_FACTOR * LONGEST_MS / (1000 * trajectory.duration_s) + _WHOLE_MS) / PER_FACTOR
+    return min(STRETCH_MAX, longest)

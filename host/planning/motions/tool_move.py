@@ -11,15 +11,30 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law
 from steptwin.host.planning.motions.following import follow
 from steptwin.host.planning.paths import FreeAttitude, ToolPath
+from steptwin.host.planning.peaks import windows_ms
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 
-_CHECK_MS: Final = 1
-"""Time between two checks of reach and singularities."""
+_ALONG: Final = 20
+"""Places where a motion straight in joint space is compared with the tool's path."""
+_ON_PATH: Final = 1e-3
+"""Distance in mm or degrees from the tool's path: less than a step of any axis, more than rounding at a singularity."""
+
+
+def is_straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal: FloatArray) -> bool:
+    """Return whether the tool stays on its path from one joint position to another, each of shape (joints,)."""
+    parts = np.linspace(0.0, 1.0, _ALONG + 1)
+    kinematics = make_kinematics(robot)
+    poses = kinematics.forward(start + parts[:, np.newaxis] * (goal - start))
+    off = poses - path.poses(parts * path.length_mm)
+    off[:, 3] = 0.0 if kinematics.attitude_follows else (off[:, 3] + 180.0) % 360.0 - 180.0
+    return bool(np.abs(off).max() < _ON_PATH)
+
+
 _STEP_MS: Final = 10
-"""Time between two instants at which the joints' turns are stored: no joint turns half a circle in it."""
+"""Time between two instants when the joints' turns are stored: no joint turns half a circle in it."""
 
 _LENGTH_TOLERANCE: Final = 1e-9
 """Rounding error, as a part of a path's length, by which a law's distance may differ."""
@@ -68,13 +83,21 @@ class ToolMove:
         kinematics = make_kinematics(robot)
         if kinematics.attitude_follows:
             path = FreeAttitude(path)
-        end_ms = round(1000 * law.duration_s)
-        t_s = np.union1d(np.arange(0, end_ms, _CHECK_MS), [end_ms]) / 1000
-        joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)
-        _check_start(robot, branch, start, joints[0], from_s)
-        guide = np.union1d(np.arange(0, len(t_s), _STEP_MS), [len(t_s) - 1])
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
-        return cls(robot.joint_names, kinematics, branch, path, law, t_s[guide], joints[guide], rotary)
+        guide_ms, guide = [np.zeros(1, np.int64)], [np.array([start])]
+        for times_ms in windows_ms(round(1000 * law.duration_s)):
+            t_s = times_ms / 1000
+            joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)
+            if times_ms[0] == 0:
+                _check_start(robot, branch, start, joints[0], from_s)
+                guide[0] = joints[:1]
+            else:  # the turns in which the window before has ended
+                joints[:, rotary] += 360.0 * np.round((guide[-1][-1] - joints[0])[list(rotary)] / 360.0)
+            stored = np.flatnonzero((times_ms[1:] % _STEP_MS == 0) | (times_ms[1:] == times_ms[-1])) + 1
+            guide_ms.append(times_ms[stored])
+            guide.append(joints[stored])
+        guide_s = np.concatenate(guide_ms) / 1000
+        return cls(robot.joint_names, kinematics, branch, path, law, guide_s, np.concatenate(guide), rotary)
 
     @property
     def duration_s(self) -> float:

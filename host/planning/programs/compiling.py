@@ -4,31 +4,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import prefixed, whole_ms
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.peaks import Peak
-from steptwin.host.planning.programs.complaints import Complaints
+from steptwin.host.planning.peaks import Peak, sampled, shifted
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.names import check_names
 from steptwin.host.planning.programs.own_robot import check_own_robot
-from steptwin.host.planning.programs.program import Program, WrongStep
-from steptwin.host.planning.programs.steps import Go, JointsBy, Step, ToolBy
-from steptwin.host.planning.programs.writing_out import Place, Written, written_out
-from steptwin.host.planning.samples import Samples
+from steptwin.host.planning.programs.program import STEPS_MAX, Place, Program, Written, WrongStep, written_out
+from steptwin.host.planning.programs.program_file import Complaints
+from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
-
-STEPS_MAX: Final = 5_000
-"""Number of steps, with repetitions and calls written out, that a program may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +32,7 @@ class StepRow:
     Attributes:
         place: its number in the program, with those of the sequence or repetition it is in, and its pass.
         text: the step in words.
-        from_s: time at which it begins.
+        from_s: time when it begins.
         duration_s: its duration.
         peaks: highest speed, acceleration and step rate of each joint in it.
     """
@@ -179,7 +173,7 @@ class _Walk:
                 self._known = self._on_branch = False
         elif self._known:
             self._add(place, step)
-        elif isinstance(step, Go) and self._moves.says_everything(step.to):
+        elif isinstance(step, GoStep) and self._moves.says_everything(step.to):
             self._resume(place, step)
         else:
             self._on_branch = self._on_branch and self._keeps_branch(step)
@@ -187,13 +181,13 @@ class _Walk:
     def _keeps_branch(self, step: Step) -> bool:
         """Return whether the arm is on the same branch after a step."""
         match step:
-            case Go(to):
+            case GoStep(to):
                 return not self._moves.says_branch(to)
             case JointsBy():
                 return False
         return True
 
-    def _resume(self, place: Place, step: Go) -> None:
+    def _resume(self, place: Place, step: GoStep) -> None:
         """Go on after a step of which nobody knows from where it starts, if its end is known all the same."""
         try:
             if self._on_branch or self._moves.says_branch(step.to):
@@ -221,7 +215,7 @@ class _Walk:
             return
         part = moves.composer.last_part(from_s) if step.pace is not None else None
         if part is not None:
-            self._check_positions(place, step, before.composer.joints, _samples(part, from_s))
+            self._check_positions(place, step, before.composer.joints, part, from_s)
         made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
         self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks()))
         self._made.append(made)
@@ -232,22 +226,18 @@ class _Walk:
         if end is not None:
             self._stand_at(end)
 
-    def _check_positions(self, place: Place, step: Step, start: FloatArray, samples: Samples) -> None:
+    def _check_positions(self, place: Place, step: Step, start: FloatArray, part: Trajectory, from_s: float) -> None:
         """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""
+        check = checks.SampleCheck(self._robot)
+        for samples in shifted(sampled(part), from_s):
+            check.look(samples)
+        ends = part.positions(np.array([part.duration_s]))[0].tolist()
         for i, joint in enumerate(self._robot.joints):
             if checks.is_outside(joint, start[i]):
-                end = samples.positions[-1, i]
+                end = ends[i]
                 if isinstance(step, JointsBy | ToolBy) or end == start[i] or not checks.is_outside(joint, end):
                     continue
             try:
-                checks.check_joint_positions(self._robot, i, samples)
+                check.check_joint(i)
             except InputError as error:
                 self.complaints.add(place, step, error)
-
-
-def _samples(part: Trajectory, from_s: float) -> Samples:
-    """Sample a part of the motion, with times of the whole motion."""
-    end_ms = whole_ms("the duration", part.duration_s)
-    breakpoints_ms = [whole_ms("a breakpoint", t_s) for t_s in part.breakpoints_s]
-    samples = Samples.of(part, np.array(sorted({0, *breakpoints_ms, end_ms})))
-    return samples._replace(t_s=samples.t_s + from_s)

@@ -1,20 +1,130 @@
 """Find the steps of a program that are too fast, and the values of their own keys that pass."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from typing import Any, Final
 
 from steptwin.host.planning import checks
-from steptwin.host.planning.peaks import Peak, Quantity
+from steptwin.host.planning.checks import TooFastError
+from steptwin.host.planning.motions.stretched import least_passing
+from steptwin.host.planning.peaks import Peak, Quantity, TooLongError
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
-from steptwin.host.planning.programs.complaints import pass_words
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import Pace
-from steptwin.host.planning.programs.passing_pace import passing_values
+from steptwin.host.planning.programs.program import Place
+from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
-from steptwin.host.planning.programs.writing_out import Place
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
+
+Check = Callable[[Pace], None]
+"""Checks a step with another pace; raises TooFastError if it is too fast."""
+
+_DIGITS: Final = 3
+"""Significant digits of a value that is not in whole milliseconds."""
+_PER_DECADE: Final = 9 * 10 ** (_DIGITS - 1)
+"""Number of values with so many digits from 1 to below 10."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    """A key of a pace: its values that a message may offer, numbered by their slowness.
+
+    Attributes:
+        name: name of the key.
+        slower: 1 if a larger value is slower, -1 if a smaller one is.
+        reach: factor up to which the value is changed. Beyond it the step's numbers are in a wrong unit.
+        in_ms: True for a duration in whole milliseconds; other values have three significant digits.
+        of_ramps: True for a key that makes nothing but the accelerations smaller.
+    """
+
+    name: str
+    slower: int
+    reach: float = 1000.0
+    in_ms: bool = False
+    of_ramps: bool = False
+
+    def value(self, number: int) -> float:
+        """Return the value with a number."""
+        size = self.slower * number
+        if self.in_ms:
+            return size / 1000
+        exponent, mantissa = divmod(size, _PER_DECADE)
+        return float(f"{mantissa + _PER_DECADE // 9}e{exponent}")
+
+    def at_least_as_fast(self, value: float) -> int:
+        """Return the number of the slowest value that is not slower than one given."""
+        return self.slower * self._size(value, ROUND_FLOOR if self.slower > 0 else ROUND_CEILING)
+
+    def at_least_as_slow(self, value: float) -> int:
+        """Return the number of the fastest value that is not faster than one given."""
+        return self.slower * self._size(value, ROUND_CEILING if self.slower > 0 else ROUND_FLOOR)
+
+    def made_slower(self, value: float, factor: float) -> float:
+        """Return a value made slower by a factor."""
+        return value * factor**self.slower
+
+    def _size(self, value: float, rounding: str) -> int:
+        exact = Decimal(repr(value))
+        if self.in_ms:
+            return int((1000 * exact).to_integral_value(rounding))
+        exponent = exact.adjusted() - (_DIGITS - 1)
+        mantissa = int(exact.scaleb(-exponent).to_integral_value(rounding))
+        return _PER_DECADE * exponent + mantissa - _PER_DECADE // 9
+
+
+_KEYS: Final = {
+    key.name: key
+    for key in (
+        _Key("speed_mm_s", -1),
+        _Key("ramp_s", 1, reach=10.0, of_ramps=True),
+        _Key("speed_percent", -1),
+        _Key("duration_s", 1, in_ms=True),
+    )
+}
+
+
+def passing_values(pace: Pace, error: TooFastError, checks: Iterable[Check]) -> list[str]:
+    """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
+
+    Each is the nearest one to the step's own, in three digits or whole milliseconds, that is slow enough.
+
+    Args:
+        pace: pace of the step, with which it is too fast.
+        error: refusal of the step at the place where it is made first of all.
+        checks: checks of the step at all places of the program at which it is made, the one of `error` first.
+    """
+    places = tuple(checks)
+    only_ramps = all(peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) for peak in error.peaks)
+    keys = [_KEYS[name] for name in pace.keys if only_ramps or not _KEYS[name].of_ramps]
+    values = ((key.name, _passing_value(pace, key, error.least_stretch, places)) for key in keys)
+    return [f"{name} = {value:.10g}" for name, value in values if value is not None]
+
+
+def _passing_value(pace: Pace, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
+    own: float = getattr(pace, key.name)
+    slowest = key.at_least_as_slow(key.made_slower(own, key.reach))
+    number = key.at_least_as_fast(own)
+    guess = key.at_least_as_slow(key.made_slower(own, least_stretch))
+    for check in checks:
+
+        def passes(number: int, check: Check = check) -> bool:
+            changed: dict[str, Any] = {key.name: key.value(number)}
+            try:
+                check(replace(pace, **changed))
+            except (TooFastError, TooLongError):
+                return False
+            return True
+
+        if number != key.at_least_as_fast(own) and passes(number):
+            continue
+        found = least_passing(passes, number, guess, slowest)
+        if found is None:
+            return None
+        number = guess = found
+    return key.value(number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from math import ceil, nan
 from typing import Final
 
@@ -10,18 +11,48 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.even_path import EvenPath
-from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.laws import Law, SCurve
+from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.following import nearest_turns, present_branch
-from steptwin.host.planning.motions.straight import is_straight_in_joints
-from steptwin.host.planning.out_of_reach import OutOfReachError
-from steptwin.host.planning.paths import COORDINATES, Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath, Turn
+from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints
+from steptwin.host.planning.paths import (
+    COORDINATES,
+    Arc,
+    EvenPath,
+    OutOfReachError,
+    Pose,
+    SampledPath,
+    Smoothing,
+    StraightLine,
+    ToolPath,
+    Turn,
+)
+from steptwin.host.planning.peaks import highest, sampled, speed_peaks
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
-from steptwin.host.planning.programs.turning import turning_law
 from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
-from steptwin.host.robots.nearest_pose import passing_text
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.workspace.nearest_pose import passing_text
+
+
+def turning_law(robot: Robot, turn: Turn, branch: str, start: FloatArray, goal: FloatArray, percent: float) -> Law:
+    """Return the jerk-limited law of the angle, within a percentage of the joints' limits of speed and acceleration.
+
+    The joints do not turn in proportion to the angle. So the law for their way as a whole, from `start` to `goal`, is
+    tried, and stretched by as much as the peaks are beyond the percentage.
+    """
+    whole = limits_along(robot, goal - start)
+    speed, acceleration = (turn.length_mm * limit * percent / 100 for limit in whole)
+
+    def law(stretch: float) -> SCurve:
+        slower = acceleration / stretch**2
+        return SCurve.fastest(turn.length_mm, speed / stretch, slower, slower / (stretch * JERK_TIME_S))
+
+    tried = ToolMove.along(robot, turn, law(1.0), branch, start)
+    peaks = highest(speed_peaks(robot, samples) for samples in sampled(tried))
+    return law(max(replace(peak, limit=peak.limit * percent / 100).stretch for peak in peaks))
+
 
 _PLACE_MM: Final = 1e-6
 """Distance up to which two poses are at the same place: the tool then only turns."""

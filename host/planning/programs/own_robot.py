@@ -5,6 +5,7 @@ Every error begins with `robot: `, the program's key.
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.own_files import is_file
 from steptwin.host.planning.programs.program import Program
 from steptwin.host.robots import SUFFIX, load_robot, load_robot_file, robot_names
 from steptwin.host.robots.robot import Robot
@@ -39,7 +40,7 @@ def check_own_robot(program: Program, robot: Robot) -> None:
 
 
 def _is_beside(program: Program) -> bool:
-    return (program.folder / f"{program.robot}{SUFFIX}").is_file()
+    return is_file(program.folder / f"{program.robot}{SUFFIX}")
 
 
 def _beside_words(program: Program) -> str:
@@ -48,7 +49,7 @@ def _beside_words(program: Program) -> str:
 
 def _load_file(program: Program, name: str) -> Robot:
     path = program.folder / name
-    if not path.is_file():
+    if not is_file(path):
         beside = [file.stem for file in path.parent.glob(f"*{SUFFIX}")] if path.parent.is_dir() else []
         near = [f"{name}{SUFFIX}" for name in nearest(path.stem, beside)]
         hint = f": did you mean {' or '.join(near)}?" if near else ", counted from the program's folder"

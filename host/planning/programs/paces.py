@@ -16,7 +16,7 @@ SPEED_PERCENT: Final = 80.0
 """Usual part of the joints' limits of speed and acceleration that a joint move uses."""
 
 RAMP_S: Final = 0.3
-"""Usual time in which the tool gets its speed."""
+"""Usual time that the tool takes to its speed."""
 
 _RAMPS_IN_DURATION: Final = 3
 """A trapezoid or S-curve of a given duration ramps up for a third of it, and down for another third."""
@@ -86,7 +86,7 @@ class JointPace:
 
 @dataclass(frozen=True, slots=True)
 class ToolPace:
-    """The pace of the tool along a path, jerk-limited: its speed, and the time in which it gets that speed."""
+    """The pace of the tool along a path, jerk-limited: its speed, and the time that it takes to that speed."""
 
     speed_mm_s: float
     ramp_s: float = RAMP_S

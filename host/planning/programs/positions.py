@@ -1,12 +1,27 @@
-"""Positions in a program: of joints or of the tool, written down where they are needed or under a name."""
+"""Positions in a program: of joints or of the tool, written down where they are needed or under a name.
 
+Entries are added and taken away line by line, so that comments, order and layout of the others stay. The new text is
+read again before it is written: an entry that does not stand in one line of its own is refused.
+"""
+
+import json
+import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Final
 
-from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.tables import Table
+from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
+from steptwin.host.common.own_files import read_text
+from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.paths import COORDINATES
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,3 +74,167 @@ def read_position(table: Table) -> Position:
         joint = next(key for key in numbers if key not in COORDINATES)
         raise InputError(f"{joint}: beside {of_tool[0]}; a position is either of joints or of the tool")
     return ToolPosition(numbers, branch)
+
+
+_KEYS: Final = ("title", "robot", "positions")
+_NAME: Final = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_CHARS_MAX}}}")
+"""A name that needs no quotes, as a bare key of TOML."""
+_HEADER: Final = re.compile(r"\s*\[\s*positions\s*\]\s*(#.*)?")
+
+
+def default_file(robot: Robot) -> str:
+    """Return the name of the file in the working directory that holds a robot's positions."""
+    return f"{robot.name}-positions.toml"
+
+
+def read_positions(path: str, robot: Robot) -> dict[str, Position]:
+    """Return the positions in a file, by name; raise InputError, with the file, unless it is right and the robot's."""
+    with prefixed(f"{path}: "):
+        return _parse(read_text(path, PROGRAM_BYTES_MAX), robot)
+
+
+def find_position(positions: Mapping[str, Position], name: str, path: str) -> Position:
+    """Return a position by its name; raise InputError, with the nearest names, if there is none."""
+    if name not in positions:
+        with prefixed(f"{path}: "):
+            raise unknown("position", name, positions)
+    return positions[name]
+
+
+def check_saving(path: str, robot: Robot, name: str, *, replace: bool) -> None:
+    """Raise InputError unless a position may be saved under a name: a new one, or with `replace` any."""
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"{shortened(name)!r} is not a position's name: up to {NAME_CHARS_MAX} letters, digits, - and _"
+        )
+    positions = read_positions(path, robot) if Path(path).exists() else {}
+    if name in positions and not replace:
+        raise InputError(f"{path}: holds a position {name!r} already: --replace replaces it")
+
+
+def save_position(path: str, robot: Robot, name: str, joints: list[float], comment: str, *, replace: bool) -> None:
+    """Save a position of all joints under a name, with a comment of one line; make the file if there is none.
+
+    The numbers have as few decimals as give the same wire units. Raises InputError as `check_saving` and OSError.
+    """
+    check_saving(path, robot, name, replace=replace)
+    numbers = ", ".join(
+        f"{_key(joint.name)} = {_shortest(joint, position)}"
+        for joint, position in zip(robot.joints, joints, strict=True)
+    )
+    entry = f"{name} = {{ {numbers} }}" + (f"  # {comment}" if comment else "")
+    text = read_text(path, PROGRAM_BYTES_MAX) if Path(path).exists() else _new_text(robot)
+    wanted = _parse(text, robot) | _parse(f"[positions]\n{entry}", robot)
+    _write(path, robot, name, _with_entry(text, name, entry), wanted)
+
+
+def delete_position(path: str, robot: Robot, name: str) -> None:
+    """Delete a position; raises as `find_position`, and OSError."""
+    positions = read_positions(path, robot)
+    find_position(positions, name, path)
+    lines = read_text(path, PROGRAM_BYTES_MAX).splitlines(keepends=True)
+    at = _line_of(lines, name)
+    wanted = {other: position for other, position in positions.items() if other != name}
+    _write(path, robot, name, "".join(lines if at is None else lines[:at] + lines[at + 1 :]), wanted)
+
+
+def read_any_positions(path: str) -> tuple[str | None, dict[str, Position]]:
+    """Return the name of the robot that a file names, and its positions; raise InputError, with the file, if wrong."""
+    with prefixed(f"{path}: "):
+        return _parse_any(read_text(path, PROGRAM_BYTES_MAX))
+
+
+def _parse(text: str, robot: Robot) -> dict[str, Position]:
+    owner, positions = _parse_any(text)
+    if owner not in (None, robot.name):
+        raise InputError(f"robot: the positions are for {owner}, not for {robot.name}")
+    return positions
+
+
+def _parse_any(text: str) -> tuple[str | None, dict[str, Position]]:
+    table = toml_table(text)
+    table.check_keys(_KEYS)
+    owner = table.optional("robot", table.text)
+    positions: dict[str, Position] = {}
+    if "positions" in table:
+        with table.section("positions") as named:
+            for name in named:
+                with prefixed(f"{name}: "):
+                    positions[name] = read_position(Table(named.values[name], "table"))
+    return owner, positions
+
+
+def _new_text(robot: Robot) -> str:
+    return (
+        f"# Positions of {robot.name}: joints in mm and degrees; the tool's pose beside them is a comment.\n"
+        f"# `steptwin positions` writes this file; entries by hand, of the tool as well, are welcome.\n"
+        f"robot = {_quoted(robot.name)}\n\n[positions]\n"
+    )
+
+
+def _key(name: str) -> str:
+    return name if _NAME.fullmatch(name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    """Return a printable text as a string of TOML, which escapes as JSON does."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _shortest(joint: Joint, position: float) -> str:
+    """Return a position with as few decimals, at least one, as give the same wire units of the joint itself."""
+    units = joint.transmission.to_units(position)
+    texts = (f"{position + 0.0:.{decimals}f}" for decimals in count(1))
+    return next(text for text in texts if joint.transmission.to_units(float(text)) == units)
+
+
+# --- editing
+
+
+def _with_entry(text: str, name: str, entry: str) -> str:
+    """Return the text with an entry in place of one of the same name, else at the end of [positions]."""
+    lines = text.splitlines(keepends=True)
+    at = _line_of(lines, name)
+    if at is not None:
+        lines[at] = f"{entry}\n"
+        return "".join(lines)
+    begin, end = _section(lines)
+    if begin == end:
+        return f"{text.rstrip()}\n\n[positions]\n{entry}\n"
+    while not lines[end - 1].strip():
+        end -= 1
+    before = "".join(lines[:end])
+    return before + ("" if before.endswith("\n") else "\n") + f"{entry}\n" + "".join(lines[end:])
+
+
+def _section(lines: list[str]) -> tuple[int, int]:
+    """Return the range of lines of [positions], with its header; an empty range if there is none."""
+    begin = next((i for i, line in enumerate(lines) if _HEADER.fullmatch(line.rstrip("\r\n"))), len(lines))
+    following = (i for i, line in enumerate(lines) if i > begin and line.lstrip().startswith("["))
+    return begin, next(following, len(lines))
+
+
+def _line_of(lines: list[str], name: str) -> int | None:
+    """Return the line of [positions] that holds a whole entry of this name; None if there is none."""
+    begin, end = _section(lines)
+    return next((i for i in range(begin + 1, end) if _keys_of(lines[i]) == [name]), None)
+
+
+def _keys_of(line: str) -> list[str]:
+    try:
+        return list(tomllib.loads(line))
+    except ValueError:  # a part of an entry
+        return []
+
+
+def _write(path: str, robot: Robot, name: str, text: str, wanted: Mapping[str, Position]) -> None:
+    """Write a new text, whole, if it holds the wanted positions."""
+    with prefixed(f"{path}: "):
+        try:
+            right = _parse(text, robot) == wanted
+        except InputError:
+            right = False
+        if not right:
+            raise InputError(f"{name}: does not stand in one line of its own under [positions]: edit it by hand")
+    with whole_file(Path(path)) as file:
+        file.write(text.encode("utf-8"))

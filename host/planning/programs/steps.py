@@ -51,7 +51,7 @@ class Step(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Go:
+class GoStep:
     """Move all joints to a position, together; with `branch` the tool's position is reached on that branch."""
 
     to: Target
@@ -71,7 +71,7 @@ class Go:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineStep:
     """Move the tool straight to a position, on the branch on which the arm is."""
 
     to: Target
@@ -91,7 +91,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Arc:
+class ArcStep:
     """Move the tool along the arc from where it is, through a position, to a position."""
 
     via: Target
@@ -112,7 +112,7 @@ class Arc:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class CircleStep:
     """Move the tool around a vertical axis, in degrees counter-clockwise; `turned` turns the tool along.
 
     Raises InputError for a sweep of 0 or beyond SWEEP_MAX_DEG.
@@ -145,7 +145,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class Through:
+class ThroughStep:
     """Move the tool on a smooth curve from where it is through positions, without stopping."""
 
     targets: tuple[Target, ...]
@@ -206,7 +206,7 @@ class ToolBy:
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class OutputStep:
     """Stand still while a digital output changes."""
 
     name: str
@@ -228,7 +228,7 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
-class Wait:
+class WaitStep:
     """Stand still until a digital input has a level; a wait beyond the time-out ends the motion.
 
     Raises InputError for a time-out that a wait may not have.
@@ -257,7 +257,7 @@ class Wait:
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
+class PauseStep:
     """Stand still for a time in whole milliseconds; raises InputError for one that is not above 0."""
 
     duration_s: float

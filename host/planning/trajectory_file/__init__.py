@@ -1,8 +1,8 @@
 """Read trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
 
-Positions are in mm and degrees, times in seconds from 0. Without velocities the motion is a C2 spline through the
-points, from rest to rest, which stands still where points repeat; or one of the other interpolations. With velocities
-it is a cubic from point to point, and the times are whole milliseconds.
+Positions are in mm and degrees, or in other units that a caller names, times in seconds from 0. Without velocities the
+motion is a C2 spline through the points, from rest to rest, which stands still where points repeat; or one of the other
+interpolations. With velocities it is a cubic from point to point, and the times are whole milliseconds.
 
 CSV has a header `t,<joint>,...` with the joints in any order, and for velocities a column `v_<joint>` for each. JSON
 has `joint_names`, and `points` with `positions`, `time_from_start` and optional `velocities`. In place of the joints
@@ -15,13 +15,14 @@ from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX
-from steptwin.host.common.text_file import opened_text, read_text
+from steptwin.host.common.own_files import opened_text, read_text
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
-from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, Interpolation
+from steptwin.host.planning.trajectory_file.doubts import doubt
+from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve
 from steptwin.host.planning.trajectory_file.json_points import read_json
-from steptwin.host.planning.trajectory_file.points import LONGEST_S, Points
+from steptwin.host.planning.trajectory_file.points import LONGEST_S, USUAL, FileUnits, Points
 from steptwin.host.robots.robot import Robot
 
 __all__ = [
@@ -29,7 +30,8 @@ __all__ = [
     "LONGEST_S",
     "SUFFIXES",
     "FileMotion",
-    "Interpolation",
+    "PointCurve",
+    "doubt",
     "is_trajectory_file",
     "read_file_motion",
     "read_trajectory",
@@ -38,9 +40,6 @@ __all__ = [
 ]
 
 SUFFIXES: Final = (".csv", ".json")
-
-_ENCODING: Final = "utf-8-sig"
-"""UTF-8, with a byte order mark or without."""
 
 
 def is_trajectory_file(name: str) -> bool:
@@ -55,6 +54,7 @@ def read_trajectory(
     interpolate: str | None = None,
     ramps_s: float = 0.0,
     elbow: str | None = None,
+    units: str | None = None,
 ) -> Sampled | Sequence:
     """Return the trajectory in a file whose name ends in .csv or .json.
 
@@ -66,12 +66,14 @@ def read_trajectory(
             motion. Without velocities in the file its motion goes on at both ends as the points do.
         elbow: Branch of the inverse kinematics for a file of poses that does not name it; by default the first one that
             reaches all of them.
+        units: Units of the file's angles, `deg` or `rad`, and of its lengths, `mm` or `m`, such as `rad,m`; by default
+            degrees and millimetres. A robot's joint that slides has a length.
 
     Raises:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
             Or an argument is wrong, or does not go with the file.
     """
-    return read_file_motion(path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow).trajectory
+    return read_file_motion(path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow, units=units).trajectory
 
 
 def read_file_motion(
@@ -81,14 +83,16 @@ def read_file_motion(
     interpolate: str | None = None,
     ramps_s: float = 0.0,
     elbow: str | None = None,
+    units: str | None = None,
 ) -> FileMotion:
     """Return the motion in a file with its points, to compare both; arguments and errors are `read_trajectory`'s."""
-    if interpolate is not None and interpolate not in list(Interpolation):
-        raise unknown("interpolate:", interpolate, Interpolation)
-    interpolation = None if interpolate is None else Interpolation(interpolate)
+    if interpolate is not None and interpolate not in list(PointCurve):
+        raise unknown("interpolate:", interpolate, PointCurve)
+    interpolation = None if interpolate is None else PointCurve(interpolate)
+    read_in = USUAL if units is None else FileUnits.named(units)
     with prefixed(f"{path}: "):
-        all_whole_ms = interpolation in (Interpolation.LINEAR, Interpolation.STOP)
-        points = _points(path).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
+        all_whole_ms = interpolation in (PointCurve.LINEAR, PointCurve.STOP)
+        points = _points(path).in_units(read_in, robot).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
         points.check_within(robot)
         return FileMotion.of(robot, points, interpolation, ramps_s)
 
@@ -114,6 +118,6 @@ def _motion(points: Points, robot: Robot, until_s: float) -> Sampled | Sequence:
 
 def _points(path: str) -> Points:
     if path.lower().endswith(".json"):
-        return read_json(read_text(path, JSON_BYTES_MAX, _ENCODING))
-    with opened_text(path, CSV_BYTES_MAX, _ENCODING) as file:
+        return read_json(read_text(path, JSON_BYTES_MAX))
+    with opened_text(path, CSV_BYTES_MAX) as file:
         return read_csv(file)

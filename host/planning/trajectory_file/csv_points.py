@@ -9,14 +9,12 @@ from typing import Final, Self, TextIO
 import numpy as np
 
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.csv_lines import check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import COLUMNS_MAX, POINTS_MAX
-from steptwin.host.common.numbers import LARGEST
+from steptwin.host.common.numbers import LARGEST, check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.paths import COORDINATES
-from steptwin.host.planning.trajectory_file.derived import VELOCITY, derived_in
-from steptwin.host.planning.trajectory_file.points import Points
+from steptwin.host.planning.trajectory_file.points import VELOCITY, Points, derived_in
 
 _ELBOW: Final = "elbow"
 """Header of the branch of the inverse kinematics in a file of poses."""

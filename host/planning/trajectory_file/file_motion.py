@@ -1,33 +1,119 @@
 """The motion through the points of a file, how far it leaves the lines between them, and why it is refused."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from collections.abc import Sequence as Texts
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
+from itertools import groupby
+from math import ceil
 from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.bad_input import apart
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
 from steptwin.host.planning.motions.blended import blended_lines
 from steptwin.host.planning.motions.joint_move import change_times_s
-from steptwin.host.planning.motions.ramps import shortest_ramps_s, with_ramps
 from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.motions.stretched import Stretched
-from steptwin.host.planning.motions.through_points import through_points
 from steptwin.host.planning.peaks import Peak, Quantity
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.polygon import Departure, Polygon
+from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory
 from steptwin.host.planning.trajectory_file.points import JointPoints
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
 
-class Interpolation(StrEnum):
+def with_ramps(motion: Trajectory, ramps_s: float) -> Sequence:
+    """Return a motion without switchings between a run-in and a run-out, each where it starts or ends at speed.
+
+    A ramp lasts `ramps_s`, has constant acceleration and goes straight on in joint space: the run-in begins
+    v ramps_s / 2 before the motion's first position, v being the velocity there. The motion itself stays as it is.
+
+    Raises:
+        InputError: `ramps_s` is not a whole number of milliseconds above 0, or the motion starts and ends at rest.
+    """
+    if whole_ms(f"ramps_s={ramps_s:g}", ramps_s) <= 0:
+        raise InputError(f"ramps_s={ramps_s:g}: is not above 0 s")
+    (first, last), (start, end) = _ends(motion)
+    names, rest, ramp_times_s = motion.joint_names, np.zeros_like(start), np.array([0.0, ramps_s])
+    parts: list[Trajectory] = [motion]
+    if _moves(start):
+        places = np.array([first - start * ramps_s / 2, first])
+        parts.insert(0, Sampled.hermite(names, ramp_times_s, places, np.array([rest, start])))
+    if _moves(end):
+        places = np.array([last, last + end * ramps_s / 2])
+        parts.append(Sampled.hermite(names, ramp_times_s, places, np.array([end, rest])))
+    if len(parts) == 1:
+        raise InputError(f"ramps_s={ramps_s:g}: the motion starts and ends at rest")
+    ends_ms = np.cumsum([whole_ms("the duration", part.duration_s) for part in parts])
+    return Sequence(names, tuple(parts), (0, *ends_ms.tolist()), ())
+
+
+def shortest_ramps_s(robot: Robot, motion: Trajectory, stretch: float = 1.0) -> float:
+    """Return the shortest ramps, in whole milliseconds, within the robot's accelerations; 0 without speed.
+
+    `stretch` is the factor by which the motion with its ramps will be slower.
+    """
+    _, velocities = _ends(motion)
+    needed_ms = 1000.0 * float(change_times_s(robot, velocities).max()) / stretch**2
+    return ceil(needed_ms * (1 - 1e-12)) / 1000 if _moves(velocities) else 0.0
+
+
+def _ends(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return the positions and the velocities at both ends, each of shape (2, joints)."""
+    t_s = np.array([0.0, motion.duration_s])
+    return motion.positions(t_s), motion.velocities(t_s)
+
+
+def _moves(velocities: FloatArray) -> bool:
+    return bool(np.abs(velocities).max() > REST_TOLERANCE)
+
+
+Curve = Callable[[tuple[str, ...], FloatArray, FloatArray, tuple[bool, bool]], Sampled]
+"""A function of joint names, times, positions and whether start and end are at rest, such as `Sampled.c2_spline`."""
+
+
+def through_points(
+    joint_names: tuple[str, ...],
+    times_s: FloatArray,
+    positions: FloatArray,
+    places: Texts[str],
+    curve: Curve = Sampled.c2_spline,
+    at_rest: tuple[bool, bool] = (True, True),
+) -> Sampled | Sequence:
+    """Return curves through positions of shape (points, joints) at times of shape (points,).
+
+    A point that repeats the previous one makes a pause, since a curve through both would overshoot there. Messages
+    name the points' times by `places`. `at_rest` tells whether the first and the last point are at rest; where a pause
+    begins or ends, the motion always is. Raise InputError as `check_times`, or if a pause is not in whole milliseconds.
+    """
+    stands = (np.diff(positions, axis=0) == 0.0).all(axis=1).tolist()
+    if not any(stands):
+        return curve(joint_names, times_s, positions, at_rest)
+    parts: list[Trajectory] = []
+    starts_ms = [0]
+    for standing, group in groupby(range(len(stands)), key=stands.__getitem__):
+        segments = list(group)
+        first, last = segments[0], segments[-1] + 1
+        whole_ms(places[last], float(times_s[last]))
+        own_s = times_s[first : last + 1] - times_s[first]
+        if standing:
+            parts.append(Standstill(joint_names, tuple(positions[first].tolist()), float(own_s[-1])))
+        else:
+            ends_at_rest = (first > 0 or at_rest[0], last < len(stands) or at_rest[1])
+            parts.append(curve(joint_names, own_s, positions[first : last + 1], ends_at_rest))
+        starts_ms.append(round(1000 * float(times_s[last])))
+    return Sequence(joint_names, tuple(parts), tuple(starts_ms), ())
+
+
+class PointCurve(StrEnum):
     """The motion between points without velocities."""
 
     SPLINE = "spline"
@@ -38,12 +124,12 @@ class Interpolation(StrEnum):
     """Straight lines of the joints, each from rest to rest."""
 
 
-DEFAULT: Final = Interpolation.SPLINE
+DEFAULT: Final = PointCurve.SPLINE
 
 _SUBJECTS: Final = {
-    Interpolation.SPLINE: "the spline",
-    Interpolation.LINEAR: "the motion between its blends",
-    Interpolation.STOP: "the motion from stop to stop",
+    PointCurve.SPLINE: "the spline",
+    PointCurve.LINEAR: "the motion between its blends",
+    PointCurve.STOP: "the motion from stop to stop",
 }
 
 
@@ -62,20 +148,20 @@ class FileMotion:
 
     robot: Robot
     points: JointPoints
-    interpolation: Interpolation | None
+    interpolation: PointCurve | None
     ramps_s: float
     through: Sampled | Sequence
     trajectory: Sampled | Sequence
 
     @classmethod
-    def of(cls, robot: Robot, points: JointPoints, interpolate: Interpolation | None, ramps_s: float) -> "FileMotion":
+    def of(cls, robot: Robot, points: JointPoints, interpolate: PointCurve | None, ramps_s: float) -> "FileMotion":
         """Return the motion; `interpolate` and ramps are as in `read_trajectory`, which names the errors."""
         if points.velocities is not None and interpolate is not None:
             raise InputError(
                 f"interpolate={interpolate}: the file gives velocities, and with them the motion between its points"
             )
         interpolation = interpolate or (DEFAULT if points.velocities is None else None)
-        if ramps_s and interpolation is Interpolation.STOP:
+        if ramps_s and interpolation is PointCurve.STOP:
             raise InputError(f"ramps_s={ramps_s:g}: a motion that stops at each point starts and ends at rest")
         through = _through(robot, points, interpolation, moving=bool(ramps_s))
         trajectory = with_ramps(through, ramps_s) if ramps_s else through
@@ -122,9 +208,7 @@ class FileMotion:
     def _of_position(self, joint: Joint) -> str:
         positions = self.points.positions[:, self.robot.joint_names.index(joint.name)]
         lowest, highest = float(positions.min()) + 0.0, float(positions.max()) + 0.0  # -0.0 is written 0
-        kept = (
-            " (interpolate=linear does too)" if self.interpolation is Interpolation.SPLINE and not self.ramps_s else ""
-        )
+        kept = " (interpolate=linear does too)" if self.interpolation is PointCurve.SPLINE and not self.ramps_s else ""
         return f"the points themselves stay within {lowest:g}..{highest:g} {joint.unit}{kept}"
 
     def _of_speed(self, peak: Peak, stretch: float) -> str:
@@ -153,7 +237,7 @@ class FileMotion:
 
     def _passing_ramps(self, stretch: float) -> str:
         """Return the shortest ramps, if the planner accepts the motion with them."""
-        if self.interpolation is Interpolation.STOP:
+        if self.interpolation is PointCurve.STOP:
             return ""
         try:
             moving = _through(self.robot, self.points, self.interpolation, moving=True)
@@ -165,16 +249,16 @@ class FileMotion:
 
 
 def _through(
-    robot: Robot, points: JointPoints, interpolation: Interpolation | None, *, moving: bool
+    robot: Robot, points: JointPoints, interpolation: PointCurve | None, *, moving: bool
 ) -> Sampled | Sequence:
     """Return the motion through the points; `moving` tells whether it starts and ends at speed."""
     names, times_s, positions = robot.joint_names, points.times_s, points.positions
     at_rest = (not moving, not moving)
     if points.velocities is not None:
         return Sampled.hermite(names, times_s, positions, points.velocities)
-    if interpolation is Interpolation.STOP:
+    if interpolation is PointCurve.STOP:
         return Sampled.hermite(names, times_s, positions, np.zeros_like(positions))
-    if interpolation is Interpolation.LINEAR:
+    if interpolation is PointCurve.LINEAR:
         lines = partial(blended_lines, partial(change_times_s, robot))
         return through_points(names, times_s, positions, points.places, lines, at_rest)
     return through_points(names, times_s, positions, points.places, at_rest=at_rest)

@@ -1,8 +1,12 @@
-"""The points of a trajectory file, whatever its format, as the file has them and as a robot's joints."""
+"""The points of a trajectory file, whatever its format, as the file has them and as a robot's joints.
 
+Between two points with velocities the motion is a cubic, so it is known without its accelerations and tool poses.
+"""
+
+from collections.abc import Iterable, Sequence
 from collections.abc import Sequence as Texts
 from dataclasses import dataclass, replace
-from math import inf, nan
+from math import ceil, degrees, floor, inf, nan
 from typing import Final
 
 import numpy as np
@@ -12,13 +16,155 @@ from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import check_times
 from steptwin.host.planning.paths import COORDINATES
-from steptwin.host.planning.trajectory_file.tool_points import joints_at, point_place
-from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
+from steptwin.host.planning.peaks import LONGEST_MS
+from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
+from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, joint_constraints
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.workspace.nearest_pose import passing_text
 
-LONGEST_S: Final = 3600.0
-"""Longest motion that a file may hold; a longer one probably has times in other units, and would not fit in memory."""
+_CIRCLE_DEG: Final = 360.0
+
+
+def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Sequence[str]) -> tuple[str, FloatArray]:
+    """Return the branch and the joints, of shape (points, joints), for poses of shape (points, 4).
+
+    Without a branch it is the first one that reaches all poses. Joints that turn further than a circle go on to the
+    nearest turn, from the turn nearest to the home position; joints that the pose does not determine stay at home.
+    `places` says where each point's time stands in the file.
+
+    Raises:
+        InputError: no branch has the name; or none reaches all poses, with the point and why.
+    """
+    kinematics = make_kinematics(robot)
+    if branch is not None and branch not in kinematics.branches:
+        raise unknown("elbow:", branch, kinematics.branches)
+    candidates = kinematics.branches if branch is None else (branch,)
+    solved = [_solved(robot, kinematics, poses, name) for name in candidates]
+    for candidate in solved:
+        if candidate.reachable.all():
+            return candidate.name, candidate.joints
+    farthest = max(solved, key=_first_out_of_reach)
+    raise _broken_off(robot, kinematics, poses, farthest, places)
+
+
+def _solved(robot: Robot, kinematics: Kinematics, poses: FloatArray, name: str) -> Branch:
+    """Return a branch whose joints go on without jumps of a whole turn, as far as it is within reach."""
+    solved = kinematics.solve(poses, name, np.array(robot.home))
+    joints = solved.joints
+    within = ~np.isnan(joints).any(axis=1)
+    end = len(poses) if within.all() else int(np.argmin(within))
+    for axis, joint in enumerate(robot.joints):
+        if joint.unit is Unit.DEG and joint.upper - joint.lower > _CIRCLE_DEG and end:
+            turned_deg = np.unwrap(joints[:end, axis], period=_CIRCLE_DEG)
+            joints[:end, axis] = turned_deg + _turns_deg(joint, turned_deg)
+    same = np.concatenate([[False], (np.diff(np.nan_to_num(poses), axis=0) == 0.0).all(axis=1)])
+    joints = joints[np.maximum.accumulate(np.where(same, 0, np.arange(len(poses))))]  # equal to the last digit
+    return replace(solved, joints=joints, limits=joint_constraints(robot.joints, joints))
+
+
+def _turns_deg(joint: Joint, turned_deg: FloatArray) -> float:
+    """Return the fewest whole turns by which a joint's angles come within its limits, 0 if none do."""
+    fewest = ceil((joint.lower - turned_deg.min()) / _CIRCLE_DEG)
+    most = floor((joint.upper - turned_deg.max()) / _CIRCLE_DEG)
+    return _CIRCLE_DEG * min(max(0, fewest), most) if fewest <= most else 0.0
+
+
+def _first_out_of_reach(branch: Branch) -> int:
+    return int(np.argmin(branch.reachable))
+
+
+def _broken_off(
+    robot: Robot, kinematics: Kinematics, poses: FloatArray, branch: Branch, places: Sequence[str]
+) -> InputError:
+    """Return the error for the first pose that a branch does not reach, with the branch or the pose that does."""
+    i = _first_out_of_reach(branch)
+    place = f"{point_place(places, i)}: {pose_words(poses[i].tolist())}"
+    text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
+    others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
+    other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
+    if other is None:
+        x_mm, y_mm, z_mm, phi_deg = poses[i].tolist()
+        passing = passing_text(robot, (x_mm, y_mm, z_mm, phi_deg), np.array(robot.home), branch.name)
+        return InputError(f"{text}{passing}")
+    missed = _solved(robot, kinematics, poses, other)
+    if missed.reachable.all():
+        return InputError(f"{text}; the branch {other!r} reaches all points (elbow={other})")
+    j = _first_out_of_reach(missed)
+    return InputError(
+        f"{text}; the branch {other!r} reaches it, but not {point_place(places, j)}: {missed.reason(j)};"
+        " the arm would have to change the branch on the way, which takes a file of joints"
+    )
+
+
+def point_place(places: Sequence[str], i: int) -> str:
+    """Return where a point stands in the file: `line 5`, if its time stands at `line 5, t`."""
+    return places[i].partition(",")[0]
+
+
+_ANGLES_DEG: Final = {"deg": 1.0, "rad": degrees(1.0)}
+_LENGTHS_MM: Final = {"mm": 1.0, "m": 1000.0}
+
+
+@dataclass(frozen=True, slots=True)
+class FileUnits:
+    """Degrees in an angle's unit, and millimetres in a length's."""
+
+    angle_deg: float = 1.0
+    length_mm: float = 1.0
+
+    @classmethod
+    def named(cls, names: str) -> "FileUnits":
+        """Return the units that `deg` or `rad`, `mm` or `m`, or one of each with a comma between them mean.
+
+        Raises:
+            InputError: a name is unknown, or two are for the same.
+        """
+        angle: float | None = None
+        length: float | None = None
+        for name in (part.strip() for part in names.split(",")):
+            if name in _ANGLES_DEG and angle is None:
+                angle = _ANGLES_DEG[name]
+            elif name in _LENGTHS_MM and length is None:
+                length = _LENGTHS_MM[name]
+            elif name in (*_ANGLES_DEG, *_LENGTHS_MM):
+                twice = f"{names}: has two units of the same kind; rad,m is one of each"
+                raise InputError(f"units={twice}").plainly(f"units {twice}")
+            else:
+                raise unknown(f"units={names}: the unit", name, [*_ANGLES_DEG, *_LENGTHS_MM])
+        return cls(angle or 1.0, length or 1.0)
+
+
+USUAL: Final = FileUnits()
+
+
+VELOCITY: Final = "v_"
+"""Prefix of a joint's name in the header of its velocities."""
+
+ACCELERATION: Final = "a_"
+"""Prefix of a joint's name in the header of its accelerations, in mm/s^2 and deg/s^2."""
+
+TOOL_POSE: Final = ("tool_x", "tool_y", "tool_z", "tool_phi")
+"""The tool's position in mm and its attitude in degrees."""
+
+TOOL_AXES: Final = ("tool_nx", "tool_ny", "tool_nz", "tool_ox", "tool_oy", "tool_oz")
+"""Direction cosines of the tool's x axis n and y axis o; its z axis is n x o."""
+
+
+def derived_columns(joints: Iterable[str]) -> tuple[str, ...]:
+    """Return the headers of all of them, in the order in which `run` writes them."""
+    return (*(ACCELERATION + name for name in joints), *TOOL_POSE, *TOOL_AXES)
+
+
+def derived_in(header: Sequence[str]) -> frozenset[int]:
+    """Return the indexes of a header's derived columns; a column with velocities of its own is a joint's position."""
+    joints = [name for name in header if VELOCITY + name in header]
+    names = set(derived_columns(joints)) - set(joints) if joints else set()
+    return frozenset(i for i, name in enumerate(header) if name in names)
+
+
+LONGEST_S: Final = LONGEST_MS / 1000
+"""Longest motion that a file may hold; a longer one probably has times in other units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +178,8 @@ class Points:
         positions: shape (points, columns), in mm and degrees.
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
         elbow: branch of the inverse kinematics that the file names; None if it names none.
-        unread: names of the columns that follow from the others (`derived`).
+        unread: names of the columns, or kinds of a JSON point's values, that follow from the others.
+        rounded_s: time by which points were moved at most so that they come at whole milliseconds.
     """
 
     names: list[str]
@@ -42,6 +189,7 @@ class Points:
     velocities: FloatArray | None
     elbow: str | None = None
     unread: tuple[str, ...] = ()
+    rounded_s: float = 0.0
 
     def until(self, end_s: float) -> "Points":
         """Return the points up to an instant, all if it is infinite; raise InputError if no motion ends before it."""
@@ -58,6 +206,15 @@ class Points:
             velocities=None if self.velocities is None else self.velocities[:kept],
         )
 
+    def in_units(self, units: FileUnits, robot: Robot) -> "Points":
+        """Return the points in mm and degrees, where the file has its angles and lengths in these units."""
+        if units == USUAL:
+            return self
+        lengths = {joint.name for joint in robot.joints if joint.unit is Unit.MM} | set(COORDINATES[:-1])
+        factors = np.array([units.length_mm if name in lengths else units.angle_deg for name in self.names])
+        velocities = None if self.velocities is None else self.velocities * factors
+        return replace(self, positions=self.positions * factors, velocities=velocities)
+
     def joint_points(self, robot: Robot, elbow: str | None = None, *, all_whole_ms: bool = False) -> "JointPoints":
         """Return the points as joint positions; `elbow` is the branch for a file of poses that does not name it.
 
@@ -73,7 +230,9 @@ class Points:
         self._check_times(all_whole_ms=all_whole_ms)
         if elbow is not None:
             raise InputError(f"elbow={elbow}: is for a file of the tool's poses; this one has joints")
-        return JointPoints(self.times_s, self.places, positions, velocities, unread=self.unread)
+        return JointPoints(
+            self.times_s, self.places, positions, velocities, unread=self.unread, rounded_s=self.rounded_s
+        )
 
     def _check_times(self, *, all_whole_ms: bool) -> None:
         times_s = self.times_s
@@ -96,7 +255,8 @@ class Points:
         branch, joints = joints_at(robot, poses, elbow or self.elbow, self.places)
         if velocities is not None:
             velocities = kinematics.joint_velocities(joints, velocities)
-        return JointPoints(self.times_s, self.places, joints, velocities, poses[:, :3], branch, self.unread)
+        tool_mm = poses[:, :3]
+        return JointPoints(self.times_s, self.places, joints, velocities, tool_mm, branch, self.unread, self.rounded_s)
 
     def _ordered(self, what: str, wanted: Texts[str], owner: str) -> tuple[FloatArray, FloatArray | None]:
         """Return positions and velocities with the wanted columns; raise InputError unless the file has just these."""
@@ -124,7 +284,8 @@ class JointPoints:
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
         tool_mm: x, y and z, of shape (points, 3), if the file has poses; None if it has joints.
         branch: branch of the inverse kinematics on which the poses are reached.
-        unread: names of the file's columns that follow from the others (`derived`).
+        unread: names of the file's columns, or kinds of values, that follow from the others.
+        rounded_s: time by which points were moved at most so that they come at whole milliseconds.
     """
 
     times_s: FloatArray
@@ -134,6 +295,7 @@ class JointPoints:
     tool_mm: FloatArray | None = None
     branch: str | None = None
     unread: tuple[str, ...] = ()
+    rounded_s: float = 0.0
 
     def check_within(self, robot: Robot) -> None:
         """Raise InputError for the first point outside a joint's limits, with its place, value and the nearest one."""

@@ -1,9 +1,8 @@
 """Animate a stored run: the arm, the planned path and the counted one with its error magnified."""
 
 from steptwin.host.record.animation.camera import CAMERAS, Camera
-from steptwin.host.record.animation.extent import extent_mm, shown_boxes
-from steptwin.host.record.animation.film import USUAL_SHOT, Film, Shot, make_film
-from steptwin.host.record.animation.writing import check_kind, write_animation
+from steptwin.host.record.animation.film import USUAL_SHOT, Film, Shot, extent_mm, make_film, shown_boxes
+from steptwin.host.record.animation.film_files import check_kind, write_animation
 
 __all__ = [
     "CAMERAS",

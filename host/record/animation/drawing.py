@@ -14,7 +14,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.animation.camera import Camera
 from steptwin.host.record.animation.film import Film
 from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, plain_texts
-from steptwin.host.robots.kinematics import Link, Role
+from steptwin.host.robots.kinematics import ArmPart, Role
 
 DOTS_PER_INCH: Final = 100
 ASPECT: Final = 0.75
@@ -38,7 +38,7 @@ _ARROW_PIXELS: Final = 32
 PixelArray = np.ndarray[Any, np.dtype[np.uint8]]
 
 
-class Drawing:
+class FilmDrawing:
     """A film seen from a camera. Its frames are arrays of red, green, blue and alpha, of shape (height, width, 4)."""
 
     def __init__(self, film: Film, camera: Camera, width_pixels: int) -> None:
@@ -92,7 +92,7 @@ class Drawing:
     def _seen(self, points_mm: FloatArray) -> FloatArray:
         return self._camera.seen(points_mm)
 
-    def _nearness(self, part: Link, i: int) -> tuple[bool, float]:
+    def _nearness(self, part: ArmPart, i: int) -> tuple[bool, float]:
         """Return the order in which parts are drawn: guides first, then from far to near."""
         return part.role is not Role.GUIDE, float(self._seen(part.points_mm[i])[:, 2].mean())
 

@@ -10,9 +10,10 @@ from typing import Final
 
 from PIL import Image
 
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import whole_file
-from steptwin.host.record.animation.drawing import Drawing, PixelArray
+from steptwin.host.common.whole_file import replacement, whole_file
+from steptwin.host.record.animation.drawing import FilmDrawing, PixelArray
 
 Progress = Callable[[float], None]
 """Called with the part of the work that is done, from 0 to 1."""
@@ -24,7 +25,7 @@ LAST_FRAME_S: Final = 1.0
 """Time for which a GIF shows its last frame before it begins again."""
 
 
-def write_gif(path: Path, drawing: Drawing, fps: float, progress: Progress) -> None:
+def write_gif(path: Path, drawing: FilmDrawing, fps: float, progress: Progress) -> None:
     """Write an animation that repeats for ever. All frames have the colours of the last one, which shows everything."""
     palette = _image(drawing, drawing.frames - 1).quantize(COLOURS)
     frames = []
@@ -36,7 +37,7 @@ def write_gif(path: Path, drawing: Drawing, fps: float, progress: Progress) -> N
         frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=durations_ms, loop=0)
 
 
-def _image(drawing: Drawing, i: int) -> Image.Image:
+def _image(drawing: FilmDrawing, i: int) -> Image.Image:
     return Image.fromarray(drawing.frame(i)).convert("RGB")
 
 
@@ -54,31 +55,27 @@ def check_ffmpeg() -> str:
     return found
 
 
-def write_mp4(path: Path, drawing: Drawing, fps: float, progress: Progress) -> None:
+def write_mp4(path: Path, drawing: FilmDrawing, fps: float, progress: Progress) -> None:
     """Write a video with H.264, as every browser plays it; raise InputError if ffmpeg is missing or refuses."""
     ffmpeg, first = check_ffmpeg(), drawing.frame(0)
     height, width, _ = first.shape
     source = ("-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-")
     target = ("-an", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4")
-    part = path.with_name(f"{path.name}.part")
-    try:
+    with prefixed(f"{path}: "), replacement(path) as part:
         _encode((ffmpeg, "-y", "-loglevel", "error", *source, *target, str(part)), drawing, progress)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def _encode(command: tuple[str, ...], drawing: Drawing, progress: Progress) -> None:
+def _encode(command: tuple[str, ...], drawing: FilmDrawing, progress: Progress) -> None:
     with TemporaryFile() as errors:
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors) as process:
             _feed(process, drawing, progress)
         if process.returncode:
             errors.seek(0)
             lines = errors.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
-            raise InputError(f"{command[-1]}: ffmpeg: {lines[-1]} (exit code {process.returncode})")
+            raise InputError(f"ffmpeg: {lines[-1]} (exit code {process.returncode})")
 
 
-def _feed(process: "subprocess.Popen[bytes]", drawing: Drawing, progress: Progress) -> None:
+def _feed(process: "subprocess.Popen[bytes]", drawing: FilmDrawing, progress: Progress) -> None:
     """Give ffmpeg every frame; one that ends early says why itself."""
     stdin = process.stdin
     if stdin is None:

@@ -3,8 +3,7 @@
 `layout` names the files, `writing` writes them all, `reading` makes plan and evidence of them, `verdict` judges them.
 """
 
-from steptwin.host.record.folder.edges import AxisTotals, read_edges
-from steptwin.host.record.folder.keeping import keep_any_run, keep_log, keep_recording
+from steptwin.host.record.folder.edges_file import AxisTotals, read_edges
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
@@ -28,11 +27,11 @@ from steptwin.host.record.folder.reading import (
     read_robot,
     read_run,
 )
-from steptwin.host.record.folder.recording import Piece, PlanRows, Recording
+from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
 from steptwin.host.record.folder.recording_layout import Header, Mark
-from steptwin.host.record.folder.report import read_report, write_report
+from steptwin.host.record.folder.report_file import read_report, write_report
 from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
-from steptwin.host.record.folder.writing import prepare_folder, write_folder
+from steptwin.host.record.folder.writing import prepare_folder, run_files, write_folder
 
 __all__ = [
     "BUS_LOG",
@@ -66,6 +65,7 @@ __all__ = [
     "read_report",
     "read_robot",
     "read_run",
+    "run_files",
     "trajectory_head",
     "trajectory_row",
     "verify_folder",

@@ -18,7 +18,7 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
-from steptwin.host.planning.trajectory_file.derived import TOOL_AXES, TOOL_POSE, VELOCITY, derived_columns
+from steptwin.host.planning.trajectory_file.points import TOOL_AXES, TOOL_POSE, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.frames import tool_frames

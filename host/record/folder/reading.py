@@ -4,24 +4,90 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
-from steptwin.host.record.folder.cutting import evidence_until
-from steptwin.host.record.folder.edges import read_edges
+from steptwin.host.record.folder.edges_file import evidence_until, read_edges
 from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, existing_file
 from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.recording_layout import PLAN, unfinished
-from steptwin.host.record.folder.report import StoredReport, read_report
+from steptwin.host.record.folder.report_file import StoredReport, read_report
 from steptwin.host.record.folder.shelf_file import read_shelf
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, Evidence, Expectation, compare
+from steptwin.host.verify.counted import CountedSteps, counted_steps
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_BEFORE_COUNTS: Final = COUNTS_PER_SECOND // 1000
+"""Time from t = 0 to the first step: one millisecond."""
+_RATE_OVER_S: Final = 0.02
+"""Time over which a speed is taken."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CountedMotion:
+    """The joints' positions by the drivers' counts, from the first step to the last; implements Trajectory."""
+
+    robot: Robot
+    axes: tuple[CountedSteps, ...]
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The robot's joints."""
+        return self.robot.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """The time of the last step, and a millisecond more."""
+        return max(float(axis.time_s[-1]) for axis in self.axes if axis.time_s.size) + 0.001
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """None are known."""
+        return ()
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """None were planned."""
+        return ()
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions after the steps at each instant, shape (n, joints)."""
+        counts = [axis.positions[np.searchsorted(axis.time_s, t_s, side="right")] for axis in self.axes]
+        return self.robot.from_steps(np.column_stack(counts))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities over 20 ms around each instant, shape (n, joints)."""
+        half_s = _RATE_OVER_S / 2
+        return (self.positions(t_s + half_s) - self.positions(t_s - half_s)) / _RATE_OVER_S
+
+
+def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
+    """Return the counts of a recording from its first step on, beside no plan: neither ideal steps nor pairs.
+
+    Raises:
+        InputError: no driver has counted a step.
+    """
+    firsts = [int(axis.step_counts[0]) for axis in evidence.axes if axis.step_counts.size]
+    if not firsts:
+        raise InputError("no driver has counted a step: nothing has moved")
+    evidence = replace(evidence, start_counts=max(0, min(firsts) - _BEFORE_COUNTS))
+    microsteps = (joint.transmission.microsteps for joint in robot.joints)
+    counted = tuple(
+        counted_steps(axis, evidence.start_counts, planned)
+        for axis, planned in zip(evidence.axes, microsteps, strict=True)
+    )
+    return Comparison(Expectation.of(robot, CountedMotion(robot, counted)), evidence, (), counted, ())
+
 
 _ReadMotion = Callable[[float], Trajectory]
 """Reads the plan up to an instant of the motion, in seconds."""
@@ -31,12 +97,14 @@ _ReadMotion = Callable[[float], Trajectory]
 class StoredRun:
     """A run read from its folder: robot, report, and a new comparison of plan and evidence.
 
-    The comparison of a recording that has no end goes as far as the recording does.
+    The comparison of a recording that has no end goes as far as the recording does. `no_plan` is the reason why there
+    are only the drivers' counts in it; None if there is a plan.
     """
 
     robot: Robot
     report: StoredReport
     comparison: Comparison
+    no_plan: str | None = None
 
     @property
     def duration_s(self) -> float:
@@ -78,13 +146,14 @@ def read_evidence(folder: Path) -> Evidence:
     return read_edges(folder) if recording is None else recording.evidence()
 
 
-def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
+def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: bool = False) -> StoredRun:
     """Read a folder and compare its evidence with its own plan, or with that of `plan_folder`.
 
     Args:
         folder: the folder of a run, or of a live board's recording, also one that has no end.
         plan_folder: for a live board's folder, the folder of the run whose plan the board has executed; by default the
             folder's own plan, made of the PVT records that it has received.
+        counts_suffice: for a live board's folder without a plan, read the drivers' counts alone.
 
     Raises:
         InputError: a file is missing or cannot be read (the message names file and key), or `plan_folder` must not
@@ -93,10 +162,15 @@ def read_run(folder: Path, plan_folder: Path | None = None) -> StoredRun:
     """
     report, robot = read_report(folder), read_robot(folder)
     recording = report.recording
+    no_plan = _no_plan(folder, report) if plan_folder is None else None
+    if no_plan and counts_suffice:
+        return _read_counts(folder, robot, report, no_plan)
     read = _own_motion(folder, robot, report) if plan_folder is None else _motion_of(plan_folder, folder, report, robot)
     motion = read(inf)
     evidence = read_edges(folder) if recording is None else recording.evidence()
     check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
+    if report.next_motion_s is not None:
+        evidence = evidence_until(evidence, round(report.next_motion_s * COUNTS_PER_SECOND))
     if plan_folder is not None or report.passed is not None:  # a plan of PVT records alone has no outputs
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     if recording is not None:
@@ -120,11 +194,26 @@ def _as_far(
     return motion, evidence_until(evidence, evidence.start_counts + round(motion.duration_s * COUNTS_PER_SECOND))
 
 
-def _own_motion(folder: Path, robot: Robot, report: StoredReport) -> _ReadMotion:
+def _no_plan(folder: Path, report: StoredReport) -> str | None:
+    """Return why a live board's folder has no plan; None if it has one, as any other folder should."""
     recording = report.recording
     planned = (folder / TRAJECTORY).exists() if recording is None else recording.mark.no_plan is None
-    if report.passed is None and not planned:
-        reason = report.document.get("no_plan") or "a board does not know its plan"
+    if report.passed is not None or planned:
+        return None
+    return str(report.document.get("no_plan") or "a board does not know its plan")
+
+
+def _read_counts(folder: Path, robot: Robot, report: StoredReport, no_plan: str) -> StoredRun:
+    evidence = read_evidence(folder)
+    source = folder / (RECORDING if report.recording else EDGES)
+    check_axes(source, evidence, robot)
+    with prefixed(f"{source}: "):
+        return StoredRun(robot, report, counts_alone(robot, evidence), no_plan)
+
+
+def _own_motion(folder: Path, robot: Robot, report: StoredReport) -> _ReadMotion:
+    recording = report.recording
+    if reason := _no_plan(folder, report):
         raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; plan_folder=DIR takes that of another run")
     if recording is None:
         return lambda until_s: read_motion(folder, robot, report.switchings, until_s)

@@ -7,37 +7,90 @@ these at the end.
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from steptwin.host.common.errors import RecordingError
+from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.common.own_files import refuse_link
 from steptwin.host.common.whole_file import append, whole_file
-from steptwin.host.record.folder.edges import ARRAY_TYPES, EDGE_TYPES, SLIP_TYPES, edge_arrays, header_arrays
+from steptwin.host.record.folder.edges_file import ARRAY_TYPES, EDGE_TYPES, SLIP_TYPES, edge_arrays, header_arrays
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
     FOLDER_VERSION,
     RECORDING,
+    REPLAY_JOB,
     REPORT,
     ROBOT,
+    TEST_JOB,
     TRAJECTORY,
     VERSION_KEY,
 )
-from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark
-from steptwin.host.record.folder.report import write_report
+from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark, unfinished
+from steptwin.host.record.folder.report_file import read_report, write_report
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_OR_REPLACE = ", or replace=True"
+
+
+def keep_recording(out: Path | str, or_else: str = "") -> None:
+    """Raise InputError if a folder holds the recording of a live board, with its end or without, or others' files."""
+    folder = Path(out)
+    others = [name for name in (ROBOT, TRAJECTORY) if (folder / name).exists()]
+    if others and not any((folder / name).exists() for name in (REPORT, EDGES, RECORDING)):
+        raise _kept(out, f"{others[0]}, which no run has written", or_else)
+    if unfinished(folder):
+        raise _kept(out, "the recording of a live board that was interrupted, or still runs", or_else)
+    if (folder / EDGES).exists() and _live(folder):
+        raise _kept(out, "the recording of a live board", or_else)
+
+
+def keep_any_run(out: Path | str) -> None:
+    """Raise InputError if a folder holds the recording of a live board, or any other run."""
+    keep_recording(out, _OR_REPLACE)
+    if (Path(out) / EDGES).exists():
+        raise _kept(out, "a run", _OR_REPLACE)
+
+
+def keep_log(log: Path | str) -> None:
+    """Raise InputError if a file holds something already; pipes and devices hold nothing."""
+    path = Path(log)
+    if path.is_file() and path.stat().st_size:
+        raise InputError(f"log={log}: exists: take another file, such as {quote(str(_free(path)))}{_OR_REPLACE}")
+
+
+def _live(folder: Path) -> bool:
+    """Return whether edges are a live board's: without a readable report they may be (docs/run-folder.md)."""
+    try:
+        report = read_report(folder)
+        return report.passed is None and report.run.job not in (TEST_JOB, REPLAY_JOB)
+    except InputError:
+        return True
+
+
+def _kept(out: Path | str, what: str, or_else: str) -> InputError:
+    return InputError(f"out={out}: holds {what}: take another folder, such as {quote(str(_free(Path(out))))}{or_else}")
+
+
+def _free(path: Path) -> Path:
+    """Return the first of NAME-2, NAME-3, ... that does not exist."""
+    names = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+    return next(name for name in names if not name.exists())
+
 
 _CHUNK_BYTES = 1 << 20
 
 
 class PlanRows(NamedTuple):
-    """Rows of trajectory.csv that are new; if they begin another plan, the head of the file is the first."""
+    """New rows of the trajectory.csv of one plan; the first of all is the head of the file."""
 
-    begin: bool
+    number: int
     rows: Sequence[str]
 
 
@@ -48,14 +101,16 @@ class Piece:
     Attributes:
         axes: edges of each axis.
         log: lines of the bus log.
-        plan: rows of the plan.
-        mark: how far the recording goes with this piece; the recording sets `frames` and `plan_from`.
+        plans: rows of one plan after the other.
+        mark: how far the recording goes with this piece; the recording sets `frames`, `plan_from` and `plan_to`.
+        plan_number: number of the plan of the motion that the mark tells of; 0 without one.
     """
 
     axes: Sequence[AxisEvidence]
     log: Sequence[str]
-    plan: PlanRows
+    plans: Sequence[PlanRows]
     mark: Mark
+    plan_number: int = 0
 
 
 class Recording:
@@ -81,6 +136,9 @@ class Recording:
         self._mark = Mark()
         self._sizes: dict[str, int] = {}
         """Bytes of each file in `recording.part` up to the last mark."""
+        self._plans_from: dict[int, int] = {}
+        """Where the rows of each plan begin in their file, by its number."""
+        refuse_link(self._parts)
         (self._parts / HEADER).unlink(missing_ok=True)
         shutil.rmtree(self._parts, ignore_errors=True)
         for name in (REPORT, TRAJECTORY, EDGES, BUS_LOG):
@@ -144,13 +202,14 @@ class Recording:
         if piece.log:
             append(self._folder / BUS_LOG, "".join(piece.log).encode())
         grown: dict[str, int] = {}
-        for key, data in _data(piece):
+        for key, data in self._data(piece):
             append(self._parts / key, data)
-            grown[key] = self._sizes.get(key, 0) + len(data)
+            grown[key] = grown.get(key, self._sizes.get(key, 0)) + len(data)
         mark = replace(
             piece.mark,
             frames=self._mark.frames + len(piece.log),
-            plan_from=self._sizes.get(PLAN, 0) if piece.plan.begin else self._mark.plan_from,
+            plan_from=self._plans_from.get(piece.plan_number, 0),
+            plan_to=self._plans_from.get(piece.plan_number + 1, 0),
         )
         append(self._parts / MARKS, mark.line(self._mark, grown).encode())
         self._mark = mark
@@ -159,7 +218,10 @@ class Recording:
     def _write_plan(self) -> None:
         with (self._parts / PLAN).open("rb") as plans, whole_file(self._folder / TRAJECTORY) as file:
             plans.seek(self._mark.plan_from)
-            shutil.copyfileobj(plans, file, _CHUNK_BYTES)
+            left = (self._mark.plan_to or self._sizes.get(PLAN, 0)) - self._mark.plan_from
+            while left > 0 and (rows := plans.read(min(left, _CHUNK_BYTES))):
+                file.write(rows)
+                left -= len(rows)
 
     def _write_edges(self) -> None:
         with whole_file(self._folder / EDGES) as file, ZipFile(file, "w") as archive:
@@ -182,16 +244,19 @@ class Recording:
                 with (self._parts / key).open("rb") as values:
                     shutil.copyfileobj(values, member, _CHUNK_BYTES)
 
-
-def _data(piece: Piece) -> Iterable[tuple[str, bytes]]:
-    """Yield the new bytes of each file that grows."""
-    for axis in piece.axes:
-        for key, values in edge_arrays(axis).items():
-            if values.size:
-                code = ARRAY_TYPES[key.removeprefix(f"{axis.name}_")]
-                yield key, values.astype(code, copy=False).tobytes()
-    if piece.plan.rows:
-        yield PLAN, "".join(piece.plan.rows).encode()
+    def _data(self, piece: Piece) -> Iterable[tuple[str, bytes]]:
+        """Yield the new bytes of each file that grows; note where a plan begins in its file."""
+        for axis in piece.axes:
+            for key, values in edge_arrays(axis).items():
+                if values.size:
+                    code = ARRAY_TYPES[key.removeprefix(f"{axis.name}_")]
+                    yield key, values.astype(code, copy=False).tobytes()
+        size = self._sizes.get(PLAN, 0)
+        for number, rows in piece.plans:
+            self._plans_from.setdefault(number, size)
+            data = "".join(rows).encode()
+            size += len(data)
+            yield PLAN, data
 
 
 def _member(key: str) -> ZipInfo:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.tables import Table
-from steptwin.host.record.folder.edges import AxisTotals
+from steptwin.host.record.folder.edges_file import AxisTotals
 from steptwin.host.record.folder.layout import FOLDER_VERSION, RECORDING, VERSION_KEY, check_version
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import DriverLimit
@@ -80,11 +80,14 @@ class Mark:
 
     Attributes:
         until_counts: instant up to which every edge is recorded.
-        start_counts: t = 0 of the last motion that a SYNC started; 0 if there was none.
+        start_counts: t = 0 of the motion that is shown: the last one that a SYNC started and that has a plan, else the
+            last one; 0 if there was none.
         frames: number of frames in the bus log.
         no_plan: reason why there is no plan of that motion; None if its rows so far are recorded.
         in_motion: True if that motion has not come to its end.
         plan_from: place of that motion's first row in the file of the plans, in bytes.
+        plan_to: place behind its last row; 0 if that is the end of the file.
+        next_counts: instant when a later motion began, of which the plan says nothing; 0 if there was none.
         load_percent: load of the bus since power-up.
         wall_s: seconds on the wall clock since power-up.
     """
@@ -95,6 +98,8 @@ class Mark:
     no_plan: str | None = NOTHING
     in_motion: bool = False
     plan_from: int = 0
+    plan_to: int = 0
+    next_counts: int = 0
     load_percent: float = 0.0
     wall_s: float = 0.0
 
@@ -107,7 +112,7 @@ class Mark:
     def after(self, line: Table) -> "Mark":
         """Return the mark that a line makes of this one; raise InputError for a wrong value."""
         values: dict[str, Any] = asdict(self)
-        for key in ("until_counts", "start_counts", "frames", "plan_from"):
+        for key in ("until_counts", "start_counts", "frames", "plan_from", "plan_to", "next_counts"):
             if key in line:
                 values[key] = line.integer(key, _COUNTS_MAX)
         for key in ("load_percent", "wall_s"):

@@ -9,12 +9,12 @@ from typing import Any
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
+from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table, number_at
-from steptwin.host.common.text_file import read_text
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.errand import PlannedStock
-from steptwin.host.record.folder.arrays import INSTANT_MAX
 from steptwin.host.record.folder.layout import SHELF, existing_file
+from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.verify import ShelfEvent, ShelfEvidence
 
 

@@ -17,12 +17,11 @@ from steptwin.host.common.file_limits import (
     REPORT_BYTES_MAX,
     check_size,
 )
+from steptwin.host.common.own_files import only_files, read_text
 from steptwin.host.common.tables import Table, json_table
-from steptwin.host.common.text_file import read_text
-from steptwin.host.record.folder.arrays import Arrays
-from steptwin.host.record.folder.cutting import evidence_until
-from steptwin.host.record.folder.edges import ARRAY_TYPES, EDGE_TYPES, evidence_of, header_arrays
+from steptwin.host.record.folder.edges_file import ARRAY_TYPES, EDGE_TYPES, evidence_of, evidence_until, header_arrays
 from steptwin.host.record.folder.layout import LIVE_JOB, RECORDING
+from steptwin.host.record.folder.npz_file import Arrays
 from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark
 from steptwin.host.verify import BusReport, Evidence, RunInfo
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -76,11 +75,11 @@ class UnfinishedRecording:
     def plan_text(self) -> str:
         """Return trajectory.csv as far as it was recorded; raise InputError if it cannot be read."""
         path = self.folder / RECORDING / PLAN
-        size = self.sizes.get(PLAN, 0) - self.mark.plan_from
+        size = (self.mark.plan_to or self.sizes.get(PLAN, 0)) - self.mark.plan_from
         with prefixed(f"{path}: "):
             check_size(size, CSV_BYTES_MAX)
         try:
-            with path.open("rb") as file:
+            with open(path, "rb", opener=only_files) as file:
                 file.seek(self.mark.plan_from)
                 return file.read(max(size, 0)).decode()
         except (OSError, UnicodeDecodeError) as error:
@@ -141,7 +140,7 @@ def _lines(path: Path) -> Iterator[Table]:
     """Yield each whole line."""
     if not path.is_file():
         return
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with open(path, encoding="utf-8", errors="replace", opener=only_files) as file:
         while (text := file.readline(MARK_CHARS_MAX)).endswith("\n"):
             yield json_table(text)
 

@@ -1,38 +1,60 @@
 """Write the folder of a run: report, robot, plan, every edge, bus log, a waveform, and pictures."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.own_files import refuse_link
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
-from steptwin.host.record.folder.edges import write_edges
-from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, TRAJECTORY
+from steptwin.host.record.folder.edges_file import write_edges
+from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import read_run
-from steptwin.host.record.folder.report import write_report
+from steptwin.host.record.folder.report_file import write_report
 from steptwin.host.record.folder.shelf_file import write_shelf
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
 
 
-def prepare_folder(out: Path | str) -> Path:
-    """Make the folder before a run begins; raise InputError if it cannot be made or written to."""
+def run_files() -> tuple[str, ...]:
+    """Return the names of the files that `write_folder` may write."""
+    names = (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, SHELF, Format.VCD.file_name)
+    if not find_spec("matplotlib"):
+        return names
+    from steptwin.host.record.plots import DEFAULT_PICTURES
+
+    return (*names, *(f"{name}.png" for name in DEFAULT_PICTURES))
+
+
+def prepare_folder(out: Path | str, files: Iterable[str] = ()) -> Path:
+    """Make the folder before the work for it begins.
+
+    Raises:
+        InputError: it cannot be made or written to, it holds a symbolic link, or a folder in it has the name of a file
+            that is to be written.
+    """
     if not str(out).strip():
         raise InputError(f"out={str(out)!r}: the name of the folder is empty")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.iterdir():
+            refuse_link(path)
     except OSError as error:
-        raise InputError(f"out={out}: {error.strerror}") from error
+        what = "" if error.filename == str(folder) else f"{Path(error.filename).name}: "
+        raise InputError(f"out={out}: {what}{error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise InputError(f"out={out}: is not writable")
+    for name in files:
+        if (folder / name).is_dir():
+            raise InputError(f"out={out}: {name} in it is a folder, where a file is to be written")
     return folder
 
 

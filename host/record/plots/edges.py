@@ -8,8 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, new_figure
-from steptwin.host.record.plots.moment import Moment, View, interval_around, pulse_times
+from steptwin.host.record.plots.canvas import (
+    COUNTED,
+    LIMIT,
+    PlotMoment,
+    PlotView,
+    interval_around,
+    new_figure,
+    pulse_times,
+)
 from steptwin.host.record.waveforms import Signal, Window, whole_record, wires
 from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.counted import CountedSteps
@@ -25,7 +32,7 @@ _MARKED_MAX: Final = 200
 """Largest number of steps in view that are marked; more marks would merge into a band."""
 
 
-def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
+def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     """Draw a lane for STEP and DIR of each axis and for every other pin that changes; mark the counted steps."""
     moment = view.moment(comparison, INTERVALS)
     window = _window(comparison, moment)
@@ -43,7 +50,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: View) -> Figure:
     return figure
 
 
-def _window(comparison: Comparison, moment: Moment) -> Window:
+def _window(comparison: Comparison, moment: PlotMoment) -> Window:
     """Return the part of the record to show, rounded outwards to whole counts."""
     whole = whole_record(comparison.evidence)
     first, last = whole.counts(moment.from_s) - 1, whole.counts(moment.to_s) + 1
@@ -67,7 +74,7 @@ def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
     return (counts - window.start_counts) / COUNTS_PER_SECOND, levels.astype(np.float64)
 
 
-def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: Moment) -> int:
+def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: PlotMoment) -> int:
     """Draw a triangle up or down above each counted step, unless there are too many; return the number of steps."""
     first, last = np.searchsorted(counted.time_s, (moment.from_s, moment.to_s)).tolist()
     times_ms = moment.shown_ms(counted.time_s[first:last])
@@ -88,7 +95,7 @@ def _about_marks(steps: list[int]) -> str:
     return f"triangles: steps that the driver counted, up or down{beyond}"
 
 
-def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment: Moment) -> None:
+def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment: PlotMoment) -> None:
     """Write at the right of each axis the interval between the two STEP pulses around the middle."""
     intervals_s = [interval_around(pulse_times(comparison, i), moment.at_s) for i in range(len(lanes))]
     said = [(lane, interval_s) for lane, interval_s in zip(lanes, intervals_s, strict=True) if interval_s is not None]
@@ -99,7 +106,7 @@ def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment:
         axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=8)
 
 
-def _finish(axes: Axes, lanes: list[Signal], moment: Moment) -> None:
+def _finish(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
     axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.quantity.upper()}" for s in lanes])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-len(lanes) + 0.8, 1.0)

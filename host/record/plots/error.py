@@ -12,6 +12,7 @@ from steptwin.host.record.plots.canvas import (
     COLUMNS,
     COUNTED,
     LIMIT,
+    around,
     drawn_instants,
     envelope,
     moving_axes,
@@ -19,7 +20,6 @@ from steptwin.host.record.plots.canvas import (
     note_still_axes,
     write_inside,
 )
-from steptwin.host.record.plots.moment import around
 from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
 from steptwin.host.verify.deviation import ToolDeviation, deviations
 
@@ -41,7 +41,7 @@ class _Series:
 
     @property
     def edges(self) -> Int64Array:
-        """Indexes of the instants at which the error jumps, because a step was counted."""
+        """Indexes of the instants when the error jumps, because a step was counted."""
         return np.flatnonzero(self.values[0] != self.values[1])
 
 

@@ -10,12 +10,13 @@ from steptwin.host.record.plots.canvas import (
     COUNTED,
     LIMIT,
     NO_MOTION,
+    PlotMoment,
+    PlotView,
     moving_axes,
     new_figure,
     note_still_axes,
     write_inside,
 )
-from steptwin.host.record.plots.moment import Moment, View
 from steptwin.host.verify import Comparison, Phases, RunInfo
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -28,7 +29,7 @@ _LEAST_A: Final = 0.1
 """Half the height of the picture if no current flows."""
 
 
-def draw_phases(comparison: Comparison, run: RunInfo, view: View) -> Figure:
+def draw_phases(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     """Draw a row for each moving axis: B over A for the whole run at the left, A and B over time at the right."""
     moving = moving_axes(comparison)
     moment = view.moment(comparison, INTERVALS)
@@ -68,7 +69,7 @@ def _draw_field(axes: Axes, phases: Phases) -> None:
     axes.set_aspect("equal")
 
 
-def _draw_currents(axes: Axes, phases: Phases, moment: Moment, start_counts: int) -> None:
+def _draw_currents(axes: Axes, phases: Phases, moment: PlotMoment, start_counts: int) -> None:
     times_s = (phases.counts - start_counts) / COUNTS_PER_SECOND
     first, last = np.searchsorted(times_s, (moment.from_s, moment.to_s), side="right").tolist()
     part = slice(max(first - 1, 0), last)

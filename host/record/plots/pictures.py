@@ -7,21 +7,18 @@ from typing import Final
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from steptwin.host.record.plots.canvas import STYLE, save_figure
+from steptwin.host.record.plots.canvas import STYLE, PlotView, save_figure
 from steptwin.host.record.plots.edges import draw_edges
 from steptwin.host.record.plots.error import draw_error
 from steptwin.host.record.plots.jitter import draw_jitter
-from steptwin.host.record.plots.joints import draw_joints
-from steptwin.host.record.plots.moment import View
+from steptwin.host.record.plots.joints import draw_joints, draw_step_rates
 from steptwin.host.record.plots.phases import draw_phases
-from steptwin.host.record.plots.step_rates import draw_step_rates
 from steptwin.host.record.plots.timing import draw_timing
-from steptwin.host.record.plots.tool_path import draw_tool_path
-from steptwin.host.record.plots.tool_pose import draw_tool_pose
+from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
 from steptwin.host.record.plots.widths import draw_widths
 from steptwin.host.verify import Comparison, RunInfo
 
-Draw = Callable[[Comparison, RunInfo, View], Figure]
+Draw = Callable[[Comparison, RunInfo, PlotView], Figure]
 
 
 def _whole(draw: Callable[[Comparison, RunInfo], Figure]) -> Draw:
@@ -49,7 +46,7 @@ DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing
 CLOSE_UPS: Final = ("edges", "phases")
 """Pictures that show the part of a run that a View chooses."""
 
-DEFAULT_VIEW: Final = View()
+DEFAULT_VIEW: Final = PlotView()
 """View that leaves the choice to each picture."""
 
 _UNDATED: Final[dict[str, dict[str, None]]] = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -62,7 +59,7 @@ def write_plots(
     run: RunInfo,
     names: Iterable[str] = DEFAULT_PICTURES,
     form: str = "png",
-    view: View = DEFAULT_VIEW,
+    view: PlotView = DEFAULT_VIEW,
 ) -> list[Path]:
     """Draw pictures of a run into a directory, made if missing, and return the paths of the files.
 

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.arm import AT_ENDS, Pen, draw_arm, plane_of
 from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, STYLE, WIDTH_INCHES, save_figure, write_inside
-from steptwin.host.robots.kinematics import Link, Role, make_kinematics
+from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
+from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import MonteCarlo, Scan
 
@@ -87,7 +87,7 @@ def draw_workspace_3d(robot: Robot, cloud: MonteCarlo) -> Figure:
     return figure
 
 
-def _home_links(robot: Robot) -> tuple[Link, ...]:
+def _home_links(robot: Robot) -> tuple[ArmPart, ...]:
     return make_kinematics(robot).links(np.array([robot.home]))
 
 

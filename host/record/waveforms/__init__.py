@@ -4,10 +4,9 @@
 write them.
 """
 
-from steptwin.host.record.waveforms.bus_states import drive_states
 from steptwin.host.record.waveforms.export import Format, write_waveform
 from steptwin.host.record.waveforms.signal import Changes, HeldValues, Pulses, Signal, SignalKind
-from steptwin.host.record.waveforms.signals import everything, phases, pins, whole_record, wires
+from steptwin.host.record.waveforms.signals import drive_states, everything, phases, pins, whole_record, wires
 from steptwin.host.record.waveforms.timebase import SCALES, TimeScale, Window
 
 __all__ = [

@@ -3,19 +3,19 @@
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, pose_words, within_limits
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.kinds import kind_named
-from steptwin.host.robots.kinematics.links import Link, Role
+from steptwin.host.robots.kinematics.links import ArmPart, Role
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.robot import Robot
 
 __all__ = [
+    "ArmPart",
     "AssemblyMode",
     "Branch",
     "Elbow",
     "HybridArm",
     "Kinematics",
-    "Link",
     "Planar2R",
     "Role",
     "Scara",

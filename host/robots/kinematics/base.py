@@ -5,7 +5,7 @@ world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from enum import StrEnum
 from math import isnan
 from typing import Any, Final, Protocol, TypeVar
@@ -19,8 +19,25 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
-from steptwin.host.robots.kinematics.links import Link
+from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.robot import Dimension, Robot
+
+
+def dimension(meaning: str, usual: object, default: object = MISSING) -> Any:
+    """Return a dataclass field; `usual` is the value in a new robot file, `default` the value if the key is missing."""
+    metadata = {"meaning": meaning, "usual": usual}
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+
+
+def dimensions(geometry: type[Any]) -> dict[str, Field[Any]]:
+    """Return the dimensions of a mechanism's dataclass by name."""
+    return {dimension.name: dimension for dimension in fields(geometry)}
+
+
+def meaning(dimension: Field[Any]) -> str:
+    """Return what a dimension is, in a few words."""
+    return str(dimension.metadata["meaning"])
+
 
 Geometry = TypeVar("Geometry")
 
@@ -145,7 +162,7 @@ class Kinematics(Protocol):
         """Return poses of shape (n, 4) for joints of shape (n, joints); the joints' limits are not checked."""
         ...
 
-    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return the parts to draw for joints of shape (n, joints), from the base to the tool.
 
         The last point of the last part is the tool's tip, as `forward` gives it.
@@ -234,8 +251,8 @@ def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]
     """Return the keys of a mechanism's dimensions and how each is read: the required ones, and those with defaults."""
     required: dict[str, Reading] = {}
     optional: dict[str, Reading] = {}
-    for field in fields(geometry):
-        (required if field.default is MISSING else optional)[field.name] = _reading(field.type)
+    for each in fields(geometry):
+        (required if each.default is MISSING else optional)[each.name] = _reading(each.type)
     return required, optional
 
 

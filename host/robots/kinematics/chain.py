@@ -26,9 +26,9 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.robot import Robot
 

@@ -30,7 +30,7 @@ class Convention(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class DhParameter:
     """A constant, or a constant plus or minus one variable, in mm or degrees."""
 
     constant: float = 0.0
@@ -56,8 +56,8 @@ class DhRow:
 
     alpha_deg: float
     a_mm: float
-    d_mm: Parameter
-    theta_deg: Parameter
+    d_mm: DhParameter
+    theta_deg: DhParameter
 
     def with_errors(self, a_mm: float, alpha_deg: float, d_mm: float, theta_deg: float) -> Self:
         """Return the link with errors added to its parameters."""

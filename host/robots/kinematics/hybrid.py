@@ -16,19 +16,19 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.base import (
     LIMIT_TOLERANCE,
     Branch,
     Constraint,
+    dimension,
     joint_constraints,
     nearest_turns,
     read_geometry,
     require_joints,
 )
-from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
-from steptwin.host.robots.kinematics.dimension import dimension
-from steptwin.host.robots.kinematics.links import Link, Role, line, point, slide, tool
+from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
+from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point, slide, tool
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.robot import Robot
 
@@ -71,10 +71,10 @@ class HybridGeometry:
     def dh(self) -> DhTable:
         """The DH table of the serial chain R-P-P-R with the same motion; z2 and z3 are no joints."""
         rows = (
-            DhRow(0.0, 0.0, Parameter(self.l1_mm), Parameter(90.0, "th1")),
-            DhRow(90.0, 0.0, Parameter(self.l2_mm, "z2"), Parameter()),
-            DhRow(-90.0, 0.0, Parameter(variable="z3"), Parameter(-90.0)),
-            DhRow(0.0, self.l3_mm, Parameter(-self.l4_mm), Parameter(variable="th4")),
+            DhRow(0.0, 0.0, DhParameter(self.l1_mm), DhParameter(90.0, "th1")),
+            DhRow(90.0, 0.0, DhParameter(self.l2_mm, "z2"), DhParameter()),
+            DhRow(-90.0, 0.0, DhParameter(variable="z3"), DhParameter(-90.0)),
+            DhRow(0.0, self.l3_mm, DhParameter(-self.l4_mm), DhParameter(variable="th4")),
         )
         return DhTable(Convention.MODIFIED, rows)
 
@@ -164,7 +164,7 @@ class HybridArm:
             ]
         )
 
-    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return waist, screws, sliders with their links, arm and tool, for joints of shape (n, 4)."""
         geometry, poses = self.geometry, self.forward(joints)
         th1_rad = np.deg2rad(joints[:, TH1])

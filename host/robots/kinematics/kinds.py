@@ -6,12 +6,18 @@ from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.robots.kinematics.base import Kinematics
-from steptwin.host.robots.kinematics.calibration import CalibrationGeometry, calibration_scara
 from steptwin.host.robots.kinematics.hybrid import HybridArm, HybridGeometry
-from steptwin.host.robots.kinematics.lab import LabGeometry, lab_scara
-from steptwin.host.robots.kinematics.teaching import TeachingGeometry, teaching_scara
+from steptwin.host.robots.kinematics.paper_scaras import (
+    CalibrationGeometry,
+    LabGeometry,
+    TeachingGeometry,
+    WarehouseGeometry,
+    calibration_scara,
+    lab_scara,
+    teaching_scara,
+    warehouse_scara,
+)
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
-from steptwin.host.robots.kinematics.warehouse import WarehouseGeometry, warehouse_scara
 from steptwin.host.robots.robot import Robot
 
 

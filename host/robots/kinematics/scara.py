@@ -18,12 +18,10 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.joint import Joint
-from steptwin.host.robots.kinematics.angles import wrapped_deg
 from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
 from steptwin.host.robots.kinematics.dh import DhTable
-from steptwin.host.robots.kinematics.links import Link
-from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
-from steptwin.host.robots.kinematics.scara_links import scara_links
+from steptwin.host.robots.kinematics.links import ArmPart, scara_links
+from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R, wrapped_deg
 
 SINGULAR: Final = 0.005
 """Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""
@@ -118,7 +116,7 @@ class Scara:
             poses[:, coordinate] += joints[:, column]
         return poses
 
-    def links(self, joints: FloatArray) -> tuple[Link, ...]:
+    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return the slides' guides, the column, both links and the tool, for joints of shape (n, joints)."""
         return scara_links(self, joints)
 

@@ -17,9 +17,8 @@ from steptwin.host.common.bad_input import require_positive
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics.base import read_geometry, require_joints
-from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
-from steptwin.host.robots.kinematics.dimension import dimension
+from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints
+from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from steptwin.host.robots.kinematics.planar2r import Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.robot import Robot
@@ -33,7 +32,7 @@ class Lift(StrEnum):
     NONE = "none"
 
 
-class Direction(StrEnum):
+class Vertical(StrEnum):
     """A direction along the vertical."""
 
     UP = "up"
@@ -47,9 +46,9 @@ class ScaraGeometry:
     l1_mm: float = dimension("first link, from shoulder to elbow", 200.0)
     l2_mm: float = dimension("second link, from elbow to wrist", 150.0)
     lift: Lift = dimension("place of the lift in the chain: first, last or none", Lift.LAST, Lift.LAST)
-    lift_positive: Direction = dimension("direction in which the lift counts: up or down", Direction.DOWN, Direction.UP)
+    lift_positive: Vertical = dimension("direction in which the lift counts: up or down", Vertical.DOWN, Vertical.UP)
     tool_rotation: bool = dimension("true if the tool turns about the vertical", True, True)
-    tool: Direction = dimension("direction in which the tool points: up or down", Direction.DOWN, Direction.DOWN)
+    tool: Vertical = dimension("direction in which the tool points: up or down", Vertical.DOWN, Vertical.DOWN)
     heading_deg: float = dimension("direction of the stretched arm with all joints at 0, from the x axis", 0.0, 0.0)
     base_mm: float = dimension("height of the first link above z = 0, with the lift at 0", 0.0, 0.0)
     offset_mm: float = dimension("height of the second link above the first, negative below it", 0.0, 0.0)
@@ -84,17 +83,17 @@ class ScaraGeometry:
         base, heading = self.base_mm, self.heading_deg
         rows = []
         if self.lift is Lift.FIRST:
-            rows.append(DhRow(0.0, 0.0, Parameter(base, joints.pop(0), lift_sign), Parameter(heading)))
+            rows.append(DhRow(0.0, 0.0, DhParameter(base, joints.pop(0), lift_sign), DhParameter(heading)))
             base, heading = 0.0, 0.0
-        rows.append(DhRow(0.0, 0.0, Parameter(base), Parameter(heading, joints.pop(0))))
-        rows.append(DhRow(0.0, self.l1_mm, Parameter(self.offset_mm), Parameter(variable=joints.pop(0))))
+        rows.append(DhRow(0.0, 0.0, DhParameter(base), DhParameter(heading, joints.pop(0))))
+        rows.append(DhRow(0.0, self.l1_mm, DhParameter(self.offset_mm), DhParameter(variable=joints.pop(0))))
         to_wrist = self.l2_mm
         if self.lift is Lift.LAST:
-            rows.append(DhRow(0.0, to_wrist, Parameter(0.0, joints.pop(0), lift_sign), Parameter()))
+            rows.append(DhRow(0.0, to_wrist, DhParameter(0.0, joints.pop(0), lift_sign), DhParameter()))
             to_wrist = 0.0
-        turning = Parameter(variable=joints.pop(0)) if joints else Parameter()
-        rows.append(DhRow(180.0 if self.tool is Direction.DOWN else 0.0, to_wrist, Parameter(), turning))
-        rows.append(DhRow(0.0, self.tool_mm, Parameter(-tool_sign * self.drop_mm), Parameter()))
+        turning = DhParameter(variable=joints.pop(0)) if joints else DhParameter()
+        rows.append(DhRow(180.0 if self.tool is Vertical.DOWN else 0.0, to_wrist, DhParameter(), turning))
+        rows.append(DhRow(0.0, self.tool_mm, DhParameter(-tool_sign * self.drop_mm), DhParameter()))
         return DhTable(Convention.MODIFIED, tuple(rows))
 
 
@@ -109,7 +108,7 @@ def chain(lift: Lift, *, tool_rotation: bool = True) -> dict[str, Unit]:
     return {f"{prefix}{number}": units[prefix] for number, prefix in enumerate(prefixes, start=1)}
 
 
-_SIGNS: Final = {Direction.UP: 1, Direction.DOWN: -1}
+_SIGNS: Final = {Vertical.UP: 1, Vertical.DOWN: -1}
 
 
 def usual_scara(robot: Robot) -> Scara:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final
 
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.operations import BABBLE_PERIOD_MIN_US, Babble, BusOff, StrangerSends
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
+from steptwin.emulator.faults.operations import BABBLE_COUNT_MAX, BABBLE_PERIODS_US, Babble, BusOff, StrangerSends
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
@@ -77,7 +77,11 @@ KINDS: Final[Mapping[Do, HarmKind]] = {
     Do.STRANGER: HarmKind(lambda _, **values: StrangerSends(_frame(values)), _FRAME),
     Do.BABBLE: HarmKind(
         lambda _, **values: Babble(_frame(values), values["period_us"], values["count"]),
-        {**_FRAME, "period_us": integer_from(BABBLE_PERIOD_MIN_US), "count": integer_from(1)},
+        {
+            **_FRAME,
+            "period_us": integer_from(BABBLE_PERIODS_US.start, BABBLE_PERIODS_US.stop - 1),
+            "count": integer_from(0, BABBLE_COUNT_MAX),
+        },
     ),
     Do.LOSS: HarmKind(partial(_bus_fault, BusFaultKind.LOSS), {**_OFTEN, "receiver": integer_from(0)}),
     Do.CORRUPTION: HarmKind(partial(_bus_fault, BusFaultKind.CORRUPTION), _OFTEN),

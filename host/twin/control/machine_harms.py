@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from steptwin.emulator.operations import (
+from steptwin.emulator.faults.operations import (
     CYCLE_FULL_STEPS,
     PAYLOAD_MAX_KG,
     RESET_MS,

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from steptwin.emulator.operations import (
+from steptwin.emulator.drivers.tb6560 import OSC_PF_MIN, Excitation
+from steptwin.emulator.faults.operations import (
     WITHIN_US,
     BouncingSwitch,
     Contact,
@@ -14,8 +15,7 @@ from steptwin.emulator.operations import (
     StuckSwitch,
     SwitchWire,
 )
-from steptwin.emulator.tb6560 import OSC_PF_MIN, Excitation
-from steptwin.emulator.wires import NOISE_RATE_MAX_HZ, Noise, Wire, WireState
+from steptwin.emulator.faults.wires import NOISE_RATE_MAX_HZ, Noise, Wire, WireState
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.control import SWITCHES, Do, Stuck, SwitchWiring, Wiring
 from steptwin.host.common.errors import InputError

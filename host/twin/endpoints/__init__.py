@@ -1,6 +1,6 @@
 """Open the place at which other programs reach a live board: a socketcand server, or a bus of python-can."""
 
-from steptwin.host.common import socketcand
+from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.endpoints.endpoint import Endpoint
 
@@ -15,15 +15,15 @@ def open_endpoint(
         BusError: the port is in use, or the bus cannot be opened.
     """
     if interface is None:
-        from steptwin.host.twin.endpoints.socketcand_endpoint import SocketcandEndpoint
+        from steptwin.host.twin.endpoints.endpoint import SocketcandEndpoint
 
         if channel is not None:
             raise InputError(f"channel={channel}: needs interface=NAME")
         return SocketcandEndpoint(
             host or socketcand.LOOPBACK, socketcand.PORT if port is None else port, allow_remote=allow_remote
         )
-    from steptwin.host.client.bus_link import Connection
-    from steptwin.host.twin.endpoints.python_can_endpoint import PythonCanEndpoint
+    from steptwin.host.client.links.bus_link import Connection
+    from steptwin.host.twin.endpoints.endpoint import PythonCanEndpoint
 
     connection = Connection(interface, channel, bitrate)
     if interface == "socketcand":

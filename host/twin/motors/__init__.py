@@ -3,9 +3,9 @@
 import time
 from dataclasses import dataclass
 
-from steptwin.emulator.rotor_backend import fastest_rotors
+from steptwin.emulator.motors.rotor_backend import fastest_rotors
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.after_run import RotorTrace, Slip, first_of, rotors_after_run
+from steptwin.host.twin.motors.after_run import MotionSlip, RotorTrace, first_of, rotors_after_run
 from steptwin.host.twin.motors.drives import check_described
 from steptwin.host.twin.motors.driving import Driving, Progress
 from steptwin.host.twin.motors.reached import ToolPaths, ToolReached
@@ -37,7 +37,7 @@ class MotorRun:
     wall_s: float
 
     @property
-    def slip(self) -> Slip | None:
+    def slip(self) -> MotionSlip | None:
         """The first slip of all joints."""
         return first_of(self.driving, self.trace.first_slip_counts)
 

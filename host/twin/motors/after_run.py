@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.rotors import Energies, RotorRecord, Rotors
+from steptwin.emulator.motors.rotors import Energies, RotorRecord, Rotors
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.drives import power_supply
@@ -48,7 +48,7 @@ class RotorTrace:
 
 
 @dataclass(frozen=True, slots=True)
-class Slip:
+class MotionSlip:
     """The first slip of a motion.
 
     Attributes:
@@ -67,7 +67,7 @@ def rotors_after_run(driving: Driving, progress: Progress = lambda _: None) -> R
     return rotor_trace(driving.robot, parts, rotors)
 
 
-def first_slip(driving: Driving, progress: Progress = lambda _: None) -> Slip | None:
+def first_slip(driving: Driving, progress: Progress = lambda _: None) -> MotionSlip | None:
     """Turn the rotors until one slips; return that slip, None if all keep step to the end."""
     rotors = _at_power_up(driving)
     for _ in _turned(driving, rotors, progress):
@@ -76,13 +76,13 @@ def first_slip(driving: Driving, progress: Progress = lambda _: None) -> Slip | 
     return None
 
 
-def first_of(driving: Driving, slips_counts: Sequence[int | None]) -> Slip | None:
+def first_of(driving: Driving, slips_counts: Sequence[int | None]) -> MotionSlip | None:
     """Return the first of the axes' first slips."""
     slips = [(counts, axis) for axis, counts in enumerate(slips_counts) if counts is not None]
     if not slips:
         return None
     counts, axis = min(slips)
-    return Slip(driving.robot.joint_names[axis], driving.seconds(counts))
+    return MotionSlip(driving.robot.joint_names[axis], driving.seconds(counts))
 
 
 def _at_power_up(driving: Driving) -> Rotors:

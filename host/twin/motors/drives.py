@@ -2,12 +2,12 @@
 
 from math import inf, pi
 
-from steptwin.emulator.motor import CATALOGUE, Motor
-from steptwin.emulator.power_supply import PowerSupply
-from steptwin.emulator.pull_out import Supply
-from steptwin.emulator.rotors import Drive
-from steptwin.emulator.tb6560 import SENSE_OHM
-from steptwin.emulator.tb6560.thermal import ON_RESISTANCE_OHM
+from steptwin.emulator.drivers.power_supply import PowerSupply
+from steptwin.emulator.drivers.tb6560 import SENSE_OHM
+from steptwin.emulator.drivers.tb6560.thermal import ON_RESISTANCE_OHM
+from steptwin.emulator.motors.motor import CATALOGUE, Motor
+from steptwin.emulator.motors.pull_out import DriveSupply
+from steptwin.emulator.motors.rotors import Drive
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
@@ -60,7 +60,7 @@ def power_supply(dynamics: Dynamics) -> PowerSupply:
     return PowerSupply(dynamics.supply_v, dynamics.supply_ohm, 1e-6 * dynamics.supply_uf)
 
 
-def supply_of(robot: Robot, axis: int, current_a: float, fast_decay: float, volt: float | None = None) -> Supply:
+def supply_of(robot: Robot, axis: int, current_a: float, fast_decay: float, volt: float | None = None) -> DriveSupply:
     """Return what drives an axis' motor, for its pull-out torque; by default at the supply's full voltage."""
     volt = check_described(robot).supply_v if volt is None else volt
-    return Supply(volt, current_a, fast_decay, drive_of(robot.joints[axis]).bridge_ohm)
+    return DriveSupply(volt, current_a, fast_decay, drive_of(robot.joints[axis]).bridge_ohm)

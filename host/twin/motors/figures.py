@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.emulator.rotors import RotorRecord, Rotors
+from steptwin.emulator.motors.rotors import RotorRecord, Rotors
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.drives import check_described
 from steptwin.host.twin.motors.verdict import AMBIENT_CELSIUS

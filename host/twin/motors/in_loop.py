@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from functools import partial
 from math import pi
 
-from steptwin.emulator.rotor_watch import REST_TICKS, MotorWiring
+from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.boards import standing_steps
+from steptwin.host.twin.input_changes import Wires
 from steptwin.host.twin.motors.drives import check_described, drive_of, power_supply
 from steptwin.host.twin.motors.mechanism import arm_of
-from steptwin.host.twin.standing import standing_steps
-from steptwin.host.twin.wires import Wires
 
 
 def motor_wiring(

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.arm import BASE, Arm, Body
-from steptwin.emulator.following import SliderPair
+from steptwin.emulator.motors.arm import BASE, Arm, Body
+from steptwin.emulator.motors.following import FollowingSliders
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import HybridArm, make_kinematics
@@ -127,7 +127,7 @@ def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], pa
             joint = robot.index_of(name)
             slopes[body] = _SI[robot.joints[joint].unit] * by_rotor[joint]
     left, right, across, up = (names.index(name) for name in ("Z5", "Z6", "z2", "z3"))
-    pair = SliderPair(left, right, across, up, 1e-3 * geometry.h_mm, 1e-3 * geometry.L_mm)
+    pair = FollowingSliders(left, right, across, up, 1e-3 * geometry.h_mm, 1e-3 * geometry.L_mm)
     return Arm((*chain, *sliders), slopes, np.zeros(len(names)), pair)
 
 

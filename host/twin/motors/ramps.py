@@ -5,23 +5,27 @@ twice what the ramp adds, must be within the pull-out torque.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from math import inf
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, nextafter
 from typing import Any, Final, Self
 
 import numpy as np
+from scipy.optimize import brentq
 
-from steptwin.emulator.driver_profiles import DriverProfile
-from steptwin.emulator.motor import RAD_S_PER_RPM
-from steptwin.emulator.needed_torque import carried_torque_nm, rotor_torque_nm
-from steptwin.emulator.rotors import Drive
+from steptwin.emulator.drivers.driver_profiles import DriverProfile
+from steptwin.emulator.motors.motor import RAD_S_PER_RPM
+from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
+from steptwin.emulator.motors.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import DriverSettings, driver_profile, driver_settings
-from steptwin.host.twin.motors.curves import Curves
+from steptwin.host.twin.drivers import DriverSetup, driver_profile, driver_settings
 from steptwin.host.twin.motors.drives import drive_of
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
-from steptwin.host.twin.motors.torques import Curve
+from steptwin.host.twin.motors.torques import Curves, PullOutCurve
+from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
 ALMOST_NONE: Final = 1e-6
 """Part of the highest speed at which friction already opposes, but nothing else depends on speed."""
@@ -30,7 +34,7 @@ _CLOSE: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Ramp:
+class JointRamp:
     """How hard a joint's axis accelerates by the robot's file, and how hard the motors let it; mm/s^2 or deg/s^2.
 
     Attributes:
@@ -76,8 +80,8 @@ class JointRamps:
         homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
     """
 
-    moving: Ramp
-    homing: Ramp | None
+    moving: JointRamp
+    homing: JointRamp | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +99,11 @@ class Ramps:
     robot: Robot
     at: ArmAtPoses
     drives: tuple[Drive, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[PullOutCurve, ...]
     holding_nm: tuple[float, ...]
 
     @classmethod
-    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSettings) -> Self:
+    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup) -> Self:
         """Return what finds the ramps of a robot whose drivers are set like this."""
         drives = tuple(drive_of(joint) for joint in robot.joints)
         current_a, standing_a = settings.current_a, settings.standing_part * settings.current_a
@@ -117,14 +121,14 @@ class Ramps:
         homing, element = joint.homing, abs(self.robot.coupling.joints_of(axis)[axis])
         speed, acceleration = self.robot.axis_speeds_max[axis], self.robot.axis_accelerations_max[axis]
         return JointRamps(
-            moving=Ramp(float(acceleration), self._managed(axis, float(speed))),
+            moving=JointRamp(float(acceleration), self._managed(axis, float(speed))),
             homing=None if homing is None else self._homing(axis, element, homing.search_speed, homing.acceleration),
         )
 
-    def _homing(self, axis: int, element: float, search_speed: float, acceleration: float) -> Ramp:
+    def _homing(self, axis: int, element: float, search_speed: float, acceleration: float) -> JointRamp:
         """Return the ramp of a homing, of the joint: a coupled axis moves faster by the coupling's element."""
         of_axis = self._managed(axis, element * search_speed)
-        return Ramp(acceleration, {name: managed / element for name, managed in of_axis.items()})
+        return JointRamp(acceleration, {name: managed / element for name, managed in of_axis.items()})
 
     def _managed(self, axis: int, speed: float) -> dict[str, float]:
         """Return the highest acceleration at speeds of an axis up to `speed` that each motor manages."""
@@ -208,3 +212,65 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
     curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings.fast_decay_part)
     ramps = Ramps.of(robot, at, curves, settings)
     return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))
+
+
+@lru_cache(maxsize=256)
+def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Robot:
+    """Return a robot whose accelerations, in moves, stops and homings, its motors manage; none becomes higher.
+
+    Its motors are at its own drivers, or at others as they usually are set.
+
+    Of what the motors manage of a joint while the others stand, all joints that ask something of a motor get the same
+    part: the greatest that leaves it MARGIN_MIN of its torque when all ramp at once, as in a stop or in homings side by
+    side.
+
+    Raises:
+        InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
+    """
+    ramps = dict(zip(robot.joint_names, ramps_of(robot, drivers), strict=True))
+    moving = _at_once({name: each.moving for name, each in ramps.items()})
+    searching = {name: each.homing for name, each in ramps.items() if each.homing}
+    homing = _at_once(searching) if searching else {}
+    joints = (
+        _gentler(joint, robot.coupling.joints_of(axis)[axis], moving[joint.name], homing.get(joint.name))
+        for axis, joint in enumerate(robot.joints)
+    )
+    return replace(robot, joints=tuple(joints))
+
+
+def _at_once(ramps: Mapping[str, JointRamp]) -> dict[str, float]:
+    """Return the accelerations, by joint, that all may have at once."""
+    for name, ramp in ramps.items():
+        if ramp.managed == 0.0:
+            weak = f"{ramp.weakest}'s motor is too weak for {name}'s highest speed"
+            raise InputError(f"{name}: without any acceleration {weak}")
+
+    parts = {motor: _part_for(motor, ramps) for motor in next(iter(ramps.values())).by_motor}
+    return {
+        name: ramp.lowered_to(min(parts[motor] for motor, most in ramp.by_motor.items() if most < inf))
+        for name, ramp in ramps.items()
+    }
+
+
+def _part_for(motor: str, ramps: Mapping[str, JointRamp]) -> float:
+    """Return the part of what the motors manage of each joint at which this motor manages all of them at once."""
+
+    def beyond(part: float) -> float:
+        """Return what the joints ask of it, as a part of what it manages, beyond what it should."""
+        return sum(ramp.lowered_to(part) / ramp.by_motor[motor] for ramp in ramps.values()) - (1.0 - MARGIN_MIN)
+
+    return 1.0 if beyond(1.0) <= 0.0 else float(brentq(beyond, 0.0, 1.0))
+
+
+def _gentler(joint: Joint, element: float, acceleration: float, homing_acceleration: float | None) -> Joint:
+    """Return a joint with an acceleration of its axis, and with one of its homing, which moves the axis so, too.
+
+    A joint alone moves its axis by `element`.
+    """
+    part = acceleration / (joint.axis_acceleration_max or joint.acceleration_max)
+    acceleration_max, homing = part * joint.acceleration_max, joint.homing
+    axis_acceleration_max = joint.axis_acceleration_max and part * joint.axis_acceleration_max
+    if homing is not None and homing_acceleration is not None:
+        by_axis = nextafter((axis_acceleration_max or acceleration_max) / element, 0.0) if element > 1.0 else inf
+        homing = replace(homing, acceleration=min(homing_acceleration, acceleration_max, by_axis))
+    return replace(joint, acceleration_max=acceleration_max, axis_acceleration_max=axis_acceleration_max, homing=homing)

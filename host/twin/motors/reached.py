@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.angles import wrapped_deg
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.verify import Comparison

@@ -1,8 +1,8 @@
 """Homings that accelerate a joint harder than the motors manage: one of them slips, and the board does not know it."""
 
-from steptwin.emulator.driver_profiles import DriverProfile
+from steptwin.emulator.drivers.driver_profiles import DriverProfile
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.ramps import Ramp, ramps_of
+from steptwin.host.twin.motors.ramps import JointRamp, ramps_of
 
 
 def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
@@ -18,7 +18,7 @@ def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
     ]
 
 
-def steep_homing(joint: str, unit: str, ramp: Ramp) -> str:
+def steep_homing(joint: str, unit: str, ramp: JointRamp) -> str:
     """Return what happens in a homing that is too steep, and what the motors manage; `unit` is mm or deg."""
     what = "homing stalls" if ramp.weakest == joint else f"homing turns {ramp.weakest} out of step"
     return (

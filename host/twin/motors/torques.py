@@ -6,10 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.motor import RAD_S_PER_RPM
-from steptwin.emulator.needed_torque import needed_torque_nm
-from steptwin.emulator.pull_out import pull_out_nm
+from steptwin.emulator.motors.motor import RAD_S_PER_RPM, Motor
+from steptwin.emulator.motors.needed_torque import needed_torque_nm
+from steptwin.emulator.motors.pull_out import pull_out_nm
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.drives import drive_of, supply_of
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.verify import Comparison
@@ -25,7 +26,7 @@ _EVERY_S: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class PullOutCurve:
     """A motor's pull-out torque over its speed; arrays of shape (n,), speeds in turns a minute, from 0."""
 
     rpm: FloatArray
@@ -52,7 +53,7 @@ class Torques:
     rpm: FloatArray
     needed_nm: FloatArray
     available_nm: FloatArray
-    curves: tuple[Curve, ...]
+    curves: tuple[PullOutCurve, ...]
 
     @property
     def margins(self) -> FloatArray:
@@ -100,7 +101,7 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
     return Needs(t_s, rad_s / RAD_S_PER_RPM, needed)
 
 
-def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = None) -> tuple[Curve, ...]:
+def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = None) -> tuple[PullOutCurve, ...]:
     """Return each axis' pull-out curve to beyond its highest speed; like motors with like drivers share theirs."""
     kinds = []
     for axis, (joint, record) in enumerate(zip(driving.robot.joints, driving.drivers, strict=True)):
@@ -110,5 +111,24 @@ def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = No
     for motor, supply in dict.fromkeys(kinds):
         fastest = max(rpm for rpm, kind in zip(rpm_max.tolist(), kinds, strict=True) if kind == (motor, supply))
         rpm = np.linspace(0.0, _FASTER * max(fastest, _SLOW_RPM), _CURVE_SPEEDS)
-        curves[motor, supply] = Curve(rpm, pull_out_nm(motor, supply, rpm))
+        curves[motor, supply] = PullOutCurve(rpm, pull_out_nm(motor, supply, rpm))
     return tuple(curves[kind] for kind in kinds)
+
+
+_MOTOR_CURVE_SPEEDS: Final = 25
+
+
+class Curves:
+    """The pull-out curves of motors on a robot's drivers, up to a speed in turns a minute."""
+
+    def __init__(self, robot: Robot, rpm_max: float, fast_decay_part: float) -> None:
+        self._robot, self._fast_decay_part = robot, fast_decay_part
+        self._rpm = np.linspace(0.0, rpm_max, _MOTOR_CURVE_SPEEDS)
+        self._known: dict[tuple[Motor, float], PullOutCurve] = {}
+
+    def of(self, motor: Motor, current_a: float) -> PullOutCurve:
+        """Return the curve of a motor at an amplitude of the phase current."""
+        if (motor, current_a) not in self._known:
+            supply = supply_of(self._robot, 0, current_a, self._fast_decay_part)
+            self._known[motor, current_a] = PullOutCurve(self._rpm, pull_out_nm(motor, supply, self._rpm))
+        return self._known[motor, current_a]

@@ -4,7 +4,7 @@
 instants, `frames` and `edges` compare, `replaying` does it all.
 """
 
-from steptwin.host.twin.replay.power_up import PowerUp, StoredMachine, stored_machine
+from steptwin.host.twin.replay.power_up import MachineAtPowerUp, StoredMachine, stored_machine
 from steptwin.host.twin.replay.replaying import Replayed, replay
 
-__all__ = ["PowerUp", "Replayed", "StoredMachine", "replay", "stored_machine"]
+__all__ = ["MachineAtPowerUp", "Replayed", "StoredMachine", "replay", "stored_machine"]

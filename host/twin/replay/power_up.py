@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import Operation
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.axes_per_board import check_axes_per_board
+from steptwin.host.twin.boards import check_crystals
 from steptwin.host.twin.control.operations import read_request
-from steptwin.host.twin.crystals import check_crystals
 from steptwin.host.twin.drivers import driver_profile
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import BITRATES
@@ -31,7 +31,7 @@ class Operated(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class PowerUp:
+class MachineAtPowerUp:
     """A machine at power-up, and what was done to it beside the bus.
 
     Attributes:
@@ -69,7 +69,7 @@ class StoredMachine(NamedTuple):
     """What the folder of a run tells of its machine: how it stood at power-up, and what its drivers did then."""
 
     folder: Path
-    power_up: PowerUp
+    power_up: MachineAtPowerUp
     evidence: Evidence
 
 
@@ -93,7 +93,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
         table = Table(report.document, "JSON object")
         done = table.each("operations", lambda each: _done(each, robot)) if "operations" in table else ()
-        power_up = PowerUp(
+        power_up = MachineAtPowerUp(
             joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
             axes_per_board=(axes_per_board := _axes_per_board(table, robot)),
             crystals_ppm=_crystals(table, len(axes_per_board)),

@@ -1,29 +1,168 @@
-"""Replay a recorded bus on emulated boards in virtual time, and compare what they do with what was recorded."""
+"""Replay a recorded bus on emulated boards in virtual time, and compare what they do with what was recorded.
+
+On the board's clock the instant at which a frame became valid is exact, so its beginning on the wire is, too: a length
+of the frame earlier. The frame takes part in the arbitration at that instant, as it did. A frame that began right after
+another one had waited for it, and waits again.
+
+By a computer's clock, time stamps tell when a program saw the frames. A host's frame is sent at its stamp, but a
+request not before the answers that its host had seen have come.
+"""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from steptwin.controller.backend import Kernel, fastest_kernel
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.can_timing import VALID_BEFORE_END_BITS, frame_bits
+from steptwin.emulator.faults.operations import Scheduled
+from steptwin.emulator.simulation import Simulation
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.folder.cutting import evidence_until
+from steptwin.host.record.folder import REPLAY_JOB
+from steptwin.host.record.folder.edges_file import evidence_until
 from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender, senders_of
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.replay.difference import Difference
-from steptwin.host.twin.replay.edges import (
+from steptwin.host.twin.input_changes import Places
+from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.machine_parts import MachineParts
+from steptwin.host.twin.operation_log import OperationLog
+from steptwin.host.twin.recording_report import UnplannedRun
+from steptwin.host.twin.replay.edge_comparison import (
     first_difference_of_edges,
     first_difference_of_steps,
     greatest_shift_us,
 )
-from steptwin.host.twin.replay.frames import first_difference_by_wall_clock, first_difference_on_the_board_clock
-from steptwin.host.twin.replay.machine import ReplayedMachine
-from steptwin.host.twin.replay.playing import LEAD_COUNTS, Player
-from steptwin.host.twin.replay.power_up import PowerUp, StoredMachine
-from steptwin.protocol.frame import FIRST_NODE_ID, NODE_ID_MAX, Frame
-from steptwin.protocol.timer import COUNTS_PER_US
+from steptwin.host.twin.replay.frame_comparison import (
+    Difference,
+    first_difference_by_wall_clock,
+    first_difference_on_the_board_clock,
+)
+from steptwin.host.twin.replay.power_up import MachineAtPowerUp, StoredMachine
+from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NODE_ID, NODE_ID_MAX, Frame
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
+
+LEAD_COUNTS: Final = 10 * COUNTS_PER_MS
+"""Time from power-up to the first frame of a recording that does not tell it: the boards have sent their boot-ups."""
+_ANSWER_COUNTS: Final = 100 * COUNTS_PER_MS
+"""Longest time for which a request waits for the answers before it; the board takes less than 2 ms."""
+_REST_COUNTS: Final = COUNTS_PER_SECOND // 10
+"""Time after the last frame, and after the last motion, until which answers come."""
+_MOTION_S_MAX: Final = 3600
+"""Longest time for which a motion is followed that goes on after the recording."""
+
+
+class HostPlayer:
+    """Sends the hosts' frames of a recording, in their order; the frames go to the hosts' one interface."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    def play_exactly(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender], until_counts: int) -> None:
+        """Play a recording on the board's clock, and go on to an instant."""
+        for recorded, sender in zip(frames, senders, strict=True):
+            if sender is not Sender.BOARD:  # other nodes take their time of the bus, too
+                self._send_as_recorded(recorded.us * COUNTS_PER_US, recorded.frame)
+        self._simulation.run_until(until_counts)
+
+    def _send_as_recorded(self, valid_counts: int, frame: Frame) -> None:
+        """Send a frame so that it becomes valid at an instant."""
+        begin_counts = valid_counts - self._length_counts(frame)
+        self._go_on(lambda: self._simulation.bus.free_counts >= begin_counts, begin_counts)
+        self._simulation.host.send(frame, self._simulation.now_counts)
+
+    def _length_counts(self, frame: Frame) -> int:
+        """Return the time from the beginning of a frame until it is valid."""
+        return (frame_bits(frame) - VALID_BEFORE_END_BITS) * self._simulation.bus.bit_counts
+
+    def _go_on(self, until: Callable[[], bool], until_counts: int) -> None:
+        """Let time pass event by event until something is so, or up to an instant."""
+        simulation = self._simulation
+        while not until() and simulation.now_counts < until_counts:
+            event_counts = max(simulation.next_event_counts(until_counts), simulation.now_counts + COUNTS_PER_US)
+            simulation.run_until(min(event_counts, until_counts))
+
+    def play_by_wall_clock(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> None:
+        """Play a recording by a computer's clock, and go on until the machine rests.
+
+        A request that waits for an answer delays what follows, unless the machine moves, which nothing delays.
+        """
+        answered: Counter[int] = Counter()
+        seen: Counter[int] = Counter()
+        simulation = self._simulation
+
+        def count(frame: Frame, _: int) -> None:
+            answered[frame.cob_id] += 1
+
+        simulation.bus.also_log(count)
+        first_counts = LEAD_COUNTS - frames[0].us * COUNTS_PER_US
+        for (us, frame, _), sender in zip(frames, senders, strict=True):
+            if sender is Sender.BOARD:
+                seen[frame.cob_id] += 1
+            elif sender is Sender.HOST:
+                due_counts = first_counts + us * COUNTS_PER_US - self._length_counts(frame)
+                simulation.run_until(due_counts)
+                if frame.cob_id & ~NODE_ID_MAX == COB_SDO_REQUEST:
+                    cob_id = COB_SDO_RESPONSE + (frame.cob_id & NODE_ID_MAX)
+                    self._await(answered, seen, cob_id)
+                    if not self._moving:
+                        first_counts += max(simulation.now_counts - due_counts, 0)
+                simulation.host.send(frame, simulation.now_counts)
+        simulation.run_until(first_counts + frames[-1].us * COUNTS_PER_US)
+        self._come_to_rest()
+
+    def _await(self, answered: Counter[int], seen: Counter[int], cob_id: int) -> None:
+        give_up_counts = self._simulation.now_counts + _ANSWER_COUNTS
+        self._go_on(lambda: answered[cob_id] >= seen[cob_id], give_up_counts)
+
+    def _come_to_rest(self) -> None:
+        simulation = self._simulation
+        give_up_counts = simulation.now_counts + _MOTION_S_MAX * COUNTS_PER_SECOND
+        simulation.run_until(simulation.now_counts + _REST_COUNTS)
+        while self._moving and simulation.now_counts < give_up_counts:
+            simulation.run_until(simulation.now_counts + _REST_COUNTS)
+
+    @property
+    def _moving(self) -> bool:
+        return any(board.moving for board in self._simulation.boards)
+
+
+class ReplayedMachine:
+    """A robot's boards on a bus of their own, as they stood at power-up; what was done to them beside it is scheduled.
+
+    Attributes:
+        simulation: boards and bus; its host's interface is free.
+        run: everything that the machine does.
+    """
+
+    def __init__(self, robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> None:
+        """Switch the boards on; raise InputError if the drivers or a place of the shelf do not exist."""
+        options = MachineOptions(
+            driver_profile=power_up.driver_profile,
+            dip_microsteps=power_up.dip_microsteps,
+            stock=power_up.stock,
+            locked_drawers=power_up.locked_drawers,
+            axes_per_board=power_up.axes_per_board,
+            crystal_ppm=power_up.crystals_ppm,
+        )
+        parts = MachineParts.of(
+            robot,
+            list(power_up.joints),
+            kernel,
+            options,
+            commissioned=power_up.commissioned,
+            shelf_sensors=power_up.shelf_sensors,
+        )
+        places = Places(power_up.axes_per_board)
+        schedule = [
+            Scheduled(counts, each, number)
+            for counts, operation in power_up.operations
+            for number, each in places.on_boards(operation)
+        ]
+        self.simulation = parts.simulation(Bus(power_up.bitrate), schedule)
+        self.run = UnplannedRun(parts, self.simulation, OperationLog(robot, self.simulation), REPLAY_JOB)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +225,7 @@ class Replayed:
 def replay(
     bus: RecordedBus,
     robot: Robot,
-    power_up: PowerUp,
+    power_up: MachineAtPowerUp,
     kernel: Kernel | None = None,
     against: StoredMachine | None = None,
 ) -> Replayed:
@@ -108,7 +247,7 @@ def replay(
     _check_nodes(bus, senders, robot, node_ids)
     machine = ReplayedMachine(robot, power_up, kernel or fastest_kernel())
     decoder = Decoder(dict(zip(node_ids, robot.joint_names, strict=True)))
-    player = Player(machine.simulation)
+    player = HostPlayer(machine.simulation)
     left_out = Counter(bus.left_out)
     others = _others(bus.frames, senders)
     if bus.on_board_clock:

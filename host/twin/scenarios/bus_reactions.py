@@ -1,17 +1,19 @@
 """Documented reactions to harms to the bus: strangers, frames that are lost, disturbed, late or twice, bus-off."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from typing import Final
 
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.operations import Babble, BusOff, StrangerSends
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
+from steptwin.emulator.faults.operations import Babble, BusOff, StrangerSends
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.reaction import GOES_ON, HOST_LOST, RUN_DRY, Documented, Motion, Reaction, stops
-from steptwin.host.twin.scenarios.reaction_times import DEAF_BOARD_MS, HEARTBEAT_MS
+from steptwin.host.twin.scenarios.reaction_times import DEAF_BOARD_MS, HEARTBEAT_MS, TICK_MS
 from steptwin.protocol.cia402 import ErrorCode, State
-from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_SYNC, HOST_NODE_ID
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
+from steptwin.protocol.nmt import NmtCommand
 
 _OF_BAD_BUS: Final = (
     *HOST_LOST,
@@ -22,6 +24,7 @@ _OF_BAD_BUS: Final = (
 """Error codes where frames come late or not at all; the EMCYs themselves may be among these."""
 _OF_STRANGERS: Final = (
     *RUN_DRY,
+    ErrorCode.COMMUNICATION,
     ErrorCode.HEARTBEAT_LOST,
     ErrorCode.CAN_OVERRUN,
     ErrorCode.CAN_ERROR_PASSIVE,
@@ -42,9 +45,18 @@ def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment]
     return applies
 
 
-def _leaves_bus(harm: Harm, _moment: Moment) -> bool:
-    """Return whether a CAN controller goes into bus-off, now or with a frame that it sends."""
-    return isinstance(harm, BusOff) or (isinstance(harm, BusFault) and harm.kind is BusFaultKind.BUS_OFF)
+def _told_to_all(command: NmtCommand) -> Callable[[Harm, Moment], bool]:
+    """Return the condition that a stranger sends an NMT command to all nodes."""
+
+    def applies(harm: Harm, _moment: Moment) -> bool:
+        return isinstance(harm, StrangerSends | Babble) and harm.frame == Frame(COB_NMT, bytes((command, 0)))
+
+    return applies
+
+
+def _board_off(harm: Harm, _moment: Moment) -> bool:
+    """Return whether the CAN controller of a board goes into bus-off."""
+    return isinstance(harm, BusOff) and harm.axis is not None
 
 
 def _deaf_board(harm: Harm, moment: Moment) -> bool:
@@ -61,26 +73,49 @@ def _silent_host(harm: Harm, moment: Moment) -> bool:
 
 ROWS: Final[tuple[Documented, ...]] = (
     Documented(
+        "a stranger stops all nodes (NMT)",
+        _told_to_all(NmtCommand.STOP),
+        Reaction(Motion.RAMP, (), State.FAULT, TICK_MS, others=(ErrorCode.COMMUNICATION,)),
+        "0x6007 acts; a stopped node sends no EMCY: 0x8100 comes when it is started again",
+    ),
+    Documented(
+        "a stranger resets the communication of all nodes (NMT)",
+        _told_to_all(NmtCommand.RESET_COMMUNICATION),
+        stops(ErrorCode.COMMUNICATION),
+        "0x6007 acts; the nodes announce themselves again",
+    ),
+    Documented(
+        "a stranger resets all nodes (NMT)",
+        _told_to_all(NmtCommand.RESET_NODE),
+        Reaction(Motion.RAMP, (), State.SWITCH_ON_DISABLED, TICK_MS),
+        "0x6007 acts; each node is silent until its axis stands, then starts as after power-up",
+    ),
+    Documented(
         "a stranger sends frames",
         lambda harm, _: isinstance(harm, StrangerSends | Babble),
         Reaction(Motion.GOES_ON, _OF_STRANGERS, certain=False),
         "unless it commands otherwise: a board obeys every station. Babble with a low identifier keeps the points away",
     ),
     Documented(
-        "a controller leaves the bus",
-        _leaves_bus,
-        Reaction(
-            Motion.GOES_ON,
-            (ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN),
-            certain=False,
+        "a board's controller leaves the bus",
+        _board_off,
+        replace(
+            stops(ErrorCode.CAN_BUS_OFF_RECOVERED),
+            others=(ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN),
         ),
-        "it is back after 128 x 11 bits, which a board reports; one not acknowledged meanwhile is error passive; newer"
-        " reports replace those that wait",
+        "0x6007 and 0x1029 act at once; the EMCY comes when it is back, after 128 x 11 bits; one not acknowledged"
+        " meanwhile is error passive; newer reports replace those that wait",
     ),
     Documented(
-        "frames come twice",
-        _bus(BusFaultKind.DUPLICATE),
-        Reaction(Motion.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_BUS_OFF_RECOVERED), certain=False),
+        "the host's controller leaves the bus",
+        lambda harm, _: isinstance(harm, BusOff),
+        Reaction(Motion.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN), certain=False),
+        "it is back after 128 x 11 bits, which the queues bridge",
+    ),
+    Documented(
+        "frames come twice, or make their sender leave the bus",
+        lambda harm, moment: any(_bus(kind)(harm, moment) for kind in (BusFaultKind.DUPLICATE, BusFaultKind.BUS_OFF)),
+        stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "sequence numbers tell; a sender whose frames all come twice goes into bus-off",
     ),
     Documented(

@@ -4,9 +4,9 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import BrownOut, Operation, WatchdogReset
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import BrownOut, Operation, WatchdogReset
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.twin.scenarios.harms import (
     BusRepair,
@@ -247,7 +247,7 @@ class Engine:
     def _end(self, each: Played) -> None:
         harm = each.harm
         if isinstance(harm, BusFault):
-            self.target.simulation.bus.faults.end(harm)
+            self.target.simulation.bus.end_fault(harm, self.target.simulation.now_counts)
         elif isinstance(harm, HostFault):
             self._host.end(harm)
         elif not isinstance(harm, BusRepair):

@@ -1,13 +1,14 @@
 """What a fault does, as data: an operation on the machine, a fault of the bus, or one of the host."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Final
 
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import (
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import (
     AxisOperation,
+    Babble,
     BoardTemperature,
     BouncingSwitch,
     BrownOut,
@@ -24,8 +25,8 @@ from steptwin.emulator.operations import (
     Supply,
     SwitchWire,
 )
-from steptwin.emulator.surroundings import Surroundings
-from steptwin.emulator.wires import WireState
+from steptwin.emulator.faults.wires import WireState
+from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
 
 
@@ -75,7 +76,7 @@ class HostFault:
 
 @dataclass(frozen=True, slots=True)
 class BusRepair:
-    """All faults of the bus end."""
+    """All faults of the bus end, and a stranger's babble."""
 
 
 Harm = Operation | BusFault | BusRepair | HostFault
@@ -100,6 +101,7 @@ _OPPOSITES: Final[Mapping[type, Callable[[Any, Surroundings], Operation]]] = {
     BouncingSwitch: lambda harm, _: BouncingSwitch(harm.axis, harm.switch, 0),
     DriverMode: lambda harm, _: DriverMode(harm.axis, None),
     Payload: lambda _, before: Payload(before.payload_kg),
+    Babble: lambda harm, _: replace(harm, count=0),
 }
 """What ends each type of operation; one without it is done at once."""
 _ENDING: Final = (HostFaultKind.HANG, HostFaultKind.LATE, HostFaultKind.DISORDER)
@@ -125,7 +127,7 @@ def why_endless(harm: Harm) -> str | None:
 
 def place_of(operation: Operation) -> tuple[object, ...]:
     """Return what an operation changes: those of one place replace each other, as two voltages of one supply."""
-    return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire")))
+    return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire", "frame")))
 
 
 def check_motors(harm: Harm, *, turning: bool) -> None:

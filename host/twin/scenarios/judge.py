@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from steptwin.emulator.bus_faults import BusFault
+from steptwin.emulator.faults.bus_faults import BusFault
 from steptwin.host.client.words import state_text
 from steptwin.host.twin.scenarios.engine import Emergency, Played
 from steptwin.host.twin.scenarios.moment import AxisMoment, Moment

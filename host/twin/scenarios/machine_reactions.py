@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Final
 
-from steptwin.emulator.operations import (
+from steptwin.emulator.faults.operations import (
     BoardTemperature,
     BrownOut,
     EmergencyStop,

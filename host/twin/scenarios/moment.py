@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from steptwin.emulator.board import Board
+from steptwin.emulator.board.board import Board
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
 

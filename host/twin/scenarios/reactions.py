@@ -8,7 +8,7 @@ reaction is not certain: both it and none are right.
 from collections.abc import Sequence
 from typing import Final
 
-from steptwin.emulator.operations import BrownOut, BusOff, PowerUp, WatchdogReset
+from steptwin.emulator.faults.operations import BrownOut, BusOff, PowerUp, WatchdogReset
 from steptwin.host.twin.scenarios import bus_reactions, host_reactions, machine_reactions, wire_reactions
 from steptwin.host.twin.scenarios.harms import Harm, on_axis
 from steptwin.host.twin.scenarios.moment import Moment

@@ -7,8 +7,8 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
+from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Reading, Table, integer_from, number_from, toml_table
-from steptwin.host.common.text_file import read_text
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.frames import read_identifier
 from steptwin.host.twin.control.operations import read_harm

@@ -144,7 +144,7 @@ def _stops_within(emcys: Sequence[Emergency]) -> bool:
 
 def _of_bus(code: int) -> bool:
     known = code in set(ErrorCode) and ErrorCode(code)
-    return bool(known) and ErrorCode(code).communication and code != ErrorCode.HEARTBEAT_LOST
+    return bool(known) and ErrorCode(code).communication and not ErrorCode(code).lost_connection
 
 
 def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:

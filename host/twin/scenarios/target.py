@@ -3,15 +3,15 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from steptwin.emulator.board import Board
-from steptwin.emulator.bus_faults import BusFault
-from steptwin.emulator.operations import Operation
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import Operation
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.surroundings import Surroundings
+from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.boards import axes_of, counted_steps
-from steptwin.host.twin.places import Places
+from steptwin.host.twin.input_changes import Places
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, check_motors
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 
@@ -49,14 +49,13 @@ class Target:
             raise InputError(f"receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")
 
     def harm(self, harm: Operation | BusFault | BusRepair) -> None:
-        """Execute an operation now, or let a fault of the bus begin, or all of them end; raises as `check`."""
+        """Execute an operation now, or let a fault of the bus begin, or end all of them; raises as `check`."""
         self.check(harm)
-        faults = self.simulation.bus.faults
         match harm:
             case BusFault():
-                faults.begin(harm)
+                self.simulation.bus.faults.begin(harm)
             case BusRepair():
-                faults.end_all()
+                self.simulation.repair_bus()
             case _:
                 self.operate(harm)
 

@@ -5,8 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from steptwin.controller.kernel import TICK_COUNTS
-from steptwin.emulator.tb6560 import PERIOD_MIN_COUNTS
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.scenarios.triggers import AtPosition, AtTime, Direction, OnFrame
 from steptwin.protocol.cia402 import State
@@ -38,7 +38,7 @@ class Watch(Protocol):
         ...
 
 
-class _Watch:
+class _BareWatch:
     """A watch that needs to know nothing."""
 
     @property
@@ -52,7 +52,7 @@ class _Watch:
         """Take no notice."""
 
 
-class TimeWatch(_Watch):
+class TimeWatch(_BareWatch):
     """Due at an instant."""
 
     def __init__(self, trigger: AtTime) -> None:
@@ -78,7 +78,7 @@ class TimeWatch(_Watch):
         return "no motion began" if self._at_counts is None else ""
 
 
-class PositionWatch(_Watch):
+class PositionWatch(_BareWatch):
     """Due at the first tick at whose start a joint is at or beyond a position.
 
     No driver counts pulses faster than one each PERIOD_MIN_COUNTS, and none moves the motor by more than a full step,
@@ -137,7 +137,7 @@ class PositionWatch(_Watch):
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
 
-class FrameWatch(_Watch):
+class FrameWatch(_BareWatch):
     """Due with the n-th frame of an identifier."""
 
     def __init__(self, trigger: OnFrame) -> None:
@@ -157,7 +157,7 @@ class FrameWatch(_Watch):
         return f"there were {self._heard} such frames"
 
 
-class StateWatch(_Watch):
+class StateWatch(_BareWatch):
     """Due while a drive is in a state."""
 
     def __init__(self, state: State, present: Callable[[], State]) -> None:
@@ -176,7 +176,7 @@ class StateWatch(_Watch):
         return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
 
 
-class InstantWatch(_Watch):
+class InstantWatch(_BareWatch):
     """Due at an instant that is known from the beginning."""
 
     def __init__(self, at_counts: int) -> None:

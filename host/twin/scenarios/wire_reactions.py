@@ -3,7 +3,7 @@
 from math import inf
 from typing import Final, TypeGuard
 
-from steptwin.emulator.operations import (
+from steptwin.emulator.faults.operations import (
     BouncingSwitch,
     Contact,
     DriverMode,
@@ -13,7 +13,7 @@ from steptwin.emulator.operations import (
     StuckSwitch,
     SwitchWire,
 )
-from steptwin.emulator.wires import WireState
+from steptwin.emulator.faults.wires import WireState
 from steptwin.host.twin.scenarios.harms import Harm
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.reaction import GOES_ON, UNKNOWABLE, Documented, Motion, Reaction, stops

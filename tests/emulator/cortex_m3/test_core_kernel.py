@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.bench.pulses.kernel import place_once
-from steptwin.bench.pulses.motions import PlannedMotion, all_motions
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.cortex_m3.cycles import Listing
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.cortex_m3.cycles import Disassembly
 from steptwin.emulator.cortex_m3.image import COMPILER, build
 from steptwin.emulator.kernel_c.translation import translate
 from steptwin.host.cli.app import run
+from steptwin.host.studies.step_methods.kernel import place_once
+from steptwin.host.studies.step_methods.motions import PlannedMotion, all_motions
 from tests.controller.kernel_rig import KernelRig
 from tests.emulator.kernel_c.scenarios import play, scenario
 from tests.end_to_end.fingerprints import INTEGERS, fingerprint
@@ -27,7 +27,7 @@ pytest.importorskip("unicorn", reason="the extra `m3` (unicorn) is not installed
 if shutil.which(COMPILER) is None:
     pytest.skip(f"{COMPILER} is not installed", allow_module_level=True)
 
-from steptwin.emulator.cortex_m3.kernel import cortex_m3_kernel, kernel_of  # noqa: E402 - needs unicorn
+from steptwin.emulator.cortex_m3.core_kernel import cortex_m3_kernel, kernel_of  # noqa: E402 - needs unicorn
 
 
 @pytest.fixture(scope="module")
@@ -116,11 +116,11 @@ def test_cycles_by_hand() -> None:
         "pop\t{r4-r7, pc}",
     ]
     text = "\n".join(f" {0x100 + 4 * i:x}:\t{'f000 0000'} \t{line}" for i, line in enumerate(lines))
-    block = Listing(text).block(0x100, 20)
+    block = Disassembly(text).block(0x100, 20)
     assert (block.instructions, block.end) == (5, 0x114)
     assert block.cycles == (1 + 1 + 2 + 3 + 6, 2 + 1 + 7 + 4 + 6, 2 + 2 + 12 + 5 + 6)
     assert block.flash_waits == 0  # 3 lines take 9 cycles, less than the instructions
-    loads = Listing(text).block(0x100, 8)
+    loads = Disassembly(text).block(0x100, 8)
     assert (loads.cycles[1], loads.flash_waits) == (3, 0)
     adds = "\n".join(f" {4 * i:x}:\t{'f000 0000'} \tadd.w\tr0, r0, r1" for i in range(4))
-    assert Listing(adds).block(0, 16).flash_waits == 2 * 3 - 4
+    assert Disassembly(adds).block(0, 16).flash_waits == 2 * 3 - 4

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.image import COMPILER
 from steptwin.host.cli.app import run
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP

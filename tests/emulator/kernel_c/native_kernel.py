@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.layout import Cells, Layout, kernel_on_arrays, whole_edges
 from steptwin.emulator.kernel_c.source import kernel_source
 from tests.emulator.kernel_c.scenarios import play, scenario

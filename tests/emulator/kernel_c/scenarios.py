@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from random import Random
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import Kernel
 from tests.controller.kernel_rig import KernelRig, Timing
 
 Segment = tuple[int, int, int]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from steptwin.controller import kernel as k
-from steptwin.controller.backend import python_kernel
+from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.kernel_c.promises import checked_kernel, keep_promise
 from steptwin.emulator.kernel_c.ranges import Range, promised
 from tests.controller.kernel_rig import KernelRig

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.image import WARNINGS
 from steptwin.emulator.kernel_c.folder import kernel_files
-from steptwin.emulator.kernel_c.helpers import HELPERS
 from steptwin.emulator.kernel_c.source import kernel_source, width_of
+from steptwin.emulator.kernel_c.translation import HELPERS
 from steptwin.host.cli.app import run
 from tests.emulator.kernel_c import native_kernel
 

@@ -7,8 +7,8 @@ it draws next may depend on what the board does, as far as a host could know: po
 from collections.abc import Callable
 from random import Random
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import (
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import (
     BoardTemperature,
     DriverProtect,
     EmergencyStop,

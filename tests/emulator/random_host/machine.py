@@ -6,15 +6,16 @@ What must hold is stated by the messages of `BrokenInvariantError`. The pins are
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.motion import PinEdges
-from steptwin.controller.pins import Pin, PinChange
-from steptwin.emulator.board import Board
-from steptwin.emulator.bus import Bus
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.motion.step_config import StepConfig
+from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS
+from steptwin.emulator.drivers.tb6560.limits import Rule
+from steptwin.emulator.drivers.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.tb6560.chip import PERIOD_MIN_COUNTS
-from steptwin.emulator.tb6560.limits import Rule
-from steptwin.emulator.tb6560.oscillator import clk_width_min_counts
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Mode, State, Status
 from steptwin.protocol.frame import Frame
@@ -54,6 +55,8 @@ class _AxisWatch:
         self.rested = True
         """True until the axis moves for a target that was given."""
         self.velocity = 0
+        self.speed_max = 0
+        """Highest speed limit since the axis stood with an empty queue, in units/s."""
 
 
 class Machine:
@@ -134,6 +137,7 @@ class Machine:
             "take_axis_edges": taken,
             "preset": self._shifting(motion.preset),
             "renumber": self._shifting(motion.renumber),
+            "configure": self._drained(motion.configure),
         }
         for name, observer in observers.items():
             setattr(motion, name, observer)
@@ -152,6 +156,15 @@ class Machine:
                 self._note_timing()
 
             self.board.can.receive = received
+
+    def _drained(self, configure: Callable[[int, StepConfig], None]) -> Callable[[int, StepConfig], None]:
+        """Drain what has been made with a configuration before it changes, as at the end of a reset."""
+
+        def configured(axis: int, config: StepConfig) -> None:
+            self.board.drain()
+            configure(axis, config)
+
+        return configured
 
     def _shifting(self, count: Callable[..., None]) -> Callable[..., None]:
         """Note by how much a new position shifts the step counter, which makes no step."""
@@ -212,6 +225,8 @@ class Machine:
         dt_ticks, self._tick = motion.tick - self._tick, motion.tick
         for axis, watch in enumerate(self.axes):
             made, rested = motion.counter_steps(axis) - watch.shift, not motion.running(axis)
+            speed_max = motion.config(axis).velocity_max_units_per_s
+            watch.speed_max = speed_max if rested and not motion.queued(axis) else max(speed_max, watch.speed_max)
             if made != watch.made and watch.rested and not watch.given:
                 raise BrokenInvariantError(f"axis {axis} sets off without a target of this enabling")
             if not (rested and watch.rested):
@@ -227,7 +242,7 @@ class Machine:
             raise BrokenInvariantError(f"axis {axis} moves in {drive.state.name}")
         before, velocity = watch.velocity, motion.velocity(axis) * 1000 // 64
         watch.velocity = velocity
-        if abs(velocity) > motion.config(axis).velocity_max_units_per_s + VELOCITY_ROUNDING:
+        if abs(velocity) > watch.speed_max + VELOCITY_ROUNDING:
             raise BrokenInvariantError(f"axis {axis} moves with {velocity} units/s")
         cut = not motion.running(axis) and not self._has(axis, Status.POSITION_KNOWN)
         if self.setup.steady_ramps and not cut and drive.mode_number not in _STREAMED:

@@ -2,7 +2,7 @@
 
 from random import Random
 
-from steptwin.emulator.switches import Switch
+from steptwin.emulator.world.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import BITRATES
 from tests.emulator.random_host.session import Setup, machine_board

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.controller.motion import PinEdges
-from steptwin.controller.pins import Pin, PinChange
-from steptwin.controller.step_config import StepConfig
+from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.motion.step_config import StepConfig
+from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.protocol.timer import counts_of_ns
 
 Counts = NDArray[np.int64]

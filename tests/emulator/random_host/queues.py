@@ -6,9 +6,9 @@ from enum import Enum
 from itertools import islice
 from types import ModuleType
 
-from steptwin.controller.motion import Motion
-from steptwin.emulator.board import Board
-from steptwin.emulator.can_controller import FIFO_DEPTH, MAILBOXES
+from steptwin.controller.motion.board_motion import BoardMotion
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_controller import FIFO_DEPTH, MAILBOXES
 from steptwin.protocol.entry import Entry
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
@@ -16,7 +16,7 @@ QUEUE_PLACES_MAX = 160
 """No list, deque or set of a board with eight nodes holds more: these are the queues."""
 TABLE_ENTRIES_MAX = 512
 """No table is larger; the largest are those of the object dictionary."""
-_WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, Motion, Entry)
+_WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, BoardMotion, Entry)
 """Kinds without parts that grow. The motion's storage is of fixed size, and `overfull` asks for what waits in it."""
 
 

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steptwin.emulator.board import BoardConfig
-from steptwin.emulator.operations import (
+from steptwin.emulator.board.board import BoardConfig
+from steptwin.emulator.faults.operations import (
     BoardTemperature,
     DriverProtect,
     EmergencyStop,
@@ -15,7 +15,7 @@ from steptwin.emulator.operations import (
     StuckSwitch,
     Supply,
 )
-from steptwin.emulator.switches import Switch
+from steptwin.emulator.world.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 
-from steptwin.controller.backend import KERNELS, Kernel, fastest_kernel
+from steptwin.controller.motion.backend import KERNELS, Kernel, fastest_kernel
 from tests.emulator.random_host.host import RandomHost
 from tests.emulator.random_host.machine import repeat
 from tests.emulator.random_host.session import Session

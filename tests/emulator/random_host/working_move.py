@@ -20,6 +20,8 @@ from tests.emulator.random_host.sdo import download
 
 _SILENCE_MAX_MS = 1500
 """Time after which no frame must wait: what was in the board's queues before the reset has been sent."""
+_RAMP_MAX_MS = 16_320
+"""The longest ramp, which a reset waits for."""
 _SENT_MAX_MS = 30_000
 """Time after which the host's own frames must have been sent: a board in overload lets one pass after 32 of its own."""
 _ANSWER_MAX_MS = 30
@@ -82,7 +84,7 @@ class WorkingMove:
         self._send(COB_NMT, b"\x81\x00")
         host = self._machine.simulation.host
         self._wait(_SENT_MAX_MS, "the host's frames are not on the bus", lambda: not host.mailboxes)
-        self._wait(_SILENCE_MAX_MS, "not every node has booted, or frames still wait", self._is_booted)
+        self._wait(_RAMP_MAX_MS + _SILENCE_MAX_MS, "not every node has booted, or frames still wait", self._is_booted)
 
     def _is_booted(self) -> bool:
         boot_ups = (self._answers.get(COB_HEARTBEAT + FIRST_NODE_ID + axis, ()) for axis in self._axes)

@@ -14,7 +14,7 @@ from tests.host.record.machines import perfect_run
 @pytest.fixture
 def stored(monkeypatch: pytest.MonkeyPatch) -> str:
     """The name of a folder from which a run made without a board is read."""
-    monkeypatch.setattr(folders, "read_run", lambda *_: perfect_run("teaching-scara", "carry"))
+    monkeypatch.setattr(folders, "read_run", lambda *_, **__: perfect_run("teaching-scara", "carry"))
     return "out"
 
 

@@ -110,6 +110,24 @@ class TestCalibrate:
     def test_there_is_a_picture(self, folder: Path) -> None:
         assert (folder / "found" / "residuals.png").read_bytes().startswith(b"\x89PNG")
 
+    def test_one_pose_written_fifty_times_is_one_pose(
+        self, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """It was taken for 50, with "3 sigma 0.0000"; a file with each line twice finds what the file itself does."""
+        head, *lines = (folder / "measured.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+        file = tmp_path / "m.csv"
+        file.write_text(head + 50 * lines[0], encoding="utf-8")
+        few = "too few poses for 3 parameters: 1 instead of at least 2"
+        told = f"{file}: {few}; repeated poses count once, and 49 of the measurements repeat one"
+        assert refusal(capsys, "calibrate", NAME, str(file)) == told
+        file.write_text(head + "".join(2 * lines), encoding="utf-8")
+        once = run_json(capsys, "calibrate", NAME, str(folder / "measured.csv"))
+        twice = run_json(capsys, "calibrate", NAME, str(file))
+        assert (once["repeated"], twice["repeated"], twice["poses"]) == (0, 50, 50)
+        assert {**twice, "repeated": 0, "worst_line": once["worst_line"]} == once
+        assert run(["calibrate", NAME, str(file)]) == 0
+        assert "from 50 poses (50 measurements of a repeated pose: each pose counts once)" in capsys.readouterr().out
+
     @pytest.mark.parametrize(
         ("text", "words"),
         [

@@ -1,11 +1,15 @@
 """`steptwin check evening.toml`: everything that is wrong in a campaign, or how many runs meet what."""
 
 from pathlib import Path
+from random import Random
 
 import pytest
 
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+from steptwin.host.studies.campaign import reader, trial
 from tests.end_to_end.command_line import run_json
-from tests.host.campaign.campaigns import SMALL
+from tests.host.studies.campaign.campaigns import SMALL
 
 
 def test_a_campaign_tells_how_many_runs_meet_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -34,3 +38,24 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest
     ]
     told = run_json(capsys, "check", str(file), "lab-scara", exit_code=2)["findings"]
     assert told == ["is a campaign, which names its robots: leave lab-scara out"]
+
+
+def test_twenty_thousand_scenarios_are_checked_in_one_motion_of_the_robot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motion planned for each of them took a quarter of an hour."""
+    planned: list[str] = []
+    moves = trial.random_moves
+
+    def counted(robot: Robot, count: int, reach: float, random: Random) -> Trajectory:
+        planned.append(robot.name)
+        return moves(robot, count, reach, random)
+
+    monkeypatch.setattr(reader, "random_moves", counted)
+    head = SMALL[: SMALL.index("[[scenario]]")]
+    fault = '[[scenario]]\nname = "{}"\n[[scenario.fault]]\ndo = "estop"\npressed = true\nat_s = 0.1\n'
+    file = tmp_path / "many.toml"
+    file.write_text(head + "".join(fault.format(number) for number in range(20_000)), encoding="utf-8")
+    told = run_json(capsys, "check", str(file))
+    assert (len(told["scenarios"]), told["scenarios"][-1]["share"]) == (20_000, 0.00005)
+    assert planned == ["teaching-scara"]

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from steptwin import load_robot
-from steptwin.host.cli.motor_fits import _print_ramps, warn_of_steep_homings
+from steptwin.host.cli.files.motors import _print_ramps, warn_of_steep_homings
 from steptwin.host.robots.joint import Joint
-from steptwin.host.twin.motors.fitting import JointFit, fits_of
+from steptwin.host.studies.motors.fitting import JointFit, fits_of
 
 STEEP = {"th2": 80.0, "th3": 360.0}
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from steptwin.host.cli import motor_report
+from steptwin.host.cli.run import motor_report
 
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """A clock that stands; its only element is the time."""
     now_s = [100.0]
-    monkeypatch.setattr("steptwin.host.cli.motor_report.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("steptwin.host.cli.run.motor_report.time.monotonic", lambda: now_s[0])
     return now_s
 
 

@@ -8,13 +8,13 @@ import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot
-from steptwin.host.robots.kinematics.dimension import dimensions
+from steptwin.host.robots.kinematics.base import dimensions
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.transmission import MICROSTEPS
@@ -139,7 +139,7 @@ def test_ctrl_c_at_a_question_ends_it(
     def interrupt() -> str:
         raise typer.Abort
 
-    monkeypatch.setattr("steptwin.host.cli.new._asked_kind", interrupt)
+    monkeypatch.setattr("steptwin.host.cli.run.new._asked_kind", interrupt)
     assert run(["new", str(tmp_path / "my-arm.toml")]) == 130
     assert capsys.readouterr() == ("", "\n")
     assert not list(tmp_path.iterdir())

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.cli.output import print_table
-from steptwin.host.cli.table_layout import GAP, column_widths, parts_that_fit, total_width
+from steptwin.host.cli.output import GAP, column_widths, parts_that_fit, print_table, total_width
 
 WORDS = st.text("abcxyz0123456789.-", min_size=1, max_size=12)
 TEXTS = st.lists(WORDS, max_size=4).map(" ".join)

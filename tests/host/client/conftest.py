@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from tests.host.client.machines import ROBOT, START, ready

@@ -8,7 +8,7 @@ import pytest
 from canopen.network import PeriodicMessageTask
 
 from steptwin.host.client import AxisSettings, Machine
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded_board import EmbeddedBoard

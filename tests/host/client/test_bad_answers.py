@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from queue import Queue
 
 import pytest
-from canopen.sdo.client import SdoClient
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -102,13 +102,14 @@ def test_after_a_silent_node_the_others_are_asked_but_hardly_waited_for(
     """An answer of any node restores the patience."""
     first, second = machine.axes[:2]
     waited_s = []
-    read_response: Callable[[SdoClient], object] = SdoClient.read_response
 
-    def spy(client: SdoClient) -> object:
-        waited_s.append(client.RESPONSE_TIMEOUT)
-        return read_response(client)
+    get = Queue.get
 
-    monkeypatch.setattr(SdoClient, "read_response", spy)
+    def look(queue: Queue[object], timeout: float) -> object:
+        waited_s.append(timeout)
+        return get(queue, block=False)
+
+    monkeypatch.setattr(Queue, "get", look)
     answer_by(board, monkeypatch, lambda _: None)
     for axis in (first, first, second, first):
         with suppress(BusError):

@@ -8,8 +8,9 @@ import can
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.client import bus_link
-from steptwin.host.client.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.heartbeat import Heartbeat
+from steptwin.host.client.links import bus_link
+from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError
 from tests.emulator.live_rig import TIMEOUT_S
 
@@ -67,10 +68,12 @@ def free_port() -> int:
 def test_a_refused_connection(capsys: pytest.CaptureFixture[str]) -> None:
     """The error comes at once, not after python-can's ten seconds of retries."""
     port = free_port()
-    with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{port}: Connection refused$"):
+    with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{port}: Connection refused: is `steptwin serve` running\?$"):
         open_bus(Connection("socketcand", None, None, "127.0.0.1", port))
     assert run(["doctor", "warehouse-scara", "--connect", f"127.0.0.1:{port}"]) == 4
-    assert capsys.readouterr().out == f"[FAIL] bus: 127.0.0.1:{port}: Connection refused\n"
+    assert (
+        capsys.readouterr().out == f"[FAIL] bus: 127.0.0.1:{port}: Connection refused: is `steptwin serve` running?\n"
+    )
 
 
 def test_an_interface_that_cannot_be_opened() -> None:
@@ -104,3 +107,15 @@ def test_a_periodic_frame_that_cannot_be_sent(capfd: pytest.CaptureFixture[str])
         with pytest.raises(BusError, match=r"^adapter: Broken pipe$"):
             link.network.send_message(0x80, b"")
     assert capfd.readouterr() == ("", "")
+
+
+def test_no_thread_outlives_the_link() -> None:
+    """Not even one that sleeps until the next heartbeat: one that is left can hold up the end of the program."""
+    before = set(threading.enumerate())
+    with BusLink(open_bus(VIRTUAL), "virtual") as link:
+        for heartbeat in (Heartbeat(link.network), Heartbeat(link.network)):
+            heartbeat.start()
+            heartbeat.stop()
+        Heartbeat(link.network).start()
+        assert len(set(threading.enumerate()) - before) > 1
+    assert set(threading.enumerate()) == before

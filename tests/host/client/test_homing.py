@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import EmergencyStop, Scheduled
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import EmergencyStop, Scheduled
 from steptwin.host.client import HomingSettings, Machine
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.operate.homing import homing_settings
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches

@@ -7,7 +7,7 @@ import can
 import canopen
 import pytest
 
-from steptwin.emulator.can_bridge import INBOX_MAX, CanBridge
+from steptwin.emulator.live.can_bridge import INBOX_MAX, CanBridge
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig, await_true

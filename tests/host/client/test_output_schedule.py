@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.verify import OutputChange

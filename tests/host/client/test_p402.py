@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status

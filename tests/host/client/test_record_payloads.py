@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.client.record_payloads import payloads
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.client.queue_feed import payloads
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.protocol.pvt import I24_MAX, I24_MIN, PvtRecord
 
 I24 = st.integers(I24_MIN, I24_MAX)

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.socketcand import frame_text
-from steptwin.host.client.bus_link import BusLink, Connection, open_bus
-from steptwin.host.client.socketcand_bus import SocketcandBus
+from steptwin.emulator.live.socketcand import frame_text
+from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
+from steptwin.host.client.links.socketcand_bus import SocketcandBus
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import Frame
 from tests.emulator.live_rig import TIMEOUT_S, LiveRig
@@ -217,7 +217,7 @@ class TestAnOpenBus:
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8), st.integers(0, 1 << 51))
 def test_it_reads_what_our_server_writes(cob_id: int, data: bytes, time_us: int) -> None:
-    from steptwin.host.client.socketcand_bus import _FRAME, _message
+    from steptwin.host.client.links.socketcand_bus import _FRAME, _message
 
     frame = _FRAME.fullmatch(frame_text(Frame(cob_id, data), time_us))
     assert frame

@@ -6,10 +6,9 @@ from math import floor
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.common.arrays import AxisRecords, FloatArray
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan

@@ -2,7 +2,7 @@
 
 import pytest
 
-from steptwin.host.client.trajectory_time import TrajectoryTime
+from steptwin.host.client.queue_feed import TrajectoryTime
 
 
 def test_between_begin_and_end_of_the_record() -> None:

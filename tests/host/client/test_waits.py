@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from steptwin.emulator.operations import SetInput
+from steptwin.emulator.faults.operations import SetInput
 from steptwin.host.client import InputWait, Machine, OutputCommand
-from steptwin.host.client.input_wait import divide
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
-from steptwin.host.client.waits import HOLD_MS, LEAD_MS
-from steptwin.host.common.axis_records import AxisRecords
+from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide
+from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import DeviceFaultError, WaitTimeoutError
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -37,11 +36,11 @@ def set_part(board: EmbeddedBoard, *, on: bool) -> None:
     board.operate(SetInput(TH1, DigitalInput.IN1, on))
 
 
-def go_on_until(machine: Machine, board: EmbeddedBoard, t_s: float) -> None:
+def go_on_until(machine: Machine, board: EmbeddedBoard, t_s: float, poll_s: float = 0.001) -> None:
     """Let time pass up to a time of the executed motion."""
     start_s = board.evidence().start_counts / 72e6
     while board.now_s() < start_s + t_s:
-        machine.wait(0.001)
+        machine.wait(poll_s)
 
 
 def sent_records(board: EmbeddedBoard, axis: int) -> list[PvtRecord]:
@@ -121,6 +120,57 @@ def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine
     assert len(machine.holds_ms) == 3
 
 
+@pytest.mark.parametrize("begins_s", [0.0, 0.1, 0.24, 0.26])
+@pytest.mark.parametrize("on_after_s", [0.0, 0.2, 4.0, None])
+def test_an_early_wait_holds_as_long_as_it_must(
+    board: EmbeddedBoard, machine: Machine, begins_s: float, on_after_s: float | None
+) -> None:
+    """Also one that begins before the start's own records cover 250 ms; None: the input never comes on."""
+    records = joined(still(round(100 * begins_s), 10), travelling(20))
+    run = machine.start(records, [0] * AXES, (), (wait(begins_s, timeout_s=5.0),))
+    if on_after_s is None:
+        with pytest.raises(WaitTimeoutError, match=f"^no part at {begins_s:g} s$"):
+            machine.wait(7.0)
+        assert machine.positions_units() == [0] * AXES
+        assert 5.0 <= machine.holds_ms[0] / 1000 <= 5.28
+    else:
+        go_on_until(machine, board, begins_s + on_after_s, poll_s=0.01)  # as often as `Machine.run` looks
+        set_part(board, on=True)
+        machine.wait(1.5)
+        assert machine.positions_units()[TH1] == DONE_UNITS[TH1] // 2
+        assert on_after_s + 0.23 <= machine.holds_ms[0] / 1000 <= on_after_s + 0.31
+    assert run.ended
+    assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
+
+
+def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) -> None:
+    """Waits 10 ms apart, each of which lasts a second."""
+    records = joined(still(2, 10), travelling(20))
+    waits = (wait(0.0), wait(0.01, on=False), wait(0.02))
+    run = machine.start(records, [0] * AXES, (), waits)
+    for on_s, on in ((1.5, True), (3.0, False), (4.5, True)):
+        go_on_until(machine, board, on_s)
+        assert not run.ended
+        set_part(board, on=on)
+    machine.wait(1.5)
+    assert run.ended
+    assert [held_ms / 1000 for held_ms in machine.holds_ms] == pytest.approx([1.75, 1.49, 1.49], abs=0.04)
+
+
+@pytest.mark.parametrize("lost", [TH3, TH1])
+def test_a_time_out_is_named_though_its_last_records_are_lost(
+    board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch, lost: int
+) -> None:
+    """The queue of one axis then runs dry before the others: at rest, as all of them do a little later."""
+    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),))
+    go_on_until(machine, board, 1.3)
+    monkeypatch.setattr(machine.axes[lost], "send_record", lambda _payload: None)
+    with pytest.raises(WaitTimeoutError, match=r"^no part at 0\.4 s$"):
+        machine.wait(2.0)
+    assert run.ended
+    assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
+
+
 @pytest.mark.parametrize(("on_after_s", "passes"), [(2.9, True), (3.1, False)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
     run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=3.0),))
@@ -162,7 +212,7 @@ def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, 
     if passes:
         machine.wait(1.0)
         return
-    with pytest.raises(DeviceFaultError, match="ran out of records at rest"):
+    with pytest.raises(DeviceFaultError, match=r"^sx: ran out of records at rest before the end of its stream$"):
         machine.wait(1.0)
     assert machine.positions_units()[TH1] == DONE_UNITS[TH1] // 2
 

@@ -5,7 +5,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.cli.arguments import name_value_pairs
-from steptwin.host.common.bad_input import apart, at_least, at_most, by, nearest_within, outside, unknown, whole_ms
+from steptwin.host.common.bad_input import (
+    apart,
+    at_least,
+    at_most,
+    by,
+    nearest,
+    nearest_within,
+    outside,
+    unknown,
+    whole_ms,
+)
 from steptwin.host.common.errors import InputError
 from tests.host.complaints import complaint_of
 
@@ -95,6 +105,8 @@ def test_a_step_back_by_the_distance_is_enough(distance: float) -> None:
     back = float(by(distance, "mm").removesuffix(" mm"))
     assert (1 - 1e-9) * distance <= back <= 1.01 * distance
     assert by(0.1 + 2e-17, "mm") == "0.1 mm"
+    assert by(1191.0, "mm") == "1200 mm"
+    assert by(2e9, "mm") == "2e+09 mm"
 
 
 @given(st.floats(-1e6, 1e6))
@@ -111,3 +123,10 @@ def test_the_nearest_time_in_whole_milliseconds_passes(value_s: float) -> None:
 def test_no_time_is_near_to_what_is_not_finite(value_s: float) -> None:
     told = complaint_of(lambda: whole_ms("t", value_s))
     assert told == f"t: {value_s} s is not a whole number of milliseconds"
+
+
+def test_an_unknown_name_is_compared_with_the_first_300() -> None:
+    """Each of 5000 wrong steps with each of 20 000 positions would take minutes."""
+    names = [f"tray {number}" for number in range(20_000)]
+    assert nearest("tray 299x", names)[0] == "tray 299"
+    assert "tray 300" not in nearest("tray 300", names)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.common.printable import printable
+from steptwin.host.common.bad_input import printable
 
 
 @pytest.mark.parametrize(

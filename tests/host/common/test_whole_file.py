@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.own_files import growing_file
+from steptwin.host.common.whole_file import append, whole_file
 
 
 def write(path: Path, data: bytes = b"new", broken_off_by: BaseException | None = None) -> None:
@@ -23,7 +24,8 @@ class TestAFile:
             file.write(b"new")
             file.flush()
             assert path.read_bytes() == b"old"
-            assert (tmp_path / "a.vcd.part").read_bytes() == b"new"
+            (part,) = tmp_path.glob("a.vcd.*.part")
+            assert part.read_bytes() == b"new"
         assert path.read_bytes() == b"new"
         assert os.listdir(tmp_path) == ["a.vcd"]
 
@@ -37,15 +39,43 @@ class TestAFile:
             write(path, broken_off_by=error)
         assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == ({"a.vcd": old} if old else {})
 
-    def test_a_link_is_followed(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("leads_to", ["a.vcd", "missing/a.vcd", "."])
+    def test_nothing_is_written_through_a_link(self, leads_to: str, tmp_path: Path) -> None:
         (tmp_path / "there").mkdir()
-        link, path = tmp_path / "link", tmp_path / "there" / "a.vcd"
-        link.symlink_to(path)
-        for data in (b"first", b"second"):
-            write(link, data)
-            assert path.read_bytes() == data
+        path = tmp_path / "there" / "a.vcd"
+        path.write_bytes(b"somebody's")
+        link = tmp_path / "link"
+        link.symlink_to(tmp_path / "there" / leads_to)
+        for writing in (write, lambda where: append(where, b"new"), growing_file):
+            with pytest.raises(OSError, match="is a symbolic link, through which nothing is written") as caught:
+                writing(link)
+            assert caught.value.filename == str(link)
+        assert path.read_bytes() == b"somebody's"
         assert link.is_symlink()
+        assert sorted(os.listdir(tmp_path)) == ["link", "there"]
         assert os.listdir(path.parent) == ["a.vcd"]
+
+    def test_a_part_that_somebody_has_laid_is_left_alone(self, tmp_path: Path) -> None:
+        """Nor can its name be foreseen."""
+        there = tmp_path / "there"
+        (tmp_path / "a.vcd.part").symlink_to(there)
+        names = set()
+        for _ in range(3):
+            with whole_file(tmp_path / "a.vcd") as file:
+                file.write(b"new")
+                (part,) = set(os.listdir(tmp_path)) - {"a.vcd", "a.vcd.part"}
+                names.add(part)
+        assert len(names) == 3
+        assert not there.exists()
+
+    def test_a_name_may_be_as_long_as_the_system_takes(self, tmp_path: Path) -> None:
+        write(tmp_path / f"{'a' * 251}.vcd")
+        assert [len(name) for name in os.listdir(tmp_path)] == [255]
+
+    def test_a_new_file_has_the_usual_rights(self, tmp_path: Path) -> None:
+        write(tmp_path / "a.vcd")
+        (tmp_path / "b").touch()
+        assert (tmp_path / "a.vcd").stat().st_mode == (tmp_path / "b").stat().st_mode
 
     @pytest.mark.parametrize(("where", "error"), [("missing/a.vcd", FileNotFoundError), ("", IsADirectoryError)])
     def test_an_error_names_the_path_as_given(self, where: str, error: type[OSError], tmp_path: Path) -> None:
@@ -66,11 +96,24 @@ class TestWhatIsNoFile:
             os.close(reader)
         assert pipe.is_fifo()
 
+    def test_a_pipe_that_nothing_reads_is_not_waited_for(self, tmp_path: Path) -> None:
+        pipe = tmp_path / "pipe"
+        os.mkfifo(pipe)
+        with pytest.raises(OSError, match=r"No such device or address: '.*/pipe'"):
+            write(pipe)
+
     @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
-    def test_a_full_device_is_not_removed(self, tmp_path: Path) -> None:
-        device = tmp_path / "device"
-        device.symlink_to("/dev/full")
-        with pytest.raises(OSError, match=r"No space left on device: '.*/device'"):
-            write(device)
-        assert os.listdir(tmp_path) == ["device"]
-        assert device.is_char_device()
+    def test_a_full_device_is_not_removed(self) -> None:
+        with pytest.raises(OSError, match=r"No space left on device: '/dev/full'"):
+            write(Path("/dev/full"))
+        assert Path("/dev/full").is_char_device()
+
+    def test_a_link_of_the_system_is_followed(self) -> None:
+        """/dev/stdout leads to a pipe or a file of this process."""
+        read, written = os.pipe()
+        try:
+            write(Path(f"/dev/fd/{written}"))
+            assert os.read(read, 100) == b"new"
+        finally:
+            os.close(read)
+            os.close(written)

@@ -2,13 +2,14 @@
 
 import json
 import shlex
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
-from steptwin.host.client import bus_link
+from steptwin.host.client.links import bus_link
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from tests.host.client.machines import WAREHOUSE, Neighbour
@@ -47,6 +48,8 @@ class CommandLine:
             def __exit__(self, *_: object) -> None:
                 pass
 
+        # The age of a command and that of a fault are compared: both are of virtual time here.
+        patch.setattr("steptwin.host.cli.live.reset.time", SimpleNamespace(monotonic=board.now_s))
         patch.setattr(bus_link, "open_bus", lambda _: None)
         patch.setattr(bus_link, "BusLink", Opened)
 

@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.cli.connection import connection
+from steptwin.host.cli.live.connection import BoardAddress
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,6 @@ def test_invalid_connections(capsys: pytest.CaptureFixture[str], options: str, m
 
 @pytest.mark.parametrize("text", ["[::1]:4711", "[::1]"])
 def test_an_ipv6_address_in_brackets(text: str) -> None:
-    found = connection(text, None, None, None, None)
+    found = BoardAddress(connect=text).connection(None)
     assert found
     assert (found.host, found.title) == ("::1", "[::1]:4711" if text.endswith("4711") else "[::1]:29536")

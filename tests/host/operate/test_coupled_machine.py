@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.homing import home_robot
@@ -157,8 +157,11 @@ def test_a_lost_host_stops_both_axes_in_step(fast_kernel: Kernel, monkeypatch: p
 def test_the_fastest_jog() -> None:
     robot = coupled_robot(TWO_TO_ONE)
     check_jog(robot, "th1", -90.0)
-    with pytest.raises(InputError, match=r"^th1: a speed of 90.1 deg/s is not above 0 and up to 90 deg/s, "):
+    with pytest.raises(InputError, match=r"^th1: a speed of 90.1 deg/s is not from 0.000439454 to 90 deg/s, "):
         check_jog(robot, "th1", 90.1)
+    slow = coupled_robot("th2 = { th1 = 0.25 }")  # the elbow's axis turns a quarter as far, and would stand
+    with pytest.raises(InputError, match=r"^th1: a speed of 0.0017 deg/s is not from 0.00175782 to "):
+        check_jog(slow, "th1", 0.0017)
 
 
 @pytest.mark.parametrize(

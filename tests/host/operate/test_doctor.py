@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from steptwin.host.client import bus_link
+from steptwin.host.client.links import bus_link
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.session import Session

@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import AxisClient, faults, profile_motion
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import DeviceFaultError, InputError
-from steptwin.host.operate.jogging import check_jog, jog
+from steptwin.host.operate.jogging import check_jog, jog, jog_tool
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.stepping import step_tool
-from steptwin.host.operate.tool_jogging import jog_tool
-from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -157,20 +156,32 @@ def test_speeds_have_limits() -> None:
     joint = ROBOT.joints[SX]
     for speed in (joint.speed_max, -joint.speed_max):
         assert check_jog(ROBOT, "sx", speed) is joint
-    for speed in (0.0, joint.speed_max * 1.001, -joint.speed_max * 1.001):
-        with pytest.raises(
-            InputError, match=rf"^sx: a speed of \S+ mm/s is not above 0 and up to {joint.speed_max:g} "
-        ):
+    for speed in (0.0, 0.000195, -0.000195, joint.speed_max * 1.001, -joint.speed_max * 1.001):
+        said = rf"^sx: a speed of \S+ mm/s is not from 0.000195313 to {joint.speed_max:g} mm/s, with a sign$"
+        with pytest.raises(InputError, match=said):
             check_jog(ROBOT, "sx", speed)
+    check_jog(ROBOT, "sx", -0.000195313)
     with pytest.raises(InputError, match=r"^joint 'sy' is unknown: there are sx, "):
         check_jog(ROBOT, "sy", 1.0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_slowest_jog_moves(session: Session, sign: int) -> None:
+    """16 units/s are a step of 1024 units in 65.5 s, as the firmware rounds them; 15 would be none at all."""
+    slowest = sign * 16 / (ROBOT.joints[TH1].transmission.steps_per_unit * 1024)
+    with pytest.raises(InputError, match=r"^th1: a speed of -?0.00032959 deg/s is not from 0.000351563 to 120 deg/s, "):
+        jog(session, "th1", slowest * 15 / 16, 100.0)
+    standing = session.machine.positions_units()[TH1]
+    jogged = jog(session, "th1", slowest, 100.0)
+    assert (jogged.end - jogged.start) * sign > 0
+    assert session.machine.positions_units()[TH1] - standing == sign * 1024  # 1563 units: the second comes at 1600
 
 
 def test_the_largest_speed_that_a_refusal_names_passes() -> None:
     """200/3 mm/s has no end in decimals."""
     odd = replace(ROBOT, joints=(replace(ROBOT.joints[SX], speed_max=200 / 3, homing=None), *ROBOT.joints[1:]))
     told = complaint_of(lambda: check_jog(odd, "sx", 66.6667))
-    largest = float(told.rsplit(" up to ", 1)[1].split(" ", 1)[0])
+    largest = float(told.rsplit(" to ", 1)[1].split(" ", 1)[0])
     assert largest == 66.6666
     check_jog(odd, "sx", -largest)
 

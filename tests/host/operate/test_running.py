@@ -115,25 +115,62 @@ def test_another_program_may_read_the_status(
     assert all(axis.moving and axis.supply_v is None and axis.queue and axis.queue.free < 64 for axis in status.axes)
 
 
-def test_repetitions(session: Session, tmp_path: Path) -> None:
-    """A trajectory that ends where it starts can be repeated."""
+@pytest.fixture(scope="module")
+def there_and_back(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    """A trajectory that ends where it starts, which can be repeated."""
     home = ",".join(map(str, ROBOT.home))
     away = ",".join(map(str, [50.0, *ROBOT.home[1:]]))
-    file = tmp_path / "there-and-back.csv"
+    file = tmp_path_factory.mktemp("points") / "there-and-back.csv"
     file.write_text(f"t,{','.join(ROBOT.joint_names)}\n0,{home}\n1.5,{away}\n3,{home}\n")
-    path = plan(ROBOT, read_trajectory(str(file), ROBOT))
+    return plan(ROBOT, read_trajectory(str(file), ROBOT))
+
+
+def test_repetitions(session: Session, there_and_back: Plan) -> None:
     begun_s: list[float] = []
     outcome = execute_live(
         session,
-        path,
+        there_and_back,
         "there-and-back",
         repeat=3,
         approach=True,
         begun=lambda: begun_s.append(session.link.now_s()),
     )
-    assert np.diff(begun_s) == pytest.approx([path.trajectory.duration_s] * 2, abs=0.3)
+    assert np.diff(begun_s) == pytest.approx([there_and_back.trajectory.duration_s] * 2, abs=0.3)
     assert (outcome.repetitions, outcome.passed) == (3, True)
     assert outcome.to_dict()["repetitions"] == 3
+
+
+@pytest.mark.parametrize("off_steps", [1, -1])
+def test_no_repetition_follows_one_that_ended_elsewhere(
+    board: EmbeddedBoard, session: Session, there_and_back: Plan, off_steps: int
+) -> None:
+    """At the end of the second repetition another program tells the first axis that it stands a step elsewhere."""
+    step_units = 16_384 // ROBOT.joints[0].transmission.microsteps
+    standing_units = session.units(list(ROBOT.home))
+    ends: list[float] = []
+
+    def meddle(fraction: float) -> None:
+        if fraction < 1 or session.link.now_s() < begun_s[-1] + 3.0:
+            return
+        ends.append(session.link.now_s())
+        if len(ends) == 2:
+            elsewhere = [standing_units[0] + off_steps * step_units, *standing_units[1:]]
+            session.machine.preset(elsewhere)
+
+    begun_s: list[float] = []
+    outcome = execute_live(
+        session,
+        there_and_back,
+        "there-and-back",
+        repeat=4,
+        progress=meddle,
+        begun=lambda: begun_s.append(session.link.now_s()),
+    )
+    assert (outcome.repetitions, outcome.passed, len(begun_s)) == (2, False, 2)
+    assert outcome.axes[0].error_steps == off_steps
+    assert [axis.passed for axis in outcome.axes] == [False, *[True] * 5]
+    assert board.driver_positions()[0] == 0.0
+    assert outcome.to_dict()["repetitions"] == 2
 
 
 def test_a_plan_that_ends_elsewhere_is_not_repeated(pull: Plan) -> None:

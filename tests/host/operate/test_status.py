@@ -14,7 +14,7 @@ from steptwin.protocol import od
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR, COB_NMT, COB_RPDO, COB_TPDO
 from steptwin.protocol.nmt import NmtCommand
-from steptwin.protocol.pdo_defaults import ASYNCHRONOUS
+from steptwin.protocol.objects import ASYNCHRONOUS
 from tests.host.client.machines import TH2, sdo_requests
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.moving import Moved, move
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.stepping import check_step, check_step_speed, step_joint, step_tool
-from steptwin.host.planning.tool_step import ToolStep
+from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol.homing_methods import HOME_HERE
@@ -95,14 +95,23 @@ def test_steps_have_bounds() -> None:
     travel = ROBOT.joints[SX].upper - ROBOT.joints[SX].lower
     for distance in (travel, -travel):
         assert check_step(ROBOT, "sx", distance) is ROBOT.joints[SX]
-    for distance in (0.0, travel * 1.001, -travel * 1.001):
-        with pytest.raises(InputError, match=r"^sx: a step of \S+ mm is not above 0 and up to 2000 mm, with a sign$"):
+    for distance in (0.0, 0.0000122, -0.0000122, travel * 1.001, -travel * 1.001):
+        said = r"^sx: a step of \S+ mm is not from 1.22071e-05 to 2000 mm, with a sign$"
+        with pytest.raises(InputError, match=said):
             check_step(ROBOT, "sx", distance)
     for percent in (1.0, 100.0):
         check_step_speed(percent)
     for percent in (0.99, 100.1, float("nan")):
         with pytest.raises(InputError, match=r"^speed_percent=\S+: is not from 1 to 100 percent$"):
             check_step_speed(percent)
+
+
+def test_the_smallest_steps_add_up(session: Session) -> None:
+    """1.22071e-05 mm are a wire unit, a 1024th of the slide's 16th of a full step; less would never move it."""
+    standing = session.demanded_units()[SX]
+    for count in (1, 2, 3):
+        step_joint(session, "sx", 0.0000122071)
+        assert session.demanded_units()[SX] == standing + count
 
 
 @pytest.mark.parametrize(("axis", "column"), [("x", 0), ("y", 1), ("z", 2), ("phi", 3)])
@@ -210,11 +219,11 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
         ("th1 fast", "AMOUNT: 'fast' is not a number"),
         ("th1 5mm", "AMOUNT: 5mm is not in deg or deg/s"),
         ("sx 5deg/s", "AMOUNT: 5deg/s is not in mm or mm/s"),
-        ("th1 0", "th1: a step of 0 deg is not above 0 and up to 240 deg, with a sign"),
+        ("th1 0", "th1: a step of 0 deg is not from 2.19727e-05 to 240 deg, with a sign"),
         ("th1 20 --seconds 0", "--seconds 0: is not above 0 and finite"),
         ("th1 20deg --seconds 1", "--seconds 1: is for a speed, such as 20deg/s"),
         ("th1 20deg/s --speed 5", "--speed 5: is for a step; the speed of this jog is 20"),
-        ("th1 999deg/s", "th1: a speed of 999 deg/s is not above 0 and up to 120 deg/s, with a sign"),
+        ("th1 999deg/s", "th1: a speed of 999 deg/s is not from 0.000351563 to 120 deg/s, with a sign"),
         ("th1 1 --speed 0.5", "--speed 0.5: is 0.5 % of the speed; for 0.5 of it write --speed 50; the least is 1"),
         ("th1 1 --speed 0", "--speed 0: is not from 1 to 100 percent"),
         ("x 5mm/s", "x: the tool is jogged by steps, such as x +1; only a joint has a speed"),

@@ -95,7 +95,8 @@ def test_nothing_slips_through_on_any_way(start: tuple[float, ...], goal: tuple[
     parts = np.linspace(0.0, until, 500)[:, None]
     free = free_mm([ROBOT.boxes[name] for name in SHELF.obstacles], np.array(start) + parts * np.subtract(goal, start))
     between_points_mm = 200.0 / 40 / 2
-    assert free[:-1].min() > MARGIN_MM / 2 - 1e-6
+    if until > 0.0:  # or the arm stands there already
+        assert free[:-1].min() > MARGIN_MM / 2 - 1e-6
     if contact is None:
         assert free.min() > MARGIN_MM / 2 - 1e-6
     else:

@@ -6,8 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.even_path import EVENNESS, EvenPath
-from steptwin.host.planning.paths import SampledPath, Smoothing
+from steptwin.host.planning.paths import EVENNESS, EvenPath, SampledPath, Smoothing
 from tests.host.complaints import complaint_of
 from tests.host.planning.test_paths import ZIGZAG
 

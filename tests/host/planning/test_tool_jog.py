@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.tool_jog import WAY_MAX_MM, check_tool_jog, plan_tool_jog
-from steptwin.host.planning.tool_step import SPEED_MAX_MM_S, ToolStep, farthest_part
+from steptwin.host.planning.tool_by_hand import (
+    SPEED_MAX_MM_S,
+    WAY_MAX_MM,
+    ToolStep,
+    check_tool_jog,
+    farthest_part,
+    plan_tool_jog,
+)
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing

@@ -8,7 +8,7 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.tool_step import (
+from steptwin.host.planning.tool_by_hand import (
     SPEED_MAX_MM_S,
     TURN_MAX_DEG,
     TURN_SPEED_MAX_DEG_S,
@@ -101,7 +101,7 @@ def test_what_is_said_to_pass_passes_and_a_tenth_more_does_not(
     plan_tool_step(robot, standing(robot), ToolStep({axis: said}, 100.0))
     beyond = ToolStep({axis: said + sign * 0.1}, 100.0)
     monkeypatch.setattr(
-        "steptwin.host.planning.tool_step._passing_text", lambda *_: ""
+        "steptwin.host.planning.tool_by_hand._passing_text", lambda *_: ""
     )  # a second search is not needed
     assert complaint_of(lambda: plan_tool_step(robot, standing(robot), beyond)).startswith(str(beyond))
 

@@ -11,7 +11,7 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.sequence import Pause
+from steptwin.host.planning.motions.sequence import Standstill
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
@@ -220,6 +220,6 @@ class TestStepsOfPrograms:
 
 
 def test_a_pause_is_as_long_as_told() -> None:
-    told = complaint_of(lambda: plan(ROBOT, Pause(ROBOT.joint_names, ROBOT.home, 0.3004)))
+    told = complaint_of(lambda: plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, 0.3004)))
     near_s = float(told.rsplit("the nearest is ", 1)[1].removesuffix(" s"))
-    assert plan(ROBOT, Pause(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300
+    assert plan(ROBOT, Standstill(ROBOT.joint_names, ROBOT.home, near_s)).times_ms[-1] == 300

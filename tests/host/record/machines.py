@@ -7,7 +7,7 @@ import numpy as np
 
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.record.folder import StoredRun
-from steptwin.host.record.folder.report import StoredReport
+from steptwin.host.record.folder.report_file import StoredReport
 from steptwin.host.robots import load_robot
 from steptwin.host.verify import BusReport, Evidence, Expectation, LevelEdges, RunInfo, compare
 from steptwin.protocol.timer import COUNTS_PER_SECOND

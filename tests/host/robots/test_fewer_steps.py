@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.fewer_steps import with_fewer_steps
+from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.reader import parse_robot
 from tests.host.complaints import complaint_of
 

@@ -5,10 +5,9 @@ from importlib.resources import files
 
 import pytest
 
-from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.operate.homing import homing_settings
 from steptwin.host.robots import load_robot, parse_robot, robot_names
-from steptwin.host.robots.homing import JointHoming
-from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.protocol import od
 from tests.host.complaints import complaint_of
 

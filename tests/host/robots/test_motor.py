@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from steptwin.emulator.motor import CATALOGUE
+from steptwin.emulator.motors.motor import CATALOGUE
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, parse_robot
 from steptwin.host.robots.joint import Joint

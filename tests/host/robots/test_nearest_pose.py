@@ -7,9 +7,9 @@ import pytest
 
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
-from steptwin.host.robots.nearest_pose import Pose, nearest_pose, passing_text, passing_words
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.workspace.nearest_pose import Pose, nearest_pose, passing_text, passing_words
 
 NAN = float("nan")
 NEARER_MM = 0.3

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator import tb6560
-from steptwin.emulator.dip_switches import IDLE_PERCENT
-from steptwin.emulator.driver import Driver
-from steptwin.emulator.driver_module import ClkEdge
-from steptwin.emulator.driver_profiles import PROFILES
-from steptwin.emulator.tb6560.pins import FAST_DECAY_PERCENT
+from steptwin.emulator.drivers import tb6560
+from steptwin.emulator.drivers.dip_switches import IDLE_PERCENT
+from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_module import ClkEdge
+from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.tb6560.pins import FAST_DECAY_PERCENT
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
 from steptwin.host.robots.board_settings import (
@@ -25,9 +25,9 @@ from steptwin.host.robots.board_settings import (
     SWITCHED_PROFILES,
     ActiveEdge,
 )
+from steptwin.host.robots.digital_lines import Output
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.output import Output
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.transmission import MICROSTEPS, Transmission
 from steptwin.host.twin.board_config import board_configs

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.machine_options import MachineOptions

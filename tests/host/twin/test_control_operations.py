@@ -10,9 +10,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.operations import (
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
+from steptwin.emulator.faults.operations import (
     Babble,
     BoardTemperature,
     BouncingSwitch,
@@ -35,17 +35,17 @@ from steptwin.emulator.operations import (
     SwitchWire,
     WatchdogReset,
 )
-from steptwin.emulator.wires import Noise, Wire, WireState
+from steptwin.emulator.faults.wires import Noise, Wire, WireState
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.requests import FORMS, INJECTED, request_of_words
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.digital_lines import Input
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.control.frames import FRAMES as FRAME_NAMES
 from steptwin.host.twin.control.frames import cob_ids
 from steptwin.host.twin.control.operations import KINDS, WRITERS, read_request, request_of
-from steptwin.host.twin.control.state import MachineState
+from steptwin.host.twin.control.port import MachineState
 from steptwin.host.twin.live_board import LiveBoard
 from steptwin.host.twin.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind

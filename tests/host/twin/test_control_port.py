@@ -13,14 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
-from steptwin.host.client.control_client import ControlClient
-from steptwin.host.client.control_state import SwitchState
+from steptwin.host.client.control_client import ControlClient, SwitchState
 from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.digital_lines import Input
 from steptwin.host.twin.served_board import ServedBoard
 from tests.emulator.live_rig import TIMEOUT_S
 from tests.end_to_end.pages import blocks_of, read_page
@@ -117,14 +116,36 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("switch", "th4", "home", "open"): "switch home of th4: stuck open",
     }.items():
         assert inject(*words) == (0, f"SIMULATED lab-scara: {told}\n", "")
-    for done in (
-        *("slip th2 -4", "slip th2 4", "wire th2 step noisy 1000 35", "wire th2 step whole", "mode th2 8", "mode th2"),
-        *("switch-wire d1 + normally-open", "switch-wire d1 + whole", "bounce d1 + 5", "bounce d1 + 0"),
-        *("osc th2 1000", "osc th2 330", "stranger 0x77E 05", "babble 0x7FF data= 1000 3"),
-        *("loss records th2", "corruption sync rate=0.5", "delay sync 0.1", "duplicate sync count=1"),
-        *("bus-off th2", "bus-off host", "brown-out 5", "watchdog", "power-up"),
-    ):
-        assert inject(*done.split()) == (0, f"SIMULATED lab-scara: {done}: done\n", "")
+    for done, ends in {
+        "slip th2 -4": "",
+        "slip th2 4": "",
+        "wire th2 step noisy 1000 35": "`wire th2 step whole`",
+        "wire th2 step noisy 1000 35 count=9": "9 disturbances or `wire th2 step whole`",
+        "wire th2 step whole": "",
+        "mode th2 8": "`mode th2`",
+        "mode th2": "",
+        "switch-wire d1 + normally-open": "`switch-wire d1 + whole`",
+        "switch-wire d1 + whole": "",
+        "bounce d1 + 5": "`bounce d1 + 0`",
+        "bounce d1 + 0": "",
+        "osc th2 1000": "`osc th2` with the capacitor of before",
+        "stranger 0x77E 05": "",
+        "babble 0x7FF data= 1000 1000000": "1000 s or `bus-ok`",
+        "babble 0x7FF data= 1000 0": "",
+        "loss records th2": "`bus-ok`",
+        "corruption sync rate=0.5": "`bus-ok`",
+        "delay sync 0.1": "`bus-ok`",
+        "duplicate sync count=1": "strike 1 or `bus-ok`",
+        "bus-off th2": "",
+        "bus-off host": "",
+        "brown-out joint=th3": "`power-up`",
+        "brown-out 5": "",
+        "watchdog": "",
+        "power-up": "",
+    }.items():
+        lasts = f"; it lasts until {ends}" if ends else ""
+        assert inject(*done.split()) == (0, f"SIMULATED lab-scara: {done}: done{lasts}\n", "")
+    assert inject("osc", "th2", "330")[0] == 0
     assert client.state().document["bus"]["faults"] >= 4
     assert inject("bus-ok") == (0, "SIMULATED lab-scara: bus-ok: done\n", "")
     assert client.state().document["bus"]["faults"] == 0
@@ -158,6 +179,9 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         ("brown-out", "0"): "for_ms: 0 is below 1",
         ("loss", "recrods"): "frames 'recrods' is unknown: did you mean records?",
         ("delay", "sync", "0"): "by_s: 0.000000 s is outside 1e-06..86400 s; the nearest is 1e-06 s",
+        ("babble", "0", "data=", "100", "1000000000"): "count: 1000000000 is not a whole number up to 1000000",
+        ("babble", "0", "data=", "46", "1"): "period_us: 46 is below 47",
+        ("babble", "0", "data=", "10000001", "1"): "period_us: 10000001 is not a whole number up to 10000000",
         ("bus-off", "th5"): "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
     }.items():
         assert inject(*wrong) == (2, "", f"steptwin: {told}\n")

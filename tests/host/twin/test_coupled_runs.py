@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan

@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
-from steptwin.host.twin.crystals import check_crystals, read_crystals
+from steptwin.host.twin.boards import check_crystals, read_crystals
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.outcome import Outcome

@@ -7,7 +7,7 @@ import canopen
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.doctor import Check, examine
 from steptwin.host.operate.session import Session

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS
 from steptwin.host.common.errors import InputError, WaitTimeoutError

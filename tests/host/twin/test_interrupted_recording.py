@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_recording, read_run, verify_folder
 from steptwin.protocol.pvt import PvtRecord
@@ -101,7 +101,7 @@ def test_without_a_motion_there_is_nothing_to_judge(
 ) -> None:
     LiveSession(fast_kernel, tmp_path).wait(100)
     assert run(["verify", str(tmp_path)]) == 2
-    assert "trajectory.csv: is missing: no SYNC has started a motion" in capsys.readouterr().err
+    assert "trajectory.csv: is missing: no trajectory was run" in capsys.readouterr().err
     assert run(["trace", str(tmp_path)]) == 2
     assert "no pin has changed since power-up" in capsys.readouterr().err
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.board import Board
-from steptwin.emulator.operations import OscCapacitor, SetWire
-from steptwin.emulator.wires import Wire, WireState
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.faults.operations import OscCapacitor, SetWire
+from steptwin.emulator.faults.wires import Wire, WireState
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
 from steptwin.host.twin.live_board import RECORD_EVERY_S

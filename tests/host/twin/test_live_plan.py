@@ -1,15 +1,20 @@
 """The plan that a live board leaves: the records of the last motion, or the reason why there is no plan."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
+from steptwin.host.panel.replay.model import Replay
+from steptwin.host.record.folder import read_run, verify_folder
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.host.twin.live_session import (
+    JOINT,
     NMT_START,
     NODE,
     ROBOT,
@@ -131,7 +136,97 @@ def test_an_axis_that_is_set_up_otherwise_has_no_plan(fast_kernel: Kernel, tmp_p
     assert no_plan(session, tmp_path) == "th1 is set up otherwise than in the robot's file"
 
 
+PROFILE = [*enable(1), Frame(0x600 + NODE, bytes.fromhex("237a600000400000")), control(0x1F, 1)]
+"""Frames that move an axis by profile position, without records, to 16 384 units."""
+
+
+def jog(session: LiveSession) -> None:
+    session.send(*PROFILE, SYNC)
+    session.wait(400)
+    session.send(control(0x0F, 1))
+
+
+def stop_amid_records(session: LiveSession) -> None:
+    session.send(*enable(), *queue(*(record._replace(sequence=2 + i) for i, record in enumerate(THERE_AND_BACK))))
+    session.send(start_at_sync(), SYNC)
+    session.wait(30)
+    session.send(control(0x0B))
+    session.wait(200)
+
+
+def pause(session: LiveSession) -> None:
+    session.send(*enable(), *queue(*(record._replace(sequence=2 + i) for i, record in enumerate(THERE_AND_BACK))))
+    session.send(start_at_sync(), SYNC)
+    session.wait(20)
+    session.send(control(0x11F))
+    session.wait(50)
+    session.send(control(0x1F))
+    session.wait(200)
+
+
+@pytest.mark.parametrize("ended", [True, False], ids=["ended", "interrupted"])
+@pytest.mark.parametrize("later", [jog, stop_amid_records, pause])
+def test_the_last_motion_with_a_plan_is_verified_whatever_moves_the_machine_later(
+    fast_kernel: Kernel,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    later: Callable[[LiveSession], None],
+    ended: bool,
+) -> None:
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(150)
+    later(session)
+    jog(session)
+    if ended:
+        session.end()
+        assert run(["verify", str(tmp_path)]) == 0
+        assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
+        report = json.loads((tmp_path / "report.json").read_text())
+        assert report["no_plan"] is None
+        assert report["started_s"] + 0.1 <= report["next_motion_s"] <= report["started_s"] + 0.2
+        assert [row[0] for row in plan_rows(tmp_path)] == [0.0, 0.05, 0.1]
+    session.board.record()
+    stored = read_run(tmp_path)
+    assert stored.no_plan is None
+    assert stored.duration_s == pytest.approx(0.1)
+    assert verify_folder(tmp_path).report.passed
+    th1 = stored.comparison.counted[JOINT]
+    assert th1.time_s.size == 40
+    assert 0.0 < th1.time_s[0] < th1.time_s[-1] < 0.1
+
+
+def test_counts_without_any_plan_are_shown(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After a jog alone there is nothing to verify, but a replay of every step."""
+    session = LiveSession(fast_kernel, tmp_path)
+    session.send(NMT_START)
+    jog(session)
+    assert no_plan(session, tmp_path) == "no trajectory was run; a jog, a move or a homing has no plan"
+    assert run(["verify", str(tmp_path)]) == 2
+    assert "trajectory.csv: is missing: no trajectory was run" in capsys.readouterr().err
+    stored = read_run(tmp_path, counts_suffice=True)
+    assert stored.no_plan == "no trajectory was run; a jog, a move or a homing has no plan"
+    (first_s, *_, last_s) = stored.comparison.counted[JOINT].time_s.tolist()
+    assert (first_s, stored.duration_s - last_s) == pytest.approx((0.001, 0.001))
+    replay = Replay.of_folder(tmp_path)
+    end = replay.at(replay.record.to_counts)
+    assert not end.has_plan
+    assert end.joints[JOINT].counted == pytest.approx(ROBOT.home[JOINT] + 360 / 200 / 5, abs=HALF_A_STEP_DEG)  # a step
+    assert (replay.path.errors_mm == 0.0).all()
+    assert run(["animate", str(tmp_path), "--out", str(tmp_path / "arm.html")]) == 0
+    assert "has no plan: no trajectory was run" in capsys.readouterr().err
+
+
+def test_a_recording_in_which_nothing_has_moved_cannot_be_shown(fast_kernel: Kernel, tmp_path: Path) -> None:
+    LiveSession(fast_kernel, tmp_path).end()
+    with pytest.raises(InputError, match=r"edges\.npz: no driver has counted a step: nothing has moved$"):
+        read_run(tmp_path, counts_suffice=True)
+
+
 def test_a_session_without_motion_has_no_plan(fast_kernel: Kernel, tmp_path: Path) -> None:
     session = LiveSession(fast_kernel, tmp_path)
     session.send(SYNC)
-    assert no_plan(session, tmp_path) == "no SYNC has started a motion"
+    assert no_plan(session, tmp_path) == "no trajectory was run; a jog, a move or a homing has no plan"

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.record.folder import read_report
 from steptwin.host.robots import load_robot

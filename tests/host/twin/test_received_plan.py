@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.received_plan import ReceivedPlan
+from steptwin.host.twin.live_plan import ReceivedPlan
 from steptwin.protocol.pvt import QUEUE_DEPTH, PvtRecord
 
 ROBOT = load_robot("warehouse-scara")
@@ -27,7 +27,7 @@ def text_of(order: list[int], before: int) -> str:
         if joint is not None:
             plan.accept(joint, RECORDS[counts[joint]])
             counts[joint] += 1
-        rows += plan.take().rows
+        rows += [row for taken in plan.take() for row in taken.rows]
     plan.end([END_UNITS, 0, 0, END_UNITS, 0, 0])
     assert plan.lacking is None
     return "".join(rows)
@@ -60,17 +60,18 @@ def test_an_axis_far_ahead_of_the_others_ends_the_plan(ahead: int, lacks: bool) 
     assert (plan.lacking == "the axes' records do not last equally long") is lacks
 
 
-def test_only_new_rows_are_taken_and_a_new_plan_says_that_it_begins() -> None:
+def test_only_new_rows_are_taken_each_with_the_number_of_its_plan() -> None:
     plan = ReceivedPlan(ROBOT)
-    assert plan.take() == (False, [])
-    for _ in range(2):
+    assert plan.take() == []
+    for number in (1, 2):
         plan.accept(0, RECORDS[0])
         plan.begin([0] * 6, [1, 0, 0, 0, 0, 0])
-        begin, rows = plan.take()
-        assert begin
+        *rest, (taken, rows) = plan.take()
+        assert [(plan_number, len(more)) for plan_number, more in rest] == [(1, 1)] * (number - 1)  # to its very end
+        assert taken == number
         assert rows[0].startswith("t,sx,")
         assert [row.split(",")[0] for row in rows[1:]] == ["0.0", "0.01"]
         plan.accept(0, RECORDS[0])
-        begin, rows = plan.take()
-        assert not begin
+        ((taken, rows),) = plan.take()
+        assert taken == number
         assert [row.split(",")[0] for row in rows] == ["0.02"]

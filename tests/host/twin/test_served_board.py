@@ -9,12 +9,12 @@ from typing import Any
 import can
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.digital_input import Input
+from steptwin.host.robots.digital_lines import Input
 from steptwin.host.twin.served_board import ServedBoard
 
 ROBOT = load_robot("lab-scara")

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.jobs import job_carries, make_job

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import canopen
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import EmergencyStop
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode

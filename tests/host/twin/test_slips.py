@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import Slip
-from steptwin.host.record.folder.cutting import evidence_until
-from steptwin.host.record.folder.edges import read_edges, write_edges
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import Slip
+from steptwin.host.record.folder.edges_file import evidence_until, read_edges, write_edges
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.verify import Slips

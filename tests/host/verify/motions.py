@@ -7,7 +7,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.edges import PINS
+from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import (
     AxisEvidence,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify.roots import IndexArray, bracketed_roots
+from steptwin.host.verify.oracle import IndexArray, bracketed_roots
 
 TOLERANCE = 1e-12
 

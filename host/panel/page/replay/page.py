@@ -8,16 +8,35 @@ from nicegui import ui
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.page.elements import Chip, Tone, card, icon_button, plain
-from steptwin.host.panel.page.replay.looks import STYLE
-from steptwin.host.panel.page.replay.pins_card import PinsCard
-from steptwin.host.panel.page.replay.scene_card import ReplayScene
+from steptwin.host.panel.page.replay.scene_card import PinsCard, ReplayScene
 from steptwin.host.panel.page.replay.transport import Transport
-from steptwin.host.panel.page.theme import apply_theme
-from steptwin.host.panel.replay import Difference, Replay
-from steptwin.host.panel.replay.marks import Mark, time_words
+from steptwin.host.panel.page.visitor import apply_theme
+from steptwin.host.panel.replay import Replay, RunPair
+from steptwin.host.panel.replay.marks import RunMark, time_words
+from steptwin.host.panel.replay.markup import MARK_COLOURS, joint_table, strip_picture
 from steptwin.host.panel.replay.model import PATH_INSTANTS
-from steptwin.host.panel.replay.pictures import MARK_COLOURS, joint_table, strip_picture
 from steptwin.host.panel.replay.player import Player
+
+STYLE: Final = """
+body.body--dark { color-scheme: dark; }
+.transport { margin: 12px 16px 0; width: auto; max-width: 1768px; }
+@media (min-width: 1800px) { .transport { margin: 12px auto 0; } }
+.transport .strip svg { display: block; }
+.transport .q-slider { margin: 0; }
+.clock { font-size: 20px; font-weight: 600; min-width: 11em; }
+.number.left { text-align: left; }
+.w-speed { width: 96px; }
+.lanes { display: flex; gap: 10px; font-size: 13px; margin-top: 8px; }
+.lane-names { flex: 0 0 auto; min-width: 72px; }
+.lane-names div { display: flex; align-items: center; white-space: nowrap; }
+.lane-picture { flex: 1 1 auto; min-width: 0; }
+.lane-picture svg { display: block; }
+.mark.q-btn.plain { font-weight: 400; width: 100%; text-align: left; margin-bottom: 4px; min-height: 32px; }
+.mark .q-btn__content { justify-content: flex-start; text-align: left; flex-wrap: wrap; }
+.events { max-height: 300px; }
+@media (max-width: 900px) { .transport { margin: 8px 8px 0; } .clock { font-size: 17px; } }
+"""
+
 
 TICK_S: Final = 0.05
 MARKS_MAX: Final = 300
@@ -29,7 +48,7 @@ class ReplayPage:
 
     def __init__(self, replays: tuple[Replay, ...]) -> None:
         self._replays = replays
-        self._difference = Difference(*replays) if len(replays) == 2 else None
+        self._difference = RunPair(*replays) if len(replays) == 2 else None
         self._player = Player(replays)
         apply_theme(script=False)
         ui.add_head_html(f"<style>{STYLE}</style>")
@@ -112,7 +131,7 @@ class ReplayPage:
                 for _, number, mark in marks[:MARKS_MAX]:
                     self._make_mark(number, mark)
 
-    def _make_mark(self, number: int, mark: Mark) -> None:
+    def _make_mark(self, number: int, mark: RunMark) -> None:
         replay = self._replays[number]
         of_run = ("first: ", "second: ")[number] if len(self._replays) == 2 else ""
         button = plain(
@@ -133,5 +152,5 @@ def _verdict(replay: Replay) -> tuple[str, Tone]:
     if report.fault is not None:
         return "stopped by a fault", "bad"
     if report.passed is None:
-        return "recorded live", ""
+        return ("recorded live: counts without a plan", "warn") if replay.run.no_plan else ("recorded live", "")
     return ("verified", "good") if report.passed else ("not verified", "bad")

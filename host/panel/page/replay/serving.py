@@ -5,7 +5,7 @@ from pathlib import Path
 
 from steptwin.host.panel.page.replay.page import ReplayPage
 from steptwin.host.panel.page.server import Address, open_port, serve_page
-from steptwin.host.panel.replay import Difference, Replay
+from steptwin.host.panel.replay import Replay, RunPair
 
 
 def serve_replay(
@@ -20,14 +20,14 @@ def serve_replay(
         announce: called with the page's URL when browsers can open it.
 
     Raises:
-        InputError: as `Replay.of_folder` and `Difference` do.
+        InputError: as `Replay.of_folder` and `RunPair` do.
         BusError: the port is in use.
     """
     with open_port(Address(port=port)) as listener:
         plans = (plan_folder, *(None for _ in folders[1:]))
         replays = tuple(Replay.of_folder(*each) for each in zip(folders, plans, strict=True))
         if len(replays) == 2:
-            Difference(*replays)
+            RunPair(*replays)
         names = " and ".join(f"{replay.run.report.run.robot} {replay.run.report.run.job}" for replay in replays)
 
         def build() -> None:

@@ -9,7 +9,7 @@ from steptwin.host.panel.page.elements import card, choice, icon_button, line
 from steptwin.host.panel.replay import Instant, Replay
 from steptwin.host.panel.replay.model import Edge
 from steptwin.host.panel.replay.player import Player
-from steptwin.host.record.animation.page import SPEEDS
+from steptwin.host.record.animation.film_page import SPEEDS
 
 _ANY: Final = "any axis"
 

@@ -3,28 +3,127 @@
   const BEAT_MS = 80; // the server lets a jog end 250 ms after its last beat
   const tell = (name, value) => window.emitEvent(name, value);
 
-  // --- emergency stop: by its button or Esc, over the socket, else by a request of its own
+  // --- the state that is shown: each event that the page sends names the newest one, so that its age is known
 
-  function emergencyStop(event) {
-    event?.preventDefault();
-    if (window.socket?.connected && window.did_handshake) tell("emergency_stop", {});
-    else fetch("/emergency-stop", { method: "POST", keepalive: true }).catch(() => {});
-    releaseAll();
+  let shown = null;
+
+  function nameShown(socket) {
+    const emit = socket.emit.bind(socket);
+    socket.emit = (name, message, ...rest) => {
+      if (name === "event") message.shown = shown;
+      return emit(name, message, ...rest);
+    };
   }
+
+  const silent = () => document.body.classList.contains("silent"); // nothing comes from the panel
+  const unseen = () => silent() || document.querySelector(".unseen") !== null; // or nothing from the machine
+
+  // Buttons that move the machine are dead while it is not seen.
+  document.addEventListener(
+    "click",
+    (event) => {
+      if (!unseen() || !event.target.closest?.("[data-moves], [data-what]")) return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+    },
+    true,
+  );
+
+  // --- stops: on two ways at once, again and again until one of them is answered
+
+  const AGAIN_MS = 250;
+  const UNANSWERED_MS = 300;
+  const GIVEN_UP_MS = 1000;
+  const OBEYED_MS = 1000;
+  const OWN_SWITCH = "use the machine's own switch";
+  const STOPS = { emergency_stop: "E-STOP", stop: "Stop" };
+  let held = false; // whether an emergency stop holds the machine
+  let stop = null; // the last press: { kind, name, began, answered, told, obeyed }, times in ms
+  let lastPointer = -Infinity;
+
+  function pressStop(kind, event) {
+    event?.preventDefault();
+    releaseAll();
+    if (!stop || stop.answered || stop.kind !== kind) {
+      const name = `${Date.now()}-${Math.random().toString(36).slice(2)}`;
+      stop = { kind, name, began: performance.now(), told: false };
+      sendAgain(stop);
+      setTimeout(sayStop, UNANSWERED_MS);
+    } else sendStop(stop);
+    sayStop();
+  }
+
+  function sendAgain(press) {
+    if (press.answered) return;
+    sendStop(press);
+    setTimeout(() => sendAgain(press), AGAIN_MS);
+  }
+
+  function sendStop(press) {
+    const { kind, name } = press;
+    window.socket?.timeout(GIVEN_UP_MS).emit(kind, name, (error, answer) => error || answered(press, answer));
+    const query = new URLSearchParams({ press: name, page: window.clientId ?? "" });
+    fetch(`/${kind}?${query}`, { method: "POST", keepalive: true, signal: AbortSignal.timeout(GIVEN_UP_MS) })
+      .then((response) => response.ok && response.json())
+      .then((answer) => answer && answered(press, answer))
+      .catch(() => {}); // it is sent again
+  }
+
+  function answered(press, answer) {
+    press.answered ??= performance.now();
+    press.told ||= answer.told;
+    if (press.kind === "stop" && press.told) obeyed(press);
+    sayStop();
+  }
+
+  function obeyed(press) {
+    if (press?.answered) press.obeyed ??= performance.now();
+  }
+
+  function stopWords(now) {
+    if (!stop || stop.obeyed) {
+      if (stop?.kind === "emergency_stop" && held)
+        return ["Emergency stop obeyed: all drives are off and held.", "good"];
+      return silent()
+        ? [`No connection to the panel: what is shown is old. E-STOP may not work: ${OWN_SWITCH}.`, "bad"]
+        : ["", ""];
+    }
+    const button = STOPS[stop.kind];
+    if (!stop.answered && now - stop.began < UNANSWERED_MS) return [`${button}: sent.`, "warn"];
+    if (!stop.answered) return [`${button}: no connection: this button does not work, ${OWN_SWITCH}.`, "bad"];
+    if (!stop.told) return [`${button}: the panel has no connection to the machine: ${OWN_SWITCH}.`, "bad"];
+    if (now - stop.answered < OBEYED_MS) return [`${button}: the machine is told.`, "warn"];
+    return [`${button}: the machine has not obeyed: ${OWN_SWITCH}.`, "bad"];
+  }
+
+  function sayStop() {
+    const line = document.querySelector("[data-stop-line]");
+    const [text, tone] = stopWords(performance.now());
+    if (line && line.textContent !== text) {
+      line.textContent = text;
+      line.dataset.tone = tone;
+    }
+  }
+
+  const stopOf = (event) => event.target.closest?.("[data-stop]")?.dataset.stop;
 
   window.addEventListener(
     "keydown",
     (event) => {
-      if (event.key === "Escape" && !event.repeat) emergencyStop(event);
+      if (event.key === "Escape" && !event.repeat) pressStop("emergency_stop", event);
     },
     true,
   );
   document.addEventListener("pointerdown", (event) => {
-    if (event.target.closest?.("[data-estop]")) emergencyStop(event);
+    const kind = stopOf(event);
+    if (!kind) return;
+    lastPointer = performance.now();
+    pressStop(kind, event);
   });
-  document.addEventListener("keydown", (event) => {
-    const pressed = event.key === "Enter" || event.key === " ";
-    if (pressed && !event.repeat && event.target.closest?.("[data-estop]")) emergencyStop(event);
+  document.addEventListener("click", (event) => {
+    // by a key, or by a screen reader, which tells of no pointer
+    const kind = stopOf(event);
+    if (kind && performance.now() - lastPointer > 1000) pressStop(kind, event);
   });
 
   // --- hold to jog: a press has an id; whatever ends it, ends it for good
@@ -33,7 +132,7 @@
   let number = 0;
 
   function begin(button, event) {
-    if (press || button.disabled || button.getAttribute("aria-disabled") === "true") return;
+    if (press || unseen() || button.disabled || button.getAttribute("aria-disabled") === "true") return;
     number = Math.max(Date.now(), number + 1); // counts up beyond a reload, too
     press = { id: number, button };
     button.classList.add("held");
@@ -94,19 +193,29 @@
   }
 
   const fixed = (value, decimals) => (value == null ? "–" : value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1"));
-  const SILENT_MS = 450;
+  const SILENT_MS = 400; // and the next look: together half a second
   const LOOK_MS = 100;
+  const title = document.title; // where another window is in front, the tab tells the progress
   let lastTick = performance.now();
   let lastLook = performance.now();
 
-  function setSilent(silent) {
+  function setSilent(now) {
     const classes = document.body.classList; // even a change to what is there already would be told to all observers
-    if (classes.contains("silent") !== silent) classes.toggle("silent", silent);
+    if (silent() !== now) classes.toggle("silent", now);
+    if (now) releaseAll();
+    sayStop();
+  }
+
+  function alive() {
+    lastTick = performance.now();
+    setSilent(false);
   }
 
   function tick(now) {
-    lastTick = performance.now();
-    setSilent(false);
+    alive();
+    shown = now.n;
+    held = now.held;
+    if (held && stop?.kind === "emergency_stop") obeyed(stop);
     const values = { load: fixed(now.load, 1), fill: fixed(now.fill, 0), late: fixed(now.late, 1) };
     now.q.forEach((value, i) => (values[`q${i}`] = now.known[i] ? fixed(value, 3) : "unknown"));
     now.v.forEach((value, i) => (values[`v${i}`] = fixed(value, 2)));
@@ -114,6 +223,8 @@
     (now.pose ?? [null, null, null, null]).forEach((value, i) => (values[`pose${i}`] = fixed(value, 2)));
     write(values);
     for (const bar of document.querySelectorAll("[data-part]")) bar.style.width = `${100 * (now.part ?? 0)}%`;
+    const percent = now.part ? `${Math.round(100 * now.part)} % – ` : "";
+    if (document.title !== percent + title) document.title = percent + title;
     if (document.hidden) return;
     const scene = document.querySelector(".arm-scene")?.armScene;
     if (scene?.on && now.arm) {
@@ -132,6 +243,7 @@
     const heldUp = now - lastLook > 2 * LOOK_MS;
     lastLook = now;
     if (!heldUp && now - lastTick > SILENT_MS) setSilent(true);
+    else sayStop();
   }, LOOK_MS);
 
   // --- light and dark: as the system has it, or as this browser was told
@@ -150,12 +262,27 @@
       setTheme(document.body.classList.contains("body--dark") ? "light" : "dark");
   });
 
+  // --- the tab that was open last is so again after a reload
+
+  const TAB = "steptwin-tab";
+  document.addEventListener("click", (event) => {
+    const tab = event.target.closest?.(".q-tab");
+    if (tab) sessionStorage.setItem(TAB, tab.innerText.trim());
+  });
+  function openLastTab() {
+    const last = sessionStorage.getItem(TAB);
+    if (last) [...document.querySelectorAll(".q-tab")].find((tab) => tab.innerText.trim() === last)?.click();
+  }
+
   // Beside NiceGUI's own messages, so that none is sent again after a lost connection: only the newest one counts.
   let heard = null;
   setInterval(() => {
     if (!window.socket || window.socket === heard) return;
     heard = window.socket;
+    nameShown(heard);
+    heard.on("alive", alive);
     heard.on("tick", (text) => tick(JSON.parse(text)));
     heard.on("disconnect", () => setSilent(true));
+    heard.once("tick", openLastTab);
   }, 50);
 })();

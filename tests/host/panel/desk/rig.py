@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import EmergencyStop
-from steptwin.host.client.bus_link import Connection
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import EmergencyStop
+from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
 from steptwin.host.panel.desk.presses import BEAT_S
 from steptwin.host.robots import load_robot
@@ -29,6 +29,15 @@ HERE = (-20.0, -50.0, 60.0, 100.0)
 def connection(port: int | None) -> Connection:
     """Return the way to a board on this computer."""
     return Connection("socketcand", None, None, "127.0.0.1", port)
+
+
+def counts(desk: Desk) -> bool:
+    """Return whether commands may be asked for from the newest snapshot."""
+    try:
+        desk.require_shown("look", desk.snapshot.number)
+    except RefusedError:
+        return False
+    return True
 
 
 class Rig:
@@ -66,16 +75,31 @@ class Rig:
     def do(self, command: Command) -> None:
         """Ask for a command, as Ann, and wait for its end; it must not fail."""
         before = self.desk.events.since()[-1].number
-        self.desk.ask(ANN, command)
+        self.ask(command)
         self.idle()
         failed = [event.text for event in self.desk.events.since(before) if event.severity == "error"]
         assert not failed
 
+    def ask(self, command: Command, client: str = ANN) -> None:
+        """Ask for a command from the machine as it is now; wait for that until nothing voids it any more."""
+        self.fresh()
+        self.desk.ask(client, command, self.desk.snapshot.number)
+
+    def fresh(self) -> None:
+        """Wait for a snapshot from after the last stop, reset or change of the operator."""
+        await_true(lambda: counts(self.desk), "a snapshot that counts")
+
     def pressed(self, jog: Jog) -> int:
         """Press a button, as Ann, and hold it until a joint has moved visibly; return the number of the press."""
-        self._press += 1
+        self.next_press()
         start = self.positions()
+        self.fresh()
         self.hold(jog, lambda: max(abs(now - then) for now, then in zip(self.positions(), start, strict=True)) > 0.2)
+        return self._press
+
+    def next_press(self) -> int:
+        """Return the number of a new press of Ann's."""
+        self._press += 1
         return self._press
 
     def positions(self) -> list[float]:
@@ -86,7 +110,7 @@ class Rig:
         """Hold the button that was pressed last until a condition, or for a time."""
         end_s = time.monotonic() + most_s
         while not until() and time.monotonic() < end_s:
-            self.desk.beat(ANN, self._press, jog)
+            self.desk.beat(ANN, self._press, jog, self.desk.snapshot.number)
             time.sleep(BEAT_S / 2)
 
     def stands(self) -> bool:
@@ -95,16 +119,18 @@ class Rig:
 
     def refusal(self, command: Command, client: str = ANN) -> str:
         """Return why a command is refused."""
+        self.fresh()
         try:
-            self.desk.ask(client, command)
+            self.desk.ask(client, command, self.desk.snapshot.number)
         except RefusedError as error:
             return str(error)
         raise AssertionError(f"{command} was not refused")
 
     def beat_refusal(self, press: int, jog: Jog, client: str = ANN) -> str:
         """Return why a beat is refused."""
+        self.fresh()
         try:
-            self.desk.beat(client, press, jog)
+            self.desk.beat(client, press, jog, self.desk.snapshot.number)
         except RefusedError as error:
             return str(error)
         raise AssertionError(f"press {press} was not refused")

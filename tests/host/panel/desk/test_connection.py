@@ -3,12 +3,12 @@
 import time
 from threading import Event
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Enable, RefusedError, ResetFaults, StepJoint
 from steptwin.host.twin.served_board import ServedBoard
 from tests.emulator.live_rig import await_true
 from tests.end_to_end.served import in_real_time
-from tests.host.panel.desk.rig import ANN, HERE, ROBOT, TH1, connection
+from tests.host.panel.desk.rig import ANN, HERE, ROBOT, TH1, connection, counts
 
 
 @in_real_time
@@ -27,7 +27,7 @@ def _lost_and_found(kernel: Kernel) -> None:
         with served:
             await_true(lambda: desk.snapshot.connected, "connected")
             desk.operators.take(ANN, "Ann")
-            desk.ask(ANN, DeclareHere(HERE))
+            assert _refusal(desk, DeclareHere(HERE)) == ""
             await_true(lambda: desk.snapshot.homed and desk.snapshot.activity is None, "homed")
             assert _refusal(desk, Enable()) == ""
             await_true(lambda: desk.snapshot.activity is None, "enabled")
@@ -36,6 +36,7 @@ def _lost_and_found(kernel: Kernel) -> None:
             await_true(lambda: desk.snapshot.connected, "back")
         _await_grey(desk, "")
         assert _refusal(desk, Enable()).startswith("switch on: not connected: ")
+        assert not desk.stop("Bob", "a press")
         desk.emergency_stop("Bob")
         with ServedBoard(ROBOT, port=served.port, kernel=kernel, stand_at=list(HERE)):
             await_true(lambda: desk.snapshot.connected, "back")
@@ -47,13 +48,17 @@ def _lost_and_found(kernel: Kernel) -> None:
             assert _refusal(desk, StepJoint(TH1, 1.0)) == ""
             told = f"step {TH1}: by +1 deg"  # not where the joint is, which nobody knows
             await_true(lambda: any(event.text == told for event in desk.events.since()), "told")
+            assert desk.stop("Bob", "a press")  # its first copy found no machine: nothing was stopped by it
+            assert any(event.text == "stop by Bob" for event in desk.events.since())
     finally:
         desk.close()
 
 
 def _refusal(desk: Desk, command: Command) -> str:
+    """Ask for a command from the newest snapshot that counts; return why it is refused, empty if it is not."""
+    await_true(lambda: not desk.snapshot.connected or counts(desk), "a snapshot that counts")
     try:
-        desk.ask(ANN, command)
+        desk.ask(ANN, command, desk.snapshot.number)
     except RefusedError as error:
         return str(error)
     return ""

@@ -6,8 +6,8 @@ import pytest
 from steptwin.host.panel.desk.events import EVENTS_MAX, EventLog, Severity
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.refused import RefusedError
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
+from steptwin.host.panel.desk.words import RefusedError
 
 
 def raised(stops: StopRequests) -> bool:
@@ -42,10 +42,27 @@ def test_an_emergency_stop_ends_a_stop_too_and_is_not_lost() -> None:
     assert int(stops.asked) == Stop.NONE
 
 
+def test_a_machine_that_was_stopped_already_only_ends_the_work() -> None:
+    stops = StopRequests()
+    stops.ask(Stop.VOID)
+    with pytest.raises(StopAskedError, match=r"^emergency stop$"), stops.sending():
+        raise AssertionError("a frame was sent")
+    assert (stops.answer(), raised(stops)) == (Stop.VOID, False)
+    stops.done(Stop.VOID)
+    stops.ask(Stop.VOID)
+    stops.ask(Stop.STOP)
+    assert stops.answer() is Stop.STOP  # which is still to be made
+
+
+def test_a_press_that_comes_again_is_known() -> None:
+    stops = StopRequests()
+    assert [stops.is_new(press) for press in ("a", "b", "a", "b", "c")] == [True, True, False, False, True]
+
+
 def test_one_client_operates() -> None:
-    lost: list[bool] = []
+    changes: list[bool] = []
     events = EventLog()
-    operators = Operators(events, lambda: lost.append(True))
+    operators = Operators(events, lambda: changes.append(True))
     with pytest.raises(RefusedError, match=r"^nobody operates the machine"):
         operators.require("a")
     operators.take("a", "Ann")
@@ -57,11 +74,11 @@ def test_one_client_operates() -> None:
         operators.require("b")
     operators.give_up("b")
     assert operators.is_operator("a")
-    assert not lost
+    assert len(changes) == 1
     operators.take_over("b", "Bob")
-    assert (operators.is_operator("a"), operators.is_operator("b"), len(lost)) == (False, True, 1)
+    assert (operators.is_operator("a"), operators.is_operator("b"), len(changes)) == (False, True, 2)
     operators.give_up("b")
-    assert (operators.holder, len(lost)) == (None, 2)
+    assert (operators.holder, len(changes)) == (None, 3)
     told = ["Ann operates the machine", "Bob takes over from Ann", "Bob no longer operates the machine"]
     assert [event.text for event in events.since()] == told
 

@@ -6,17 +6,10 @@ import pytest
 
 from steptwin.host.panel.desk.commands import Jog, JointJog, ToolJog
 from steptwin.host.panel.desk.presses import BEAT_S, EXPIRED, LEASE_S, RELEASED, Presses
-from steptwin.host.panel.desk.refused import RefusedError
+from steptwin.host.panel.desk.words import RefusedError
+from tests.host.panel.desk.clock import Clock
 
 JOG = JointJog("th1", 10.0)
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture
@@ -94,3 +87,28 @@ def test_a_client_that_is_gone_leaves_nothing(presses: Presses) -> None:
     presses.beat("a", 1, JOG)
     presses.forget("a")
     assert presses.present is None
+
+
+@pytest.mark.parametrize("why", ENDS)
+def test_a_press_that_nobody_served_is_told_once_with_why(clock: Clock, presses: Presses, why: str) -> None:
+    presses.beat("a", 6, JOG)
+    assert presses.serve() is presses.present
+    presses.release("a", 6)
+    assert presses.missed() == []
+    presses.beat("a", 7, JOG)
+    ENDS[why](presses, clock)
+    assert presses.present is None
+    ((missed, told),) = presses.missed()
+    assert (missed.number, told) == (7, why)
+    assert presses.missed() == []
+
+
+@pytest.mark.parametrize("why", ENDS)
+def test_a_release_says_why_the_press_was_over_before(clock: Clock, presses: Presses, why: str) -> None:
+    presses.beat("a", 7, JOG)
+    held = presses.serve()
+    assert held is not None
+    assert presses.why_over(held) == ""
+    ENDS[why](presses, clock)
+    assert presses.why_over(held) == why
+    assert presses.release("a", 7) == (None if why == RELEASED else why)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import steptwin.host.client
-from steptwin.host.client.plain_words import ERRORS, HINDRANCES, STATES, error_words, hindrance_words
 from steptwin.host.client.stopping import UNSURE, unsure
+from steptwin.host.client.words import ERRORS, HINDRANCES, STATES, error_words, hindrance_words
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.words import told
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
@@ -18,7 +18,7 @@ HOST = Path(steptwin.host.client.__file__).parent.parent
 ROOMS = ("client", "operate", "planning", "panel")
 """What the panel calls; its errors can reach a page."""
 ELSEWHERE = {
-    "position_file.py": "the page asks before it replaces a position",
+    "positions.py": "the page asks before it replaces a position",
     "points.py": "the page gives no elbow for a file",
 }
 """Modules of which an error with an option of the command line cannot reach a page, and why."""
@@ -97,7 +97,7 @@ def test_an_error_has_two_texts() -> None:
         ("repeat=2: d1 ends at 9 mm; repeat=1 passes", "repetitions: 2: d1 ends at 9 mm; it can be run once"),
         (
             "d1: the robot's file has no homing for it; declare where it stands instead",
-            'd1: it has no switch: use "It stands there" in Move',
+            'd1: it has no switch: use "Declare as position" in Move',
         ),
     ],
 )

@@ -29,6 +29,8 @@ _FLAGS: Final = (
 TIMEOUT_S: Final = 120.0
 """For the page, the browser and each script in it, on a busy computer."""
 
+NOT_SEEN: Final = "not seen"
+
 
 class Browser:
     """A browser with one page of the panel."""
@@ -76,11 +78,12 @@ class Browser:
         self.until(lambda: bool(self.run(script, text)))
 
     def fill(self, label: str, text: str) -> None:
-        """Write into the first field that is shown with this label."""
+        """Write into the first field that is shown with this label, as soon as there is one."""
         from selenium.webdriver.common.keys import Keys
 
         script = """return [...document.querySelectorAll("input")].find((input) =>
             input.getAttribute("aria-label") === arguments[0] && input.offsetParent);"""
+        self.until(lambda: bool(self.run(script, label)))  # a tab that was opened is shown a little later
         field = self.run(script, label)
         field.send_keys(Keys.CONTROL, "a")
         field.send_keys(text, Keys.TAB)
@@ -106,14 +109,15 @@ class Browser:
 
     def at_rest(self, timeout_s: float = TIMEOUT_S) -> None:
         """Wait until the machine is homed and does nothing."""
-        self.until(lambda: self.activity() != "", 10.0)
+        self.until(lambda: self.activity() not in ("", NOT_SEEN), 10.0)
         self.until(lambda: self.activity() == "", timeout_s)
 
     def activity(self) -> str:
-        """Return what the machine does, as the head says; empty while it rests."""
-        return str(
-            self.run("const e = document.querySelector('[data-activity]'); return e.offsetParent ? e.innerText : ''")
-        )
+        """Return what the machine does, as the head says; empty while it rests, NOT_SEEN where a page cannot know."""
+        script = """const said = document.querySelector("[data-activity]");
+            if (document.querySelector("body.silent, .unseen")) return arguments[0];
+            return said.offsetParent ? said.innerText : "";"""
+        return str(self.run(script, NOT_SEEN))
 
     def dark(self) -> None:
         """Change between light and dark."""
@@ -127,7 +131,7 @@ class Browser:
 
     def signal(self, number: int) -> None:
         """Send a signal to every process of the browser, but not to its driver."""
-        for process_id in _descendants(self.driver.service.process.pid):
+        for process_id in descendants_of(self.driver.service.process.pid):
             os.kill(process_id, number)
 
     def picture(self, path: Path) -> None:
@@ -135,17 +139,27 @@ class Browser:
         self.driver.save_screenshot(str(path))
 
 
-def _descendants(process_id: int) -> list[int]:
+def children_of(process_id: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return _children().get(process_id, [])
+
+
+def descendants_of(process_id: int) -> list[int]:
     """Return the processes that a process has started, and those that they have."""
-    children: dict[int, list[int]] = {}
-    for place in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
-            children.setdefault(int(place.read_text().rpartition(")")[2].split()[1]), []).append(int(place.parent.name))
+    children = _children()
     found, new = list[int](), [process_id]
     while new:
         new = [child for parent in new for child in children.get(parent, [])]
         found += new
     return found
+
+
+def _children() -> dict[int, list[int]]:
+    children: dict[int, list[int]] = {}
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+            children.setdefault(int(place.read_text().rpartition(")")[2].split()[1]), []).append(int(place.parent.name))
+    return children
 
 
 @contextmanager
@@ -166,9 +180,9 @@ def open_browser(size: tuple[int, int] = (1440, 1000), *flags: str) -> Iterator[
 
 
 @contextmanager
-def panel_of(robot: str, folder: Path, *options: str) -> Iterator[str]:
-    """Serve a robot's board with its panel, in a folder; yield the page's address."""
-    with _page_of(folder, "panel", "serve", robot, "--panel", "--port", "0", *options) as url:
+def panel_of(robot: str, folder: Path, *options: str, port: int = 0) -> Iterator[str]:
+    """Serve a robot's board, at a free port by default, with its panel, in a folder; yield the page's address."""
+    with _page_of(folder, "panel", "serve", robot, "--panel", "--port", str(port), *options) as url:
         yield url
 
 

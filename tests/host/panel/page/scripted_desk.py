@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.host.panel.desk import (
     Command,
     Desk,
+    Drawing,
     EventLog,
     History,
     Jog,
@@ -32,20 +33,25 @@ class ScriptedDesk(Desk):
     Attributes:
         now: the snapshot that pages read.
         asked: the commands, in order, with the client that has asked.
+        shown: the number of the newest snapshot that the page had shown, for each command, beat and resume.
         beats: client, press and jog of each beat.
         calls: the names of the other methods that were called, with their arguments.
         refusal: why the desk refuses everything; None while it agrees.
+        over: why a press was over before it was released; None if it was not.
     """
 
     def __init__(self, robot: Robot) -> None:
         self.events = EventLog()
         self.operators = Operators(self.events, lambda: None)
         self.history = History(len(robot.joints))
+        self.drawing = Drawing()
         self.now = snapshot_of(robot)
         self.asked: list[tuple[str, Command]] = []
         self.beats: list[tuple[str, int, Jog]] = []
         self.calls: list[tuple[object, ...]] = []
+        self.shown: list[int | None] = []
         self.refusal: str | None = None
+        self.over: str | None = None
         self.kept_settings: tuple[Setting, ...] = ()
         self.kept_results: tuple[Result, ...] = ()
         self._of = robot
@@ -74,28 +80,38 @@ class ScriptedDesk(Desk):
             raise RefusedError(self.refusal)
         yield
 
-    def ask(self, client: str, command: Command) -> None:
+    def require_shown(self, name: str, shown: int | None) -> None:
+        assert name
+        self.shown.append(shown)
+
+    def ask(self, client: str, command: Command, shown: int | None) -> None:
         with self._agreeing(client):
+            self.require_shown("ask", shown)
             self.asked.append((client, command))
 
-    def beat(self, client: str, press: int, jog: Jog) -> None:
+    def beat(self, client: str, press: int, jog: Jog, shown: int | None) -> None:
         with self._agreeing(client):
+            self.require_shown("beat", shown)
             self.beats.append((client, press, jog))
 
-    def release(self, client: str, press: int) -> None:
+    def release(self, client: str, press: int) -> str | None:
         self.calls.append(("release", client, press))
+        return self.over
 
-    def resume(self, client: str) -> None:
+    def resume(self, client: str, shown: int | None) -> None:
+        self.require_shown("resume", shown)
         self.calls.append(("resume", client))
 
     def pause(self, by: str = "a client") -> None:
         self.calls.append(("pause", by))
 
-    def stop(self, by: str = "a client") -> None:
-        self.calls.append(("stop", by))
+    def stop(self, by: str = "a client", press: str | None = None) -> bool:
+        self.calls.append(("stop", by, press))
+        return self.now.connected
 
-    def emergency_stop(self, by: str = "a client") -> None:
-        self.calls.append(("emergency_stop", by))
+    def emergency_stop(self, by: str = "a client", press: str | None = None) -> bool:
+        self.calls.append(("emergency_stop", by, press))
+        return self.now.connected
 
     def gone(self, client: str) -> None:
         self.calls.append(("gone", client))
@@ -108,7 +124,7 @@ class ScriptedDesk(Desk):
 
     def show(self, **changes: Any) -> None:
         """Change what the snapshot has, as a new one."""
-        self.now = replace(self.now, **(changes | {"time_s": time.monotonic()}))
+        self.now = replace(self.now, **(changes | {"time_s": time.monotonic(), "number": self.now.number + 1}))
 
     def show_joints(self, **changes: Any) -> None:
         """Change every joint's view."""
@@ -125,6 +141,7 @@ def snapshot_of(robot: Robot) -> Snapshot:
     keys = ("x_mm", "y_mm", "z_mm", "attitude_deg")
     pose = make_kinematics(robot).forward(np.array([robot.home]))[0].tolist()
     return Snapshot(
+        number=0,
         time_s=time.monotonic(),
         connected=True,
         why_not=None,

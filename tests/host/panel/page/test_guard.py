@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from steptwin.host.panel.page.guard import BODY_BYTES_MAX, Access, Guard, local_access, remote_access
+from steptwin.host.panel.page.guard import BODY_BYTES_MAX, Guard, PageAccess, local_access, remote_access
 
 LOCAL = local_access(8090)
 OURS = ("127.0.0.1:8090", "localhost:8090", "[::1]:8090", "LOCALHOST:8090")
@@ -36,7 +36,7 @@ class App:
 
 
 def answer_of(
-    access: Access,
+    access: PageAccess,
     kind: str = "http",
     path: str = "/",
     query: str = "",

@@ -32,7 +32,7 @@ def test_a_file_that_is_too_fast_offers_what_the_page_offers() -> None:
         assert text.startswith("th2: 60.0 kHz of steps at " if stretch == 1.0 else "th2: 30.0 kHz of steps at ")
         assert f'times slower passes: choose the speed "{AS_SLOW_AS_NEEDED}"' in text
         assert "stretch" not in text
-    assert isinstance(plan_upload(LAB, "fast.csv", FAST, None), Plan)
+    assert isinstance(plan_upload(LAB, "fast.csv", FAST, None)[0], Plan)
 
 
 def test_a_step_of_a_program_that_is_too_fast_is_named() -> None:

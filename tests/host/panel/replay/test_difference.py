@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.replay import Difference, Replay
+from steptwin.host.panel.replay import Replay, RunPair
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.verify import Expectation, compare
 from tests.host.record.machines import perfect_run
@@ -16,17 +16,17 @@ RUN = perfect_run("teaching-scara", "carry")
 
 
 @pytest.fixture(scope="module")
-def difference() -> Difference:
+def difference() -> RunPair:
     """The usual run, and one whose first joint loses every fiftieth step."""
     axis = RUN.comparison.evidence.axes[0]
     kept = np.arange(axis.step_counts.size) % 50 > 0
     lossy = replace(axis, step_counts=axis.step_counts[kept], step_signs=axis.step_signs[kept])
     evidence = replace(RUN.comparison.evidence, axes=(lossy, *RUN.comparison.evidence.axes[1:]))
     other = replace(RUN, comparison=compare(RUN.comparison.expected, evidence))
-    return Difference(Replay(RUN, ()), Replay(other, ()))
+    return RunPair(Replay(RUN, ()), Replay(other, ()))
 
 
-def test_the_lost_steps_are_the_difference(difference: Difference) -> None:
+def test_the_lost_steps_are_the_difference(difference: RunPair) -> None:
     axis = RUN.comparison.evidence.axes[0]
     lost = -(-axis.step_counts.size // 50)
     apart = difference.at(5.0)
@@ -37,7 +37,7 @@ def test_the_lost_steps_are_the_difference(difference: Difference) -> None:
     assert apart.tool_mm == pytest.approx(2 * np.hypot(x_mm, y_mm) * np.sin(np.deg2rad(expected_deg / 2)))
 
 
-def test_the_course_has_the_same_distances(difference: Difference) -> None:
+def test_the_course_has_the_same_distances(difference: RunPair) -> None:
     course = difference.course
     assert (course.t_s[0], course.t_s[-1]) == (0.0, 1.0)
     for i in (0, 1000, 2500, 4000):
@@ -47,13 +47,13 @@ def test_the_course_has_the_same_distances(difference: Difference) -> None:
 
 def test_a_run_is_like_itself() -> None:
     replay = Replay(RUN, ())
-    assert not Difference(replay, replay).course.tool_mm.any()
+    assert not RunPair(replay, replay).course.tool_mm.any()
 
 
 def test_the_shorter_motion_stands_still_after_its_end() -> None:
     expected = Expectation.of(RUN.robot, Stretched(RUN.comparison.expected.trajectory, 2.0))
     slow = replace(RUN, comparison=compare(expected, perfect_evidence(expected)))
-    difference = Difference(Replay(RUN, ()), Replay(slow, ()))
+    difference = RunPair(Replay(RUN, ()), Replay(slow, ()))
     assert difference.course.t_s[-1] == 2.0
     assert difference.at(2.0).tool_mm < 0.1
     assert difference.at(0.5).tool_mm > 10.0
@@ -64,4 +64,4 @@ def test_runs_of_different_machines_are_not_compared() -> None:
     with pytest.raises(
         InputError, match=r"^calibration-scara: is another machine than teaching-scara: two runs of one"
     ):
-        Difference(Replay(RUN, ()), Replay(other, ()))
+        RunPair(Replay(RUN, ()), Replay(other, ()))

@@ -7,8 +7,8 @@ import numpy as np
 
 from steptwin.host.panel.replay.marks import (
     TOGETHER_COUNTS,
-    Mark,
     MarkKind,
+    RunMark,
     bus_marks,
     output_marks,
     time_words,
@@ -31,9 +31,9 @@ def test_violations_shortly_after_each_other_are_one_mark() -> None:
     violations = DriverViolations(LIMITS, counts, which, np.array([29.0, 20.0, 28.0, 171.5]))
     marks = list(violation_marks(replace(EVIDENCE.axes[0], violations=violations)))
     assert marks == [
-        Mark(MarkKind.VIOLATION, 1000, counts[1], "a", "CLK too short: limit 30 us, 2 times, at worst 20 us"),
-        Mark(MarkKind.VIOLATION, counts[2], counts[2], "a", "CLK too short: limit 30 us, it was 28 us"),
-        Mark(MarkKind.VIOLATION, counts[3], counts[3], "a", "too hot: limit 170 degC, it was 171.5 degC"),
+        RunMark(MarkKind.VIOLATION, 1000, counts[1], "a", "CLK too short: limit 30 us, 2 times, at worst 20 us"),
+        RunMark(MarkKind.VIOLATION, counts[2], counts[2], "a", "CLK too short: limit 30 us, it was 28 us"),
+        RunMark(MarkKind.VIOLATION, counts[3], counts[3], "a", "too hot: limit 170 degC, it was 171.5 degC"),
     ]
 
 
@@ -59,7 +59,7 @@ def test_states_and_errors_in_the_bus_log(tmp_path: Path) -> None:
         ("state", 5, 5, "th2", "fault, off"),
         ("state", 60, 60, "th1", "fault, off"),
     ]
-    assert bus_marks(log, ("th1", "th2"), frames=1) == [Mark(MarkKind.STATE, 1 * MS, 1 * MS, "th1", "enabled")]
+    assert bus_marks(log, ("th1", "th2"), frames=1) == [RunMark(MarkKind.STATE, 1 * MS, 1 * MS, "th1", "enabled")]
 
 
 def test_outputs_and_times_in_words() -> None:

@@ -16,7 +16,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.panel.replay import Edge, MarkKind, Replay, Span
 from steptwin.host.panel.replay.lanes import POINTS_MAX
 from steptwin.host.record.animation import make_film
-from steptwin.host.record.folder.edges import PINS
+from steptwin.host.record.folder.edges_file import PINS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 SOME_PINS = ("step", "dir", "enable", "m1")

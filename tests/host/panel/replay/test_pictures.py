@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from steptwin.host.panel.replay import Apart, Edge, Instant, JointRow, Lane, Mark, MarkKind, Span
-from steptwin.host.panel.replay.pictures import (
+from steptwin.host.panel.replay import Apart, Edge, Instant, JointRow, Lane, MarkKind, RunMark, Span
+from steptwin.host.panel.replay.markup import (
     MARK_COLOURS,
     WIDTH,
     currents_picture,
@@ -63,7 +63,10 @@ def test_the_strip_shows_the_largest_value_of_each_column_and_every_mark() -> No
     t_s = np.linspace(0.0, 10.0, 5001)
     values = np.zeros(5001)
     values[2500] = 7.0
-    marks = [(2.5, Mark(MarkKind.ERROR, 0, 0, HOSTILE, "x")), (5.0, Mark(MarkKind.VIOLATION, 0, 72_000_000, "a", "b"))]
+    marks = [
+        (2.5, RunMark(MarkKind.ERROR, 0, 0, HOSTILE, "x")),
+        (5.0, RunMark(MarkKind.VIOLATION, 0, 72_000_000, "a", "b")),
+    ]
     markup = strip_picture(t_s, values, (0.0, 10.0), marks)
     tree = parsed(markup)
     heights = [float(y) for y in re.findall(r"L[\d.]+ ([\d.]+)", lines(markup)[0])]

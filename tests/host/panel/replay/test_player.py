@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from steptwin.host.panel.replay import Mark, MarkKind, Replay
+from steptwin.host.panel.replay import MarkKind, Replay, RunMark
 from steptwin.host.panel.replay.player import Player
-from steptwin.host.record.animation.page import SPEEDS
+from steptwin.host.record.animation.film_page import SPEEDS
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS
 
 RUN = perfect_run("teaching-scara", "carry")
-MARKS = [Mark(MarkKind.OUTPUT, START_COUNTS + at, START_COUNTS + at, "lamp", "on") for at in (-7200, 7200, 720_000)]
+MARKS = [RunMark(MarkKind.OUTPUT, START_COUNTS + at, START_COUNTS + at, "lamp", "on") for at in (-7200, 7200, 720_000)]
 
 
 @pytest.fixture

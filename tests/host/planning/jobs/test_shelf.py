@@ -8,7 +8,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.shelf import missed_places
+from steptwin.host.planning.jobs.shelf_jobs import missed_places
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching, Trajectory, waits_of
 from steptwin.host.robots import load_robot

@@ -11,7 +11,7 @@ from steptwin.host.planning.motions.held import Held, Hold
 from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.trajectory import Wait, waits_of
+from steptwin.host.planning.trajectory import PlannedWait, waits_of
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
 
@@ -79,7 +79,7 @@ def test_a_stretched_motion_waits_at_rest(factor: float) -> None:
 
 
 def test_a_wait_is_said_and_counted_as_next_to_no_time() -> None:
-    assert MOTION.waits[1] == Wait("part_ready", False, MOTION.waits[1].at_s, 3.0, "step 3")
+    assert MOTION.waits[1] == PlannedWait("part_ready", False, MOTION.waits[1].at_s, 3.0, "step 3")
     assert [str(wait) for wait in MOTION.waits] == ["part_ready on", "part_ready off", "part_ready on"]
     assert MOTION.duration_s - MOTION.waits[-1].at_s == pytest.approx(0.01)
     assert waits_of(MOTION.parts[0]) == ()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.planning.motions.ramps import shortest_ramps_s, with_ramps
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.trajectory_file.file_motion import shortest_ramps_s, with_ramps
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.coupling import Coupling
 from tests.host.complaints import complaint_of

@@ -8,7 +8,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic, SCurve, Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from tests.host.verify.motions import motion, still
 
@@ -17,7 +17,7 @@ A, B, C = (0.0, 5.0), (10.0, -5.0), (10.0, 0.5)
 
 PARTS: tuple[Trajectory, ...] = (
     JointMove(NAMES, A, B, Trapezoid(1.0, 1.0, 0.3)),
-    Pause(NAMES, B, 0.25),
+    Standstill(NAMES, B, 0.25),
     JointMove(NAMES, B, C, Cubic(1.0, 0.5)),
     JointMove(NAMES, C, A, SCurve(1.0, 0.8, 0.2, 0.1)),
 )
@@ -98,7 +98,7 @@ def test_sequences_within_sequences() -> None:
 
 
 def test_a_pause() -> None:
-    pause, t_s = Pause(NAMES, B, 0.25), np.linspace(0.0, 0.25, 9)
+    pause, t_s = Standstill(NAMES, B, 0.25), np.linspace(0.0, 0.25, 9)
     assert pause.positions(t_s).tolist() == [list(B)] * 9
     assert pause.velocities(t_s).tolist() == [[0.0, 0.0]] * 9
     assert (pause.breakpoints_s, pause.switchings) == ((), ())

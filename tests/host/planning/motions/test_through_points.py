@@ -6,7 +6,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.motions.through_points import through_points
+from steptwin.host.planning.trajectory_file.file_motion import through_points
 
 NAMES = ("a", "b")
 PLACES = [f"line {i}" for i in range(2, 12)]

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.programs import CompiledProgram, compile_program, compiling, parse_program
-from steptwin.host.planning.trajectory import Wait
+from steptwin.host.planning.trajectory import PlannedWait
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -200,8 +200,8 @@ def test_a_wait_knows_its_step() -> None:
         "[[step]]\nrepeat = 2\nsteps = [{ pause = 1 }, { wait = 'part_ready', on = false, timeout_s = 2.5 }]"
     )
     assert program.trajectory.waits == (
-        Wait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
-        Wait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
+        PlannedWait("part_ready", False, 1.0, 2.5, "step 1.2, pass 1"),
+        PlannedWait("part_ready", False, 2.01, 2.5, "step 1.2, pass 2"),
     )
     assert program.steps[1].text == "wait for part_ready off"
     told = complaint("[[step]]\nwait = 'part'\non = true\ntimeout_s = 1")
@@ -356,7 +356,7 @@ def test_what_a_program_cannot_be(steps: str, message: str) -> None:
 
 
 def test_the_number_of_steps_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "STEPS_MAX", 20)
+    monkeypatch.setattr(compiling, "STEPS_MAX", 20)  # 5000 steps take a while
     step = "[[step]]\nrepeat = {}\nsteps = [{{ repeat = 10, steps = [{{ pause = 0.001 }}] }}]"
     assert len(compiled(step.format(2)).steps) == 20
     assert complaint(step.format(3)) == "step 1.1.1, pass 3.1: a program has at most 20 steps, repetitions written out"

@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.planning.programs.position_file import (
+from steptwin.host.planning.programs.positions import (
+    JointPosition,
+    ToolPosition,
     check_saving,
     default_file,
     delete_position,
     read_positions,
     save_position,
 )
-from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
 

@@ -8,7 +8,7 @@ from steptwin.host.planning.programs import parse_program, read_program
 from steptwin.host.planning.programs.paces import JointPace, LawName, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 from steptwin.host.planning.programs.program import Call, Program, Repeat
-from steptwin.host.planning.programs.steps import Circle, Go, Line, Output, Pause
+from steptwin.host.planning.programs.steps import CircleStep, GoStep, LineStep, OutputStep, PauseStep
 
 GOOD = """
 title = "all sorts"
@@ -56,13 +56,13 @@ def test_a_program_is_read_as_it_is_written() -> None:
         "a": JointPosition({"th1": 10.0, "th2": 20.5}),
         "b": ToolPosition({"x": 100.0, "y": 50.0}, "left"),
     }
-    assert program.sequences == {"blink": (Output("gripper", on=True),)}
-    line = Line(ToolPosition({"z": -50.0}), ToolPace(20.0))
+    assert program.sequences == {"blink": (OutputStep("gripper", on=True),)}
+    line = LineStep(ToolPosition({"z": -50.0}), ToolPace(20.0))
     assert program.steps == (
-        Go("b", JointPace(LawName.QUINTIC, duration_s=2.0)),
+        GoStep("b", JointPace(LawName.QUINTIC, duration_s=2.0)),
         Repeat(2, (Call("blink"), line)),
-        Circle(90.0, 50.0, 360.0, True, ToolPace(5.0)),
-        Pause(0.25),
+        CircleStep(90.0, 50.0, 360.0, True, ToolPace(5.0)),
+        PauseStep(0.25),
     )
 
 
@@ -129,6 +129,8 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ("circle = { x = 1, y = 1 }\nspeed_mm_s = 1\nsweep_deg = 0", "sweep_deg: 0 deg is not a sweep of up to 36000"),
         ('wait = "part_ready"\non = true\ntimeout_s = 3601', "timeout_s: 3601 s is not above 0 and up to 3600 s"),
         ("repeat = 2\nsteps = []", "steps: has no steps"),
+        ("wait_s = 0.5", "'wait_s' is unknown: did you mean pause?"),
+        ("wait = 0.5", "wait: 0.5 names no input; a time to stand is `pause = 0.5`, in seconds"),
         ("pause = nan", "pause: nan is not a finite number up to 1e+09"),
     ],
 )

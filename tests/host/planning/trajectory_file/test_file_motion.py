@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.planner import plan, plan_stretched
-from steptwin.host.planning.trajectory_file import FileMotion, Interpolation, read_file_motion, read_trajectory
+from steptwin.host.planning.trajectory_file import FileMotion, PointCurve, read_file_motion, read_trajectory
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
 
@@ -38,7 +38,7 @@ def refusal(motion: FileMotion, stretch: float | None = None) -> str:
 
 def test_stop_rests_at_each_point_and_keeps_the_lines(tmp_path: Path) -> None:
     motion = read(tmp_path, CSV, "stop")
-    assert motion.interpolation is Interpolation.STOP
+    assert motion.interpolation is PointCurve.STOP
     assert np.abs(motion.trajectory.velocities(TIMES_S)).max() < 1e-9
     assert motion.trajectory.velocities(np.array([0.5]))[0] == pytest.approx([-22.5, 45, 15, -30])  # 1.5 times the mean
     assert max(departure.distance for departure in motion.departures()) < 1e-9
@@ -62,14 +62,14 @@ def test_spline_is_the_default(tmp_path: Path) -> None:
     spline, default = read(tmp_path, CSV, "spline"), read(tmp_path, CSV)
     t_s = np.linspace(0.0, 2.0, 101)
     assert np.array_equal(spline.trajectory.positions(t_s), default.trajectory.positions(t_s))
-    assert default.interpolation is Interpolation.SPLINE
+    assert default.interpolation is PointCurve.SPLINE
     path = str(tmp_path / "points.csv")
     assert np.array_equal(read_trajectory(path, ROBOT).positions(t_s), default.trajectory.positions(t_s))
 
 
 def test_points_stand_still_where_they_repeat_in_every_interpolation(tmp_path: Path) -> None:
     text = f"{HEADER}\n0,0,10,0,0\n1,9,20,10,0\n1.5,9,20,10,0\n2.5,0,10,10,5\n"
-    for interpolate in Interpolation:
+    for interpolate in PointCurve:
         motion = read(tmp_path, text, interpolate).trajectory
         still = motion.velocities(np.linspace(1.0, 1.5, 51))
         assert np.abs(still).max() < 1e-9, interpolate
@@ -82,7 +82,7 @@ def test_ramps_around_a_file_with_a_pause(tmp_path: Path) -> None:
         assert motion.trajectory.duration_s == 2.7
         inner = motion.through
         assert isinstance(inner, Sequence)
-        assert [type(part) is Pause for part in inner.parts] == [False, True, False]
+        assert [type(part) is Standstill for part in inner.parts] == [False, True, False]
         assert np.abs(inner.velocities(np.array([0.0, 2.5]))).max(axis=1).min() > 5.0
         assert np.abs(inner.velocities(np.array([1.0, 1.25, 1.5]))).max() < 1e-9
         plan(ROBOT, motion.trajectory)
@@ -150,7 +150,7 @@ class TestALimitThatOnlyTheSplineExceeds:
         assert told.endswith("; only the spline exceeds it, at constant speed from point to point it is 12800.0 Hz")
 
     def test_not_of_one_that_the_points_exceed(self, tmp_path: Path) -> None:
-        for interpolate in Interpolation:
+        for interpolate in PointCurve:
             told = refusal(read(tmp_path, f"{HEADER}\n0,0,10,0,-360\n1.9,0,10,0,360\n", interpolate))
             assert "passes (stretch=" in told
             assert "only" not in told

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.motions.sequence import Pause, Sequence
+from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
 from steptwin.host.robots import load_robot, robot_names
@@ -158,7 +158,7 @@ def test_the_tool_stands_where_poses_repeat(tmp_path: Path) -> None:
     text = "t,x,y,z,phi\n0,150,80,-60,0\n1,150,-20,-60,30\n1.5,150,-20,-60,30\n2,120,-60,-50,30\n"
     motion = read(tmp_path, text).trajectory
     assert isinstance(motion, Sequence)
-    assert [type(part) is Pause for part in motion.parts] == [False, True, False]
+    assert [type(part) is Standstill for part in motion.parts] == [False, True, False]
 
 
 def test_velocities_of_the_tool_become_the_joints(tmp_path: Path) -> None:

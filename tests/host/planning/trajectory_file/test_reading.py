@@ -355,8 +355,8 @@ class TestMistakesInAJson:
                 id="nanoseconds",
             ),
             pytest.param(
-                at(document(), 2, accelerations=[0, 0, 0, 0]),
-                "point 3, accelerations: would not be obeyed; leave it out",
+                at(document(), 2, accelerations=[0, 0, 0]),
+                "point 3, accelerations: 3 of them for 4 joints",
                 id="accelerations",
             ),
             pytest.param(at(document(), 0, effort=[1]), "point 1, effort: would not be obeyed; leave", id="effort"),
@@ -493,8 +493,9 @@ class TestLimitsOnFiles:
             opened.truncate(size_bytes + 1)
         assert complaint_of(lambda: read_trajectory(str(file), ROBOT)).startswith(f"{file}: {told}")
 
-    def test_an_endless_file_is_not_read_to_its_end(self) -> None:
-        for name, told in (("zero.csv", "line 1: has more than"), ("zero.json", "has more: at most 64 MiB are read")):
+    def test_an_endless_file_is_not_read(self) -> None:
+        told = "is no file but a pipe or a device, which is not read"
+        for name in ("zero.csv", "zero.json"):
             path = Path(f"/dev/{name.split('.')[0]}")
             if not path.exists():
                 pytest.skip("no endless file on this system")

@@ -11,14 +11,14 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.animation import Camera, Film, Shot, make_film, write_animation
-from steptwin.host.record.animation.page import write_page
+from steptwin.host.record.animation.film_page import write_page
 from tests.host.record.machines import perfect_run
 
 pytest.importorskip("matplotlib")
 
 from PIL import Image, ImageSequence
 
-from steptwin.host.record.animation.drawing import Drawing
+from steptwin.host.record.animation.drawing import FilmDrawing
 from steptwin.host.record.animation.picture_files import gif_durations_ms
 
 RUN = perfect_run("teaching-scara", "carry")
@@ -32,8 +32,8 @@ def film() -> Film:
 
 
 @pytest.fixture(scope="module")
-def drawing(film: Film) -> Drawing:
-    return Drawing(film, ISO, 321)
+def drawing(film: Film) -> FilmDrawing:
+    return FilmDrawing(film, ISO, 321)
 
 
 def test_a_gif_has_every_frame_and_lasts_as_long(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_durations_in_hundredths_of_a_second_do_not_drift(fps: float) -> None:
     assert np.abs(ends_ms - 1e3 * np.arange(1, 201) / fps).max() <= 5.0
 
 
-def test_frames_have_even_sizes_and_no_frame_depends_on_those_before(drawing: Drawing) -> None:
+def test_frames_have_even_sizes_and_no_frame_depends_on_those_before(drawing: FilmDrawing) -> None:
     first = drawing.frame(0)
     assert first.shape == (240, 320, 4)
     assert (drawing.frame(5) != first).any()
@@ -67,7 +67,7 @@ def test_frames_have_even_sizes_and_no_frame_depends_on_those_before(drawing: Dr
 @pytest.mark.parametrize("camera", ["top", "front", "side", "20,-30"])
 def test_every_camera_keeps_the_arm_within_the_picture(film: Film, camera: str) -> None:
     """The frame's border shows background only; the ground's grid may end there."""
-    picture = Drawing(film, Camera.named(camera), 320).frame(4)[..., :3].astype(int)
+    picture = FilmDrawing(film, Camera.named(camera), 320).frame(4)[..., :3].astype(int)
     border = np.concatenate([picture[16:-16, 0], picture[16:-16, -1]])
     assert border.min() > 200
     assert picture[16:-16].min() < 100
@@ -86,7 +86,7 @@ def fake_ffmpeg(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> Non
     monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
 
 
-def test_ffmpeg_gets_every_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawing: Drawing) -> None:
+def test_ffmpeg_gets_every_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawing: FilmDrawing) -> None:
     bin_folder = tmp_path / "bin"
     bin_folder.mkdir()
     fake_ffmpeg(bin_folder, monkeypatch, 'for last; do :; done; cat > "$last"')
@@ -102,7 +102,7 @@ def test_what_ffmpeg_complains_about_is_said(tmp_path: Path, monkeypatch: pytest
     bin_folder = tmp_path / "bin"
     bin_folder.mkdir()
     fake_ffmpeg(bin_folder, monkeypatch, "echo details >&2; echo Unknown encoder >&2; exit 8")
-    with pytest.raises(InputError, match=r"arm\.mp4\.part: ffmpeg: Unknown encoder \(exit code 8\)$"):
+    with pytest.raises(InputError, match=r"arm\.mp4: ffmpeg: Unknown encoder \(exit code 8\)$"):
         write_animation(tmp_path / "arm.mp4", RUN, ISO, SHORT, 320)
     assert [path.name for path in tmp_path.iterdir()] == ["bin"]
 

@@ -17,7 +17,7 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.planner import plan
 from steptwin.host.record.folder import ContradictionError, read_edges, read_run
-from steptwin.host.record.folder.edges import write_edges
+from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
 from steptwin.host.robots import load_robot
 from tests.host.record.folder.stored import EVIDENCE, arrays_of, assert_same

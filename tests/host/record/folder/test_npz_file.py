@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import ARRAYS_BYTES_FREE, ARRAYS_BYTES_MAX, ARRAYS_RATIO_MAX, GIB, MIB
 from steptwin.host.record.folder import ContradictionError, read_edges
-from steptwin.host.record.folder.arrays import INSTANT_MAX
-from steptwin.host.record.folder.edges import write_edges
-from steptwin.host.record.folder.npz_file import opened_npz
+from steptwin.host.record.folder.edges_file import write_edges
+from steptwin.host.record.folder.npz_file import INSTANT_MAX, opened_npz
 from tests.host.complaints import complaint_of
 from tests.host.record.folder.stored import EVIDENCE, arrays_of, assert_same
 

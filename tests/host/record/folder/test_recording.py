@@ -3,6 +3,7 @@
 import errno
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from steptwin.host.common import whole_file
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import append
 from steptwin.host.record.bus_log import log_line
@@ -28,8 +30,7 @@ from steptwin.host.record.folder import (
     read_report,
 )
 from steptwin.host.record.folder import recording as recording_module
-from steptwin.host.record.folder.cutting import evidence_until
-from steptwin.host.record.folder.edges import PINS, write_edges
+from steptwin.host.record.folder.edges_file import PINS, evidence_until, write_edges
 from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
 from steptwin.protocol.frame import Frame
 from tests.host.record.folder.stored import EVIDENCE, assert_same
@@ -87,9 +88,9 @@ def pieces(evidence: Evidence, cuts: list[int]) -> Iterator[Piece]:
     bounds = [0, *sorted(cuts), max([end, *cuts])]
     for number, (first, last) in enumerate(pairwise(bounds)):
         axes = [piece_of(axis, first, last) for axis in evidence.axes]
-        plan = PlanRows(True, TEXT.splitlines(keepends=True)) if number == 0 else PlanRows(False, [])
+        plans = [] if number else [PlanRows(1, TEXT.splitlines(keepends=True))]
         mark = Mark(until_counts=last, start_counts=evidence.start_counts, no_plan=None, wall_s=last / 72e6)
-        yield Piece(axes, [log_line(first, Frame(0x080, b""))], plan, mark)
+        yield Piece(axes, [log_line(first, Frame(0x080, b""))], plans, mark, 1)
 
 
 def record(folder: Path, evidence: Evidence, cuts: list[int]) -> Recording:
@@ -246,12 +247,19 @@ class TestAFullDisk:
         assert {"bus.log", "recording.part/marks.jsonl", "recording.part/plan.csv"} < failures
 
     @pytest.mark.parametrize("name", ["trajectory.csv", "edges.npz", "report.json"])
-    def test_the_files_that_complete_it(self, name: str, tmp_path: Path) -> None:
+    def test_the_files_that_complete_it(self, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """Nothing is lost, and no empty file remains."""
         recording = record(tmp_path, EVIDENCE, CUTS)
-        (tmp_path / f"{name}.part").symlink_to("/dev/full")
+        real = whole_file.replacement
+
+        @contextmanager
+        def on_a_full_disk(path: Path) -> Iterator[Path]:
+            with real(path) as part:
+                yield Path("/dev/full") if path.name == name else part
+
+        monkeypatch.setattr(whole_file, "replacement", on_a_full_disk)
         recording.finish({})
         assert str(recording.failure).startswith(f"{tmp_path / name}: No space left on device: the recording in")
         assert not (tmp_path / name).exists()
-        assert not os.path.lexists(tmp_path / f"{name}.part")
+        assert not list(tmp_path.glob("*.*.part"))
         assert_same(read_evidence(tmp_path), EVIDENCE)

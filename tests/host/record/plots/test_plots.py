@@ -38,12 +38,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from steptwin.host.record.plots import CLOSE_UPS, DEFAULT_PICTURES, PICTURES, Moment, View, write_plots
+from steptwin.host.record.plots import CLOSE_UPS, DEFAULT_PICTURES, PICTURES, PlotMoment, PlotView, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
 from tests.host.record.plots.drawn import drawn_points
 from tests.host.record.plots.png import pixels
 
-VIEW = View(1.0, 0.05)
+VIEW = PlotView(1.0, 0.05)
 
 
 @cache
@@ -108,7 +108,7 @@ RUNS = {run.__name__: run for run in (swinging, standing, single_step, silent, u
 
 
 @cache
-def drawn(picture: str, run: str = "swinging", view: View = VIEW) -> Figure:
+def drawn(picture: str, run: str = "swinging", view: PlotView = VIEW) -> Figure:
     """Return a picture for tests that only look at it."""
     return PICTURES[picture](RUNS[run](), RUN, view)
 
@@ -117,7 +117,7 @@ def drawn(picture: str, run: str = "swinging", view: View = VIEW) -> Figure:
 def test_every_picture_is_drawn_of_every_run(run: str) -> None:
     """They are not written here, which would take ten times as long."""
     for picture in PICTURES:
-        assert drawn(picture, run, View() if picture in CLOSE_UPS else VIEW).axes
+        assert drawn(picture, run, PlotView() if picture in CLOSE_UPS else VIEW).axes
 
 
 @pytest.fixture(scope="module")
@@ -325,27 +325,27 @@ def test_the_same_run_gives_the_same_drawing(form: str, tmp_path: Path) -> None:
 class TestTheView:
     def test_is_where_steps_are_fastest(self) -> None:
         """The sine is fastest at its zeros: 60 mm/s at 80 steps/mm."""
-        moment = View().moment(swinging(), 12)
+        moment = PlotView().moment(swinging(), 12)
         assert min(abs(moment.at_s - zero) for zero in (0.0, np.pi / 3)) < 0.01
         assert moment.span_s == pytest.approx(12 / 4800, rel=1e-2)
-        assert View(span_s=0.25).moment(swinging(), 12) == Moment(moment.at_s, 0.25)
+        assert PlotView(span_s=0.25).moment(swinging(), 12) == PlotMoment(moment.at_s, 0.25)
 
     def test_is_the_whole_motion_without_steps(self) -> None:
-        assert View().moment(standing(), 12) == View(0.5).moment(standing(), 160) == Moment(0.5, 1.0)
+        assert PlotView().moment(standing(), 12) == PlotView(0.5).moment(standing(), 160) == PlotMoment(0.5, 1.0)
 
     @pytest.mark.parametrize("at_s", [None, 0.3, 1.0, 2.0])
     def test_depends_on_pulses_even_if_no_driver_counts_them(self, at_s: float | None) -> None:
-        assert View(at_s).moment(unheard(), 12) == View(at_s).moment(swinging(), 12)
+        assert PlotView(at_s).moment(unheard(), 12) == PlotView(at_s).moment(swinging(), 12)
 
     def test_shows_some_steps_of_the_axis_that_is_fastest_there(self) -> None:
         """At 0.52 s the trapezoid moves at 33.3 mm/s and 40 steps/mm; the sine is nearly at rest."""
-        moment = View(np.pi / 6).moment(swinging(), 12)
+        moment = PlotView(np.pi / 6).moment(swinging(), 12)
         assert moment.span_s == pytest.approx(12 * 1.5 / 50 / 40, rel=0.1)
         assert (moment.from_s + moment.to_s) / 2 == pytest.approx(np.pi / 6)
 
     @pytest.mark.parametrize("at_s", [0.0, 2.0])
     def test_may_be_at_an_end_and_is_never_longer_than_the_motion(self, at_s: float) -> None:
-        assert 0 < View(at_s).moment(swinging(), 12).span_s < View(at_s).moment(swinging(), 10**6).span_s == 2.0
+        assert 0 < PlotView(at_s).moment(swinging(), 12).span_s < PlotView(at_s).moment(swinging(), 10**6).span_s == 2.0
 
 
 def drawn_marks(figure: Figure, marker: str) -> FloatArray:
@@ -361,7 +361,7 @@ class TestTheEdges:
 
     def test_other_pins_have_a_lane_if_they_change(self) -> None:
         """ENABLE and RESET go up 25 ms before the motion."""
-        (axes,) = PICTURES["edges"](swinging(), RUN, View(0.0, 0.06)).axes
+        (axes,) = PICTURES["edges"](swinging(), RUN, PlotView(0.0, 0.06)).axes
         assert [label.get_text() for label in axes.get_yticklabels()][:4] == ["a STEP", "a DIR", "a ENABLE", "a RESET"]
 
     def test_a_lane_goes_up_and_down_with_its_pin(self) -> None:
@@ -376,7 +376,7 @@ class TestTheEdges:
     def test_steps_are_marked_by_their_direction(self) -> None:
         """Around 1.047 s the sine goes down; b steps down all the time."""
         comparison = swinging()
-        figure = PICTURES["edges"](comparison, RUN, View(np.pi / 3, 0.01))
+        figure = PICTURES["edges"](comparison, RUN, PlotView(np.pi / 3, 0.01))
         inside = [np.count_nonzero(np.abs(axis.time_s - np.pi / 3) < 0.005) for axis in comparison.counted]
         assert len(drawn_marks(figure, "v")) == sum(inside) > 40
         assert len(drawn_marks(figure, "^")) == 0
@@ -384,7 +384,7 @@ class TestTheEdges:
 
     def test_steps_too_dense_for_marks_have_none(self) -> None:
         """Where the sine turns around, b makes more than 200 steps and a does not."""
-        figure = PICTURES["edges"](swinging(), RUN, View(np.pi / 6, 0.18))
+        figure = PICTURES["edges"](swinging(), RUN, PlotView(np.pi / 6, 0.18))
         a, b = (np.count_nonzero(np.abs(axis.time_s - np.pi / 6) < 0.09) for axis in swinging().counted[:2])
         assert len(drawn_marks(figure, "^")) + len(drawn_marks(figure, "v")) == a < 200 < b
         (axes,) = figure.axes
@@ -393,11 +393,11 @@ class TestTheEdges:
     @pytest.mark.parametrize(
         ("run", "view", "said"),
         [
-            ("dense", View(1.0, 1.0), "steps are too many to be marked, above 200 an axis"),
-            ("unheard", View(1.0, 0.01), "no driver counted a step here"),
+            ("dense", PlotView(1.0, 1.0), "steps are too many to be marked, above 200 an axis"),
+            ("unheard", PlotView(1.0, 0.01), "no driver counted a step here"),
         ],
     )
-    def test_the_label_says_why_there_are_no_marks(self, run: str, view: View, said: str) -> None:
+    def test_the_label_says_why_there_are_no_marks(self, run: str, view: PlotView, said: str) -> None:
         (axes,) = PICTURES["edges"](RUNS[run](), RUN, view).axes
         assert axes.get_xlabel().endswith(f", in ms; {said}")
         assert not any(np.asarray(drawn.get_xdata()).size for drawn in axes.lines if drawn.get_marker() in ("^", "v"))
@@ -405,7 +405,7 @@ class TestTheEdges:
     @pytest.mark.parametrize("run", ["swinging", "unheard"])
     def test_intervals_are_those_of_the_pulses(self, run: str) -> None:
         """At 1 s b moves at 33.3 mm/s and 40 steps/mm; c stands still."""
-        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(1.0, 0.01)).axes
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, PlotView(1.0, 0.01)).axes
         *said, heading = [text.get_text() for text in axes.texts]
         assert heading == "STEP interval at 0"
         assert len(said) == 2
@@ -413,11 +413,11 @@ class TestTheEdges:
 
     @pytest.mark.parametrize(("run", "at_s"), [("swinging", 0.0), ("standing", 0.5)])
     def test_without_intervals_there_is_no_heading_for_them(self, run: str, at_s: float) -> None:
-        (axes,) = PICTURES["edges"](RUNS[run](), RUN, View(at_s, 0.01)).axes
+        (axes,) = PICTURES["edges"](RUNS[run](), RUN, PlotView(at_s, 0.01)).axes
         assert not axes.texts
 
     def test_a_single_count_has_lanes_too(self) -> None:
-        (axes,) = PICTURES["edges"](swinging(), RUN, View(1.0, 1 / 72e6)).axes
+        (axes,) = PICTURES["edges"](swinging(), RUN, PlotView(1.0, 1 / 72e6)).axes
         first, last = axes.get_xlim()
         for lane in axes.lines[:6]:
             times = np.asarray(lane.get_xdata())
@@ -548,7 +548,7 @@ def test_limits_without_a_least_duration_of_clk_are_not_drawn() -> None:
 class TestThePhases:
     """The field turns once a second in sixteen steps, from 1 s on."""
 
-    def figure(self, view: View) -> Figure:
+    def figure(self, view: PlotView) -> Figure:
         sixteenths = np.arange(0, 64, 4)
         angle = 2 * np.pi * sixteenths / 64
         a_ma, b_ma = (np.rint(1500 * wave).astype(np.int16) for wave in (np.cos(angle), np.sin(angle)))
@@ -558,7 +558,7 @@ class TestThePhases:
         return PICTURES["phases"](compare(comparison.expected, altered(comparison.evidence, phases=phases)), RUN, view)
 
     def test_are_a_circle(self) -> None:
-        field = self.figure(View()).axes[0]
+        field = self.figure(PlotView()).axes[0]
         a, b = (np.asarray(values, np.float64) for values in field.lines[0].get_data())
         assert len(a) == 16
         np.testing.assert_allclose(np.hypot(a, b), 1.5, atol=0.001)
@@ -566,7 +566,7 @@ class TestThePhases:
 
     def test_hold_from_step_to_step(self) -> None:
         """The view from 1.48 to 1.52 s holds one step, at 1.5 s, to half a turn; before it the value holds."""
-        over_time = self.figure(View(1.5, 0.04)).axes[1]
+        over_time = self.figure(PlotView(1.5, 0.04)).axes[1]
         a, b = over_time.lines[:2]
         assert (a.get_label(), b.get_label()) == ("phase A", "phase B")
         assert np.asarray(a.get_xdata()).tolist() == pytest.approx([-20.0, 0.0, 20.0], abs=1e-6)
@@ -575,12 +575,12 @@ class TestThePhases:
 
     def test_begin_at_power_up(self) -> None:
         """Half of the span lies before the motion, but the record begins at count 0."""
-        assert self.figure(View(0.5, 1.0)).axes[1].get_xlim() == pytest.approx((-500.0, 500.0))
+        assert self.figure(PlotView(0.5, 1.0)).axes[1].get_xlim() == pytest.approx((-500.0, 500.0))
         power_up_ms = -1e3 * START_COUNTS / 72e6
-        assert self.figure(View(0.0, 1.0)).axes[1].get_xlim() == pytest.approx((power_up_ms, 500.0))
+        assert self.figure(PlotView(0.0, 1.0)).axes[1].get_xlim() == pytest.approx((power_up_ms, 500.0))
 
     def test_of_a_driver_without_current_are_zero(self) -> None:
-        field, over_time = self.figure(View()).axes[2:4]
+        field, over_time = self.figure(PlotView()).axes[2:4]
         assert np.asarray(field.lines[0].get_xdata()).size == 0
         assert field.get_ylabel() == "b [A]"
         assert np.asarray(over_time.lines[0].get_ydata()).tolist() == [0.0]

@@ -9,7 +9,8 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.bus_log import log_line
-from steptwin.host.record.recorded_bus import FORMATS, read_bus, reading
+from steptwin.host.record.recorded_bus import FORMATS, read_bus
+from steptwin.host.record.recorded_bus import recorded_log as reading
 from steptwin.protocol.frame import Frame
 
 FRAMES = [
@@ -133,6 +134,19 @@ def test_what_is_no_recording_is_refused(name: str, data: bytes, complaint: str,
         read_bus(path)
     assert str(refused.value).startswith(f"{path}: ")
     assert complaint in str(refused.value)
+
+
+def test_a_mistake_of_the_reader_is_not_blamed_on_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with python-can 4.5, whose readers of text logs raise TypeErrors for every file."""
+
+    def mistaken(_file: object) -> None:
+        raise TypeError("unexpected keyword argument")
+
+    monkeypatch.setattr(can, "CanutilsLogReader", mistaken)
+    log = tmp_path / "bus.log"
+    log.write_text(GOOD)
+    with pytest.raises(TypeError):
+        read_bus(log)
 
 
 def test_a_missing_file_and_a_folder(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.dh import Convention, DhRow, DhTable, Parameter
+from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from tests.host.robots.kinematics.mechanisms import BY_NAME, Mechanism, each_mechanism
 
 
@@ -22,8 +22,8 @@ def printed_link(convention: Convention, alpha_deg: float, a_mm: float, d_mm: fl
     ("alpha_deg", "a_mm", "d_mm", "theta_deg"), [(30, 200, 50, 70), (-90, 0, -40, 160), (180, 350, 0, -20)]
 )
 def test_two_links(convention: Convention, alpha_deg: float, a_mm: float, d_mm: float, theta_deg: float) -> None:
-    first = DhRow(alpha_deg, a_mm, Parameter(d_mm), Parameter(variable="th1"))
-    second = DhRow(10.0, 20.0, Parameter(40.0, "d2", sign=-1), Parameter(30.0))
+    first = DhRow(alpha_deg, a_mm, DhParameter(d_mm), DhParameter(variable="th1"))
+    second = DhRow(10.0, 20.0, DhParameter(40.0, "d2", sign=-1), DhParameter(30.0))
     found = DhTable(convention, (first, second)).transforms({"th1": np.array([theta_deg]), "d2": np.array([7.0])})
     links = (alpha_deg, a_mm, d_mm, theta_deg), (10.0, 20.0, 33.0, 30.0)
     expected = np.linalg.multi_dot([printed_link(convention, *link) for link in links])
@@ -31,23 +31,23 @@ def test_two_links(convention: Convention, alpha_deg: float, a_mm: float, d_mm: 
 
 
 def test_a_table_without_variables_has_one_transform() -> None:
-    table = DhTable(Convention.STANDARD, (DhRow(0.0, 0.0, Parameter(300.0), Parameter()),))
+    table = DhTable(Convention.STANDARD, (DhRow(0.0, 0.0, DhParameter(300.0), DhParameter()),))
     assert table.transforms({})[:, 2, 3].tolist() == [300.0]
 
 
 @pytest.mark.parametrize(
     ("parameter", "text"),
     [
-        (Parameter(), "0"),
-        (Parameter(90.0), "90"),
-        (Parameter(variable="th2"), "th2"),
-        (Parameter(variable="d3", sign=-1), "-d3"),
-        (Parameter(90.0, "th1"), "th1 + 90"),
-        (Parameter(-90.0, "th1"), "th1 - 90"),
-        (Parameter(40.0, "d2", sign=-1), "-d2 + 40"),
+        (DhParameter(), "0"),
+        (DhParameter(90.0), "90"),
+        (DhParameter(variable="th2"), "th2"),
+        (DhParameter(variable="d3", sign=-1), "-d3"),
+        (DhParameter(90.0, "th1"), "th1 + 90"),
+        (DhParameter(-90.0, "th1"), "th1 - 90"),
+        (DhParameter(40.0, "d2", sign=-1), "-d2 + 40"),
     ],
 )
-def test_how_a_parameter_is_printed(parameter: Parameter, text: str) -> None:
+def test_how_a_parameter_is_printed(parameter: DhParameter, text: str) -> None:
     assert str(parameter) == text
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics import Kinematics, Link, Role, make_kinematics
+from steptwin.host.robots.kinematics import ArmPart, Kinematics, Role, make_kinematics
 from steptwin.host.robots.kinematics.dh import DhTable
 from tests.host.robots.kinematics.mechanisms import ALL, HYBRID, LAB, WAREHOUSE, Mechanism, each_mechanism
 from tests.host.robots.kinematics.test_usual_scara import COMBINATIONS, drawn, scara
@@ -17,7 +17,7 @@ PAPERS = [(each.kinematics, each.random_joints(50, seed=11)) for each in ALL]
 each_arm = pytest.mark.parametrize(("kinematics", "joints"), PAPERS + USUAL)
 
 
-def part(parts: tuple[Link, ...], name: str) -> FloatArray:
+def part(parts: tuple[ArmPart, ...], name: str) -> FloatArray:
     """Return the points of one part, of shape (n, points, 3)."""
     (found,) = (one for one in parts if one.name == name)
     return found.points_mm

@@ -12,13 +12,13 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
-from steptwin.host.robots.kinematics.usual_scara import Direction, Lift, ScaraGeometry
+from steptwin.host.robots.kinematics.usual_scara import Lift, ScaraGeometry, Vertical
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.transmission import Transmission
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import pose_errors, with_geometry
 
-COMBINATIONS = list(product(Lift, (True, False), Direction, Direction))
+COMBINATIONS = list(product(Lift, (True, False), Vertical, Vertical))
 each_combination = pytest.mark.parametrize(("lift", "turning", "tool", "positive"), COMBINATIONS)
 
 JOINTS = {
@@ -39,8 +39,8 @@ DIMENSIONS = {"l1_mm": 200.0, "l2_mm": 150.0, "base_mm": 180.0, "offset_mm": -10
 def scara(
     lift: Lift = Lift.LAST,
     turning: bool = True,
-    tool: Direction = Direction.DOWN,
-    positive: Direction = Direction.DOWN,
+    tool: Vertical = Vertical.DOWN,
+    positive: Vertical = Vertical.DOWN,
     **dimensions: Dimension,
 ) -> Robot:
     units = [Unit.MM if name.startswith("d") else Unit.DEG for name in NAMES[lift, turning]]
@@ -71,12 +71,12 @@ class TestGoldenValues:
         ("robot", "joints", "pose"),
         [
             pytest.param(scara(), (30, 60, 25, 45), (173.205080757, 250, 105, 45), id="lift last, tool down"),
-            pytest.param(scara(tool=Direction.UP), (30, 60, 25, 45), (173.205080757, 250, 105, 135), id="tool up"),
+            pytest.param(scara(tool=Vertical.UP), (30, 60, 25, 45), (173.205080757, 250, 105, 135), id="tool up"),
             pytest.param(
-                scara(positive=Direction.UP), (30, 60, 25, 45), (173.205080757, 250, 155, 45), id="lift counts up"
+                scara(positive=Vertical.UP), (30, 60, 25, 45), (173.205080757, 250, 155, 45), id="lift counts up"
             ),
             pytest.param(
-                scara(Lift.FIRST, positive=Direction.UP),
+                scara(Lift.FIRST, positive=Vertical.UP),
                 (25, 30, 60, 45),
                 (173.205080757, 250, 155, 45),
                 id="lift first",
@@ -109,11 +109,11 @@ class TestGoldenValues:
     def test_the_special_cases(self) -> None:
         """The teaching, lab and calibration robots are usual SCARAs with their papers' DH tables."""
         for name, options in {
-            "teaching-scara": scara(tool=Direction.UP, l1_mm=95.0, l2_mm=100.0, base_mm=0.0, offset_mm=0.0),
+            "teaching-scara": scara(tool=Vertical.UP, l1_mm=95.0, l2_mm=100.0, base_mm=0.0, offset_mm=0.0),
             "calibration-scara": scara(l1_mm=250.0, l2_mm=350.0, base_mm=300.0, offset_mm=0.0, drop_mm=0.0),
             "lab-scara": scara(
                 Lift.FIRST,
-                positive=Direction.UP,
+                positive=Vertical.UP,
                 l1_mm=400.0,
                 l2_mm=400.0,
                 base_mm=0.0,
@@ -131,7 +131,7 @@ class TestGoldenValues:
 @each_combination
 class TestEveryCombination:
     def test_joints_are_numbered_along_the_chain(
-        self, lift: Lift, turning: bool, tool: Direction, positive: Direction
+        self, lift: Lift, turning: bool, tool: Vertical, positive: Vertical
     ) -> None:
         joints = ScaraGeometry(200.0, 150.0, lift, positive, turning, tool).joints
         assert tuple(joints) == NAMES[lift, turning]
@@ -141,7 +141,7 @@ class TestEveryCombination:
         ).startswith("joints: ")
 
     def test_each_branch_takes_the_tool_back(
-        self, lift: Lift, turning: bool, tool: Direction, positive: Direction
+        self, lift: Lift, turning: bool, tool: Vertical, positive: Vertical
     ) -> None:
         robot = scara(lift, turning, tool, positive, heading_deg=30.0, tool_mm=15.0 if turning else 0.0)
         kinematics, joints = make_kinematics(robot), drawn(robot, 2000, seed=2)
@@ -158,7 +158,7 @@ class TestEveryCombination:
                 assert pose_errors(kinematics.forward(branch.joints), poses).max() < 1e-9
 
     def test_the_dh_table_is_the_closed_form(
-        self, lift: Lift, turning: bool, tool: Direction, positive: Direction
+        self, lift: Lift, turning: bool, tool: Vertical, positive: Vertical
     ) -> None:
         robot = scara(lift, turning, tool, positive, heading_deg=-40.0, tool_mm=15.0 if turning else 0.0)
         kinematics, joints = make_kinematics(robot), drawn(robot, 500, seed=3)
@@ -166,10 +166,10 @@ class TestEveryCombination:
         assert np.abs(transforms[:, :3, 3] - poses[:, :3]).max() < 1e-9
         attitude_rad = np.deg2rad(poses[:, 3])
         assert np.abs(transforms[:, :2, 0] - np.column_stack([np.cos(attitude_rad), np.sin(attitude_rad)])).max() < 1e-9
-        assert np.all(transforms[:, 2, 2] == pytest.approx(1.0 if tool is Direction.UP else -1.0))
+        assert np.all(transforms[:, 2, 2] == pytest.approx(1.0 if tool is Vertical.UP else -1.0))
 
     def test_velocities_are_the_derivatives(
-        self, lift: Lift, turning: bool, tool: Direction, positive: Direction
+        self, lift: Lift, turning: bool, tool: Vertical, positive: Vertical
     ) -> None:
         robot = scara(lift, turning, tool, positive, tool_mm=15.0 if turning else 0.0)
         kinematics, joints = make_kinematics(robot), drawn(robot, 500, seed=4)
@@ -188,7 +188,7 @@ OFFSETS = st.floats(-500.0, 500.0)
 @settings(max_examples=100)
 @given(st.sampled_from(COMBINATIONS), LENGTHS, LENGTHS, OFFSETS, OFFSETS, OFFSETS, OFFSETS, st.integers(0, 2**32 - 1))
 def test_forward_undoes_inverse_whatever_the_dimensions(
-    combination: tuple[Lift, bool, Direction, Direction],
+    combination: tuple[Lift, bool, Vertical, Vertical],
     l1_mm: float, l2_mm: float, base_mm: float, offset_mm: float, drop_mm: float, tool_mm: float, seed: int,
 ) -> None:  # fmt: skip
     lift, turning, tool, positive = combination

@@ -13,7 +13,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.usual_scara import Lift
 from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, scan
-from steptwin.host.robots.workspace.stretches import edges, extent, stretches, swapped, widths
+from steptwin.host.robots.workspace.sections import edges, extent, stretches, swapped, widths
 from tests.host.robots.kinematics.test_usual_scara import scara
 
 

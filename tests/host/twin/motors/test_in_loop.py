@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import Payload, Scheduled, Slip
-from steptwin.emulator.rotor_watch import RotorWatch
-from steptwin.emulator.rotors import RotorRecord, Rotors
-from steptwin.host.cli.motor_report import print_motors, warn_of_payloads
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import Payload, Scheduled, Slip
+from steptwin.emulator.motors.rotor_watch import RotorWatch
+from steptwin.emulator.motors.rotors import RotorRecord, Rotors
+from steptwin.host.cli.run.motor_report import print_motors, warn_of_payloads
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.homing_settings import homing_settings
+from steptwin.host.operate.homing import homing_settings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -275,7 +275,7 @@ def test_the_length_of_stretches_changes_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The same frames, the same rotors."""
-    monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", ticks)
+    monkeypatch.setattr("steptwin.emulator.motors.rotor_watch.REST_TICKS", ticks)
     assert homed(BoardUnderTest(LAB, stand_at={"d1": -5.3}, kernel=fast_kernel, motors=True)) == usual_homing
 
 
@@ -352,7 +352,7 @@ def test_a_motor_driven_into_its_stop_slips_and_never_goes_beyond(
     assert slipped < 0
     assert believes + 8.0 + slipped / 4 * a_cycle == pytest.approx(rests, abs=0.1)
     assert_same(ours, after, len(after.counts))
-    monkeypatch.setattr("steptwin.emulator.rotor_watch.REST_TICKS", 1)
+    monkeypatch.setattr("steptwin.emulator.motors.rotor_watch.REST_TICKS", 1)
     tick_by_tick, *_ = driven_into_its_stop(fast_kernel)
     assert_same(tick_by_tick, ours, len(after.counts))
     monkeypatch.undo()

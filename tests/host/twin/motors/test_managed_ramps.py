@@ -11,8 +11,7 @@ from steptwin.host.robots import robot_names
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.motors.managed_ramps import with_managed_ramps
-from steptwin.host.twin.motors.ramps import JointRamps, ramps_of
+from steptwin.host.twin.motors.ramps import JointRamps, ramps_of, with_managed_ramps
 from tests.host.robots.coupled import coupled_robot, coupled_text
 
 

@@ -5,9 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from steptwin import load_robot
-from steptwin.emulator.arm import BASE, Arm
-from steptwin.emulator.following import follow
-from steptwin.emulator.rotor_kernel import PLACE, RATE, STATE_FIELDS
+from steptwin.emulator.motors.arm import BASE, Arm
+from steptwin.emulator.motors.following import follow
+from steptwin.emulator.motors.mechanics import GRAVITY_M_S2
+from steptwin.emulator.motors.rotor_backend import arm_arrays, joint_arrays, python_rotors
+from steptwin.emulator.motors.rotor_kernel import PLACE, RATE, STATE_FIELDS
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -24,11 +26,12 @@ def hybrid_arm() -> Arm:
 def followed(arm: Arm, rotors: Array, speeds: Array) -> tuple[Array, Array, Array, Array]:
     """Return the joints' positions, rates, drifts and slopes where the rotors are."""
     count, axes = arm.slopes.shape
-    slopes, state = arm.slopes.ravel().tolist(), [0.0] * (axes * STATE_FIELDS)
+    state, backend = [0.0] * (axes * STATE_FIELDS), python_rotors()
     state[PLACE::STATE_FIELDS], state[RATE::STATE_FIELDS] = rotors.tolist(), speeds.tolist()
-    places, rates, drifts = ([0.0] * count for _ in range(3))
-    follow(arm.pair_numbers, slopes, arm.offsets.tolist(), state, places, rates, drifts, count, axes)
-    return np.array(places), np.array(rates), np.array(drifts), np.array(slopes).reshape(count, axes)
+    arrays, joints = arm_arrays(arm, backend, GRAVITY_M_S2), joint_arrays(arm, backend)
+    follow(arrays, state, joints)
+    slopes = np.array(arrays.slopes).reshape(count, axes)
+    return np.array(joints.places), np.array(joints.rates), np.array(joints.drifts), slopes
 
 
 def joint_places(arm: Arm, rotors: Array) -> Array:
@@ -90,14 +93,13 @@ def test_the_platform_stays_where_slipped_sliders_would_tear_its_links() -> None
     arm, farthest_m = hybrid_arm(), 2e-3 * np.sqrt(350.0**2 - 150.0**2)
     pair, axis = arm.pair, HYBRID.index_of("Z5")
     assert pair
-    slopes, count = arm.slopes.ravel().tolist(), len(arm.bodies)
+    arrays, stored = arm_arrays(arm, python_rotors(), GRAVITY_M_S2), joint_arrays(arm, python_rotors())
     state = [0.0] * (4 * STATE_FIELDS)
-    places, rates, drifts = ([0.0] * count for _ in range(3))
 
     def platform(apart_m: float) -> list[float]:
-        state[axis * STATE_FIELDS + PLACE] = apart_m / slopes[pair.left * 4 + axis]
-        follow(arm.pair_numbers, slopes, arm.offsets.tolist(), state, places, rates, drifts, count, 4)
-        return [places[pair.across], places[pair.up], *slopes]
+        state[axis * STATE_FIELDS + PLACE] = apart_m / arrays.slopes[pair.left * 4 + axis]
+        follow(arrays, state, stored)
+        return [stored.places[pair.across], stored.places[pair.up], *arrays.slopes]
 
     usual, last = platform(0.2), platform(farthest_m - 1e-6)
     assert usual != last

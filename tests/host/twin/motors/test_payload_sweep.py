@@ -6,7 +6,7 @@ from steptwin import load_robot
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.twin.execution import execute
-from steptwin.host.twin.motors.after_run import Slip, first_slip
+from steptwin.host.twin.motors.after_run import MotionSlip, first_slip
 from steptwin.host.twin.motors.driving import Driving
 
 UNTIL_S = 7.0
@@ -21,7 +21,7 @@ def test_the_first_slip_of_the_store_moves_earlier_with_the_payload() -> None:
     taken_s = driving.seconds(int(driving.payload.counts[0]))
     slips = [first_slip(driving.with_payload(payload_kg)) for payload_kg in (0.0, 1.0, 2.5, 3.5, 5.0, 8.0, 16.0, 40.0)]
     assert slips[:2] == [None, None]
-    found = [slip for slip in slips if isinstance(slip, Slip)]
+    found = [slip for slip in slips if isinstance(slip, MotionSlip)]
     assert len(found) == 6
     at_s = [slip.at_s for slip in found]
     assert at_s == sorted(at_s, reverse=True)

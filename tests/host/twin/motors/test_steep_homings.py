@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from steptwin import load_robot
-from steptwin.emulator.driver_profiles import THREE_AMP_MODULE, bare_chip
+from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE, bare_chip
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import DriverSettings, driver_profile, driver_settings
+from steptwin.host.twin.drivers import DriverSetup, driver_profile, driver_settings
 from steptwin.host.twin.motors.ramps import ramps_of
 from steptwin.host.twin.motors.steep_homings import steep_homings
 
@@ -54,7 +54,7 @@ def test_settings_are_the_files_for_its_own_drivers_only() -> None:
     module = replace(LAB.board, driver_profile="3a-module", osc_pf=None)
     stated = replace(module, current_a=1.2, idle_percent=20, fast_decay_percent=0)
     other = replace(THREE_AMP_MODULE, current_a=2.0, idle_percent=50, fast_decay_percent=25)
-    assert driver_settings(module, THREE_AMP_MODULE) == DriverSettings(1.5, 0.5, 0.0)
-    assert driver_settings(stated, THREE_AMP_MODULE) == DriverSettings(1.2, 0.2, 0.0)
-    assert driver_settings(stated, other) == DriverSettings(2.0, 0.5, 0.25)
-    assert driver_settings(stated, bare_chip(330)) == DriverSettings(1.5, 1.0, 0.0)
+    assert driver_settings(module, THREE_AMP_MODULE) == DriverSetup(1.5, 0.5, 0.0)
+    assert driver_settings(stated, THREE_AMP_MODULE) == DriverSetup(1.2, 0.2, 0.0)
+    assert driver_settings(stated, other) == DriverSetup(2.0, 0.5, 0.25)
+    assert driver_settings(stated, bare_chip(330)) == DriverSetup(1.5, 1.0, 0.0)

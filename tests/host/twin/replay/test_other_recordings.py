@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 import pytest
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.record.folder import BUS_LOG, read_robot
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.twin.replay import Replayed, replay, stored_machine

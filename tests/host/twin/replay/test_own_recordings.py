@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import BusOff, EmergencyStop, Scheduled, SetInput, StrangerSends, WatchdogReset
-from steptwin.host.cli.replay import say_result
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import BusOff, EmergencyStop, Scheduled, SetInput, StrangerSends, WatchdogReset
+from steptwin.host.cli.files.replay import say_result
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
-from steptwin.host.twin.replay import PowerUp, Replayed, replay, stored_machine
+from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, replay, stored_machine
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtTime
 from steptwin.protocol.cia402 import DigitalInput
@@ -208,7 +208,7 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
     log = tmp_path / "other.log"
     log.write_text("(0.1) can0 1A0#01\n(0.2) can0 620#4000100000000000\n(0.3) can0 000#0100\n")
     robot = load_robot("lab-scara")
-    power_up = PowerUp(robot.home, (4,), robot.board.bitrate)
+    power_up = MachineAtPowerUp(robot.home, (4,), robot.board.bitrate)
     with pytest.raises(InputError, match=r"other\.log: is of nodes 0x20; lab-scara has 0x10 to 0x13$"):
         replay(read_bus(log), robot, power_up, fast_kernel)
 

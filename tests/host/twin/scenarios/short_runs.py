@@ -3,7 +3,7 @@
 from functools import cache
 from typing import Final
 
-from steptwin.controller.backend import Kernel
+from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan

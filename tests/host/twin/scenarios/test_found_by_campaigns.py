@@ -2,8 +2,8 @@
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.controller.kernel import TICK_COUNTS
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.host.twin.embedded_board import EmbeddedBoard
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.machine_options import MachineOptions

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import BrownOut, BusOff, DriverProtect, EmergencyStop, PowerUp, WatchdogReset
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import BrownOut, BusOff, DriverProtect, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.host.cli.app import run
-from steptwin.host.cli.faults_on_purpose import print_faults
+from steptwin.host.cli.run.faults_on_purpose import print_faults
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.twin.execution import execute
 from steptwin.host.twin.scenarios.not_begun import NotBegunError
@@ -144,14 +144,29 @@ CASES = [
         for fault, verdict in (
             ('do = "stranger"\nid = 0x80\ndata = ""', GOES),
             ('do = "stranger"\nid = 0x211\ndata = "02 00 07"', STOPS),
-            ('do = "stranger"\nid = 0\ndata = "02 00"', STOPS),
+            ('do = "stranger"\nid = 0\ndata = "02 11"', STOPS),
             ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 200\ncount = 500', GOES),
             ('do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 100\ncount = 4000', STOPS),
         )
     ),
-    Case("a controller leaves the bus", 'do = "bus-off"', GOES),
-    Case("a controller leaves the bus", 'do = "bus-off"\njoint = "th1"', GOES),
-    Case("frames come twice", 'do = "duplicate"\nframes = "all"', GOES),
+    Case(
+        "a stranger sends frames",
+        'do = "babble"\nid = 0\ndata = "00 00 00 00 00 00 00 00"\nperiod_us = 100\ncount = 1000000\nfor_s = 0.1',
+        GOES,
+    ),
+    Case("a stranger stops all nodes (NMT)", 'do = "stranger"\nid = 0\ndata = "02 00"', STOPS, (100, 110)),
+    Case(
+        "a stranger resets the communication of all nodes (NMT)",
+        'do = "stranger"\nid = 0\ndata = "82 00"',
+        STOPS,
+        (100, 110),
+    ),
+    Case("a stranger resets all nodes (NMT)", 'do = "stranger"\nid = 0\ndata = "81 00"', STOPS, (100, 110)),
+    Case("the host's controller leaves the bus", 'do = "bus-off"', GOES),
+    Case("a board's controller leaves the bus", 'do = "bus-off"\njoint = "th1"', STOPS, (100, 110)),
+    Case("a board's controller leaves the bus", 'do = "bus-off"\njoint = "th1"', STOPS, (100, 150), boards=TWO),
+    Case("frames come twice, or make their sender leave the bus", 'do = "duplicate"\nframes = "all"', STOPS),
+    Case("frames come twice, or make their sender leave the bus", 'do = "duplicate"\nframes = "records"', GOES),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"', STOPS, (300, 550.25)),
     Case("heartbeat of the host lost", 'do = "loss"\nframes = "host-heartbeat"\ncount = 2', GOES),
     Case("SYNC lost", 'do = "loss"\nframes = "sync"', STOPS, (0, 0), "power_up_s = 0"),
@@ -161,8 +176,8 @@ CASES = [
     Case("frames lost", 'do = "loss"\nframes = "records"\nrate = 0.02', GOES, None, "power_up_s = 0"),
     Case("frames lost", 'do = "loss"\nframes = "records"', STOPS, None, "at_s = 0"),
     Case("frames disturbed", 'do = "corruption"\nframes = "all"\nrate = 0.1', GOES),
-    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.05', GOES),
-    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.4', STOPS),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.001', GOES),
+    Case("frames disturbed", 'do = "corruption"\nframes = "all"\nfor_s = 0.05', STOPS),
     Case("frames delayed", 'do = "delay"\nframes = "of-board"\nby_s = 0.2', STOPS),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.2\ncount = 1', GOES),
     Case("frames delayed", 'do = "delay"\nframes = "records"\nby_s = 0.5\ncount = 1', STOPS, None, "at_s = 0.1"),

@@ -2,8 +2,8 @@
 
 import pytest
 
-from steptwin.emulator.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.operations import EmergencyStop, StuckSwitch
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
+from steptwin.emulator.faults.operations import EmergencyStop, StuckSwitch
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller.backend import Kernel
-from steptwin.emulator.operations import EmergencyStop
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.artefacts import scenario_faults

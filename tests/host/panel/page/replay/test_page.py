@@ -14,13 +14,14 @@ from nicegui.testing.user_simulation import user_simulation
 
 from steptwin.host.panel.page.replay.page import ReplayPage
 from steptwin.host.panel.page.scene import ArmScene
-from steptwin.host.panel.replay import Mark, MarkKind, Replay
+from steptwin.host.panel.replay import MarkKind, Replay, RunMark
+from steptwin.host.record.folder.reading import counts_alone
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import START_COUNTS
 
 RUN = perfect_run("teaching-scara", "carry")
 FAILED = replace(RUN, report=replace(RUN.report, passed=False))
-MARK = Mark(MarkKind.VIOLATION, START_COUNTS + 36_000_000, START_COUNTS + 36_000_000, "th1", "CLK too short")
+MARK = RunMark(MarkKind.VIOLATION, START_COUNTS + 36_000_000, START_COUNTS + 36_000_000, "th1", "CLK too short")
 Visit = Callable[[User], Awaitable[None]]
 
 
@@ -54,6 +55,22 @@ def table(user: User) -> str:
     """Return the markup of the table at the cursor."""
     (found,) = (each.content for each in user.find(ui.html).elements if "grid-table" in each.content)
     return str(found)
+
+
+def test_counts_without_a_plan_are_shown_as_such() -> None:
+    comparison = counts_alone(RUN.robot, RUN.comparison.evidence)
+    report = replace(RUN.report, passed=None)
+    replay = Replay(replace(RUN, comparison=comparison, report=report, no_plan="no trajectory was run"), [])
+
+    async def look(user: User) -> None:
+        await user.should_see("recorded live: counts without a plan")
+        await user.should_not_see("planned path")
+        assert "planned" not in table(user)
+        press(user, "edge after")
+        press(user, "edge after")
+        assert f"{replay.at(replay.start_counts).joints[0].counted:.4f}" in table(user)
+
+    visit((replay,), look)
 
 
 def test_steps_and_marks_move_the_cursor_and_the_table_follows() -> None:

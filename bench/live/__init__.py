@@ -1,0 +1,1 @@
+"""Benchmarks of a live board as other programs see it."""

@@ -1,0 +1,329 @@
+"""Cyclic synchronous position mode (CiA 402-2): take a set-point with each SYNC and run through all of them.
+
+The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
+one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
+which the previous one ended, and ends with the velocity of the parabola through the last three set-points. For
+set-points P(kT) of a smooth motion that velocity is wrong by T^2 P'''/3. Between the set-points the axis is then off by
+at most 0.032 T^3 P''': T times that velocity times the largest s (1 - s) (1 - 2s), which is 0.096. Where the
+acceleration jumps by a, the axis is off by 4/27 T (a T/4) = 0.037 a T^2.
+
+Cubics last whole servo ticks. Slots are moved when the clocks of host and board drift apart; from then on they close up
+to a tick before or after they should, and each cubic ends where the parabola is at that time. While slots are moved the
+speed differs by 1/512 or, at 1 ms, by 1/1000; in the first period by twice that.
+
+From rest the axis follows from the next SYNC on, so the host begins with the position demand (6062h). A set-point
+farther from the previous one than the axis can move in the time between is a fault. After a sudden start the middle of
+a cubic may need more speed than the axis has: the axis then falls behind and catches up, and falling behind by a period
+is a fault. A set-point beyond the soft limits is moved to the limit (bit 11), and no cubic leads beyond the limits.
+
+A slot without SYNC, or whose SYNC came without a set-point, is bridged with the velocity of the slot before. Each such
+slot adds three to a count, each set-point takes one away, and more than nine is a fault (EtherCAT's object 10F1h counts
+so). At rest a lost slot does no harm: the axis holds its position, and without SYNC it stops following.
+
+Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
+SYNC has come; as at the beginning, the host starts from the position demand.
+
+Positions are in units, velocities in 1/64 unit per ms, as on the wire. These are functions of numbers alone, without
+CANopen or an axis.
+"""
+
+from typing import NamedTuple
+
+from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.modes.interpolation import Interpolation
+from steptwin.controller.motion.board_motion import Refusal
+from steptwin.controller.motion.kernel import TICKS_PER_MS, way_q16
+from steptwin.controller.node.axis_context import AxisContext
+from steptwin.controller.node.axis_stop import AxisStop
+from steptwin.controller.node.soft_limits import SoftLimits
+from steptwin.controller.node.sync_clock import TICK_US, Slot
+from steptwin.protocol import od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import Control, ErrorCode, Status
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+_PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
+
+
+class Knot(NamedTuple):
+    """The position and the velocity at which two cubics meet."""
+
+    position_units: int
+    velocity: int
+
+
+class CyclicCubic(NamedTuple):
+    """A cubic, which begins at the position and the velocity at which the previous cubic ended."""
+
+    displacement_units: int
+    end_velocity: int
+
+
+def parabola(points_units: tuple[int, int, int], after_us: int, period_us: int) -> Knot:
+    """Return where the parabola through the last three set-points, newest first, is `after_us` after the newest.
+
+    With the points p0, p1, p2 a period T apart, a time r after p0 the parabola is at
+    p0 + ((3 p0 - 4 p1 + p2) r/T + (p0 - 2 p1 + p2) (r/T)^2) / 2.
+    """
+    p0, p1, p2 = points_units
+    slope, bend = 3 * p0 - 4 * p1 + p2, p0 - 2 * p1 + p2
+    divisor = 2 * period_us * period_us
+    return Knot(
+        p0 + _rounded((slope * period_us + bend * after_us) * after_us, divisor),
+        _rounded((slope * period_us + 2 * bend * after_us) * _PER_UNIT_PER_US, divisor),
+    )
+
+
+def highest_velocity(room_units: int, duration_us: int) -> int:
+    """Return the highest velocity at a knot, `room_units` from a soft limit, that keeps cubics within the limit.
+
+    A cubic of at most `duration_us` stays between p0, p0 + v0 T/3, p1 - v1 T/3 and p1 (see `soft_limits.hull`).
+    """
+    return 3 * room_units * _PER_UNIT_PER_US // duration_us
+
+
+def slowed(wanted: CyclicCubic, start_velocity: int, limit: int, room: int, ticks: int, microsteps: int) -> CyclicCubic:
+    """Return the cubic nearest to the wanted one that keeps the speed limit L and the end velocity's limit `room`.
+
+    |v0|, |3D/T - v0 - v1| and |v1| bound the speed of a cubic. First D is limited to what any v1 can reach. Then v1
+    becomes the velocity nearest to the wanted one that keeps the middle bound. All values are in Q16 steps over the
+    duration of the cubic, as the kernel computes them.
+    """
+    middle_q16 = 3 * microsteps << 2
+    """Share of one unit of D in the middle bound."""
+    velocity_q16 = ticks * microsteps
+    """Share of a velocity of 64, one unit per ms, in a bound (see `way_q16`)."""
+    most = min(limit, room)
+    limit_q16, start_q16 = way_q16(limit, ticks, microsteps), way_q16(start_velocity, ticks, microsteps)
+    # The kernel rounds half a Q16 step up: a way back may be one less than the same way forward.
+    most_q16, most_back_q16 = way_q16(most, ticks, microsteps), -way_q16(-most, ticks, microsteps)
+    farthest = (limit_q16 + most_q16 + start_q16) // middle_q16
+    farthest_back = (limit_q16 + most_back_q16 - start_q16) // middle_q16
+    displacement_units = max(-farthest_back, min(wanted.displacement_units, farthest))
+    chord_q16 = displacement_units * middle_q16 - start_q16
+    lowest = -(-(chord_q16 - limit_q16 << 6) // velocity_q16)
+    highest = (chord_q16 + limit_q16 << 6) // velocity_q16
+    velocity = max(lowest, min(wanted.end_velocity, highest))
+    return CyclicCubic(displacement_units, max(-most, min(velocity, most)))
+
+
+def _rounded(numerator: int, denominator: int) -> int:
+    """Divide, rounding to the nearest integer."""
+    return (2 * numerator + denominator) // (2 * denominator)
+
+
+_LOST, _GOOD, _LOST_MAX = 3, 1, 9
+"""Added for a lost slot, taken away for a good one, and the most allowed: three lost slots in a row."""
+NO_SYNC, NO_SET_POINT = 0, 1
+"""Details of the fault: whether the last lost slot lacked its SYNC or only its set-point."""
+
+
+class _SlotReceptions(NamedTuple):
+    """Receptions of a slot so far: whether its SYNC has come, and its set-point."""
+
+    sync: bool
+    set_point_units: int | None
+
+
+_NOTHING = _SlotReceptions(sync=False, set_point_units=None)
+
+
+class CyclicPosition(DriveMode):
+    """Turns one axis' set-points into cubics."""
+
+    def __init__(self, context: AxisContext, records: Interpolation, stop: AxisStop) -> None:
+        super().__init__(context)
+        self._limits = SoftLimits(context.dictionary)
+        self._clock = context.board.sync_clock
+        self._trip = context.trip
+        self._records = records
+        self._stop = stop
+        self._enabled = False
+        """True while the drive is in OPERATION ENABLED in this mode and not halted."""
+        self._following = False
+        self._written = False
+        """True while a set-point has been written that no SYNC has taken yet."""
+        self._slot = self._clock.slot
+        self._received = [_NOTHING, _NOTHING]
+        """Receptions of the open slot, and those that came early for the next slot."""
+        self._points_units = (0, 0, 0)
+        """Set-points of the last three slots, bridged ones included, the newest first."""
+        self._taken_units = 0
+        """The last set-point that the host has sent, within the limits."""
+        self._bridged_slots = 0
+        """Number of slots bridged since that set-point."""
+        self._lost = 0
+        self._at_limit = False
+        context.dictionary.write_hooks[od.TARGET_POSITION] = self._write_set_point
+        context.dictionary.write_hooks[od.INTERPOLATION_PERIOD] = self._write_period
+
+    def _write_set_point(self, _units: int) -> None:
+        self._written = True
+
+    def _write_period(self, _period_ms: int) -> None:
+        if self._following:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+
+    def control(self, controlword: int, _previous: int) -> None:
+        """Obey the halt bit. A target position written before the drive was enabled is not a set-point."""
+        if controlword & Control.HALT:
+            if self._following and self._motion.running(self._axis):
+                self._stop.ramp_down(self._stop.halt_kind)
+            self.interrupted()
+        elif not self._enabled:
+            self._enabled = True
+            self._written = False
+
+    def interrupted(self) -> None:
+        """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
+        self._enabled = False
+        self._release()
+
+    def _release(self) -> None:
+        self._following = self._at_limit = False
+        self._clock.leave(self._axis)
+
+    @property
+    def coordinated(self) -> bool:
+        """True while the axis follows, even while its set-points hold it at rest."""
+        return self._following
+
+    def status_bits(self) -> int:
+        """Return bits 11, internal limit, and 12, drive follows the command value."""
+        bits = Status.INTERNAL_LIMIT if self._at_limit else 0
+        return bits | (Status.FOLLOWS_COMMAND if self._following else 0)
+
+    # --- SYNC
+
+    def on_sync(self) -> None:
+        """Keep the set-point that came with this SYNC until its slot closes; a second one in the slot replaces it."""
+        if not self._enabled or not (self._following or self._begin()):
+            return
+        slot = self._clock.hear(self._context.now_us)
+        target_units = self._dictionary.get(od.TARGET_POSITION)
+        set_point_units = target_units if self._written else self._received[slot].set_point_units
+        self._received[slot] = _SlotReceptions(sync=True, set_point_units=set_point_units)
+        self._written = False
+
+    def _begin(self) -> bool:
+        """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""
+        if self._motion.running(self._axis):
+            return False
+        period_ms = self._dictionary.get(od.INTERPOLATION_PERIOD)
+        if not self._clock.join(self._axis, 1000 * period_ms, self._context.now_us):
+            self._trip(ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
+            return False
+        self._records.close()
+        self._motion.drop_queued(self._axis)
+        self._slot = self._clock.slot
+        self._received = [_NOTHING, _NOTHING]
+        self._points_units = (self._motion.tail_units(self._axis),) * 3
+        self._taken_units = self._points_units[0]
+        self._bridged_slots = self._lost = 0
+        self._following = True
+        return True
+
+    # --- when a slot closes
+
+    @property
+    def due_us(self) -> int | None:
+        """Time when the slot closes: a tick before the cubic of the previous slot ends."""
+        return self._slot.close_tick * TICK_US if self._following else None
+
+    def poll(self, now_us: int) -> None:
+        """Queue the cubic of the slot that closes, if it is due."""
+        if self.due_us is None or now_us < self.due_us:
+            return
+        received = self._received.pop(0)
+        self._received.append(_NOTHING)
+        set_point_units = received.set_point_units
+        point_units = self._bridged(received) if set_point_units is None else self._taken(set_point_units)
+        if point_units is not None:
+            self._points_units = (point_units, *self._points_units[:2])
+            closed, self._slot = self._slot, self._clock.after(self._slot)
+            self._move(closed)
+
+    def _taken(self, set_point_units: int) -> int | None:
+        """Return the set-point, moved within the soft limits; trip and return None if it is too far away."""
+        point_units = self._within_limits(set_point_units)
+        self._at_limit = point_units != set_point_units
+        periods, self._bridged_slots = self._bridged_slots + 1, 0
+        self._lost = max(0, self._lost - _GOOD)
+        travelled_units, self._taken_units = abs(point_units - self._taken_units), point_units
+        if travelled_units > periods * self._reach_units:
+            self._trip(ErrorCode.OVERSPEED)
+            return None
+        return point_units
+
+    def _bridged(self, received: _SlotReceptions) -> int | None:
+        """Return a point in place of a missing set-point, at constant velocity; None if too many are missing."""
+        last, before, _ = self._points_units
+        if received.sync and last == before:
+            return last
+        self._bridged_slots += 1
+        self._lost += _LOST
+        if self._lost <= _LOST_MAX:
+            return self._within_limits(2 * last - before)
+        if self._motion.running(self._axis):
+            self._trip(ErrorCode.SYNC_CONTROLLER, NO_SET_POINT if received.sync else NO_SYNC)
+        self._release()
+        return None
+
+    def _range(self) -> tuple[int, int]:
+        """Return the positions that the axis may move to. From beyond a soft limit it may stay there or come back."""
+        low, high = self._limits.range()
+        tail_units = self._motion.tail_units(self._axis)
+        return min(low, tail_units), max(high, tail_units)
+
+    def _within_limits(self, position_units: int) -> int:
+        low, high = self._range()
+        return max(low, min(position_units, high))
+
+    # --- cubics
+
+    def _move(self, closed: Slot) -> None:
+        """Queue the cubic that ends a tick after the open slot closes, unless the axis rests and stays at rest."""
+        motion, axis = self._motion, self._axis
+        wanted, room = self._aim(self._slot.end_us - closed.end_us)
+        start_velocity = motion.tail_velocity(axis)
+        if wanted.displacement_units == wanted.end_velocity == start_velocity == 0:
+            return
+        ticks = self._slot.close_tick - closed.close_tick
+        microsteps = motion.config(axis).microsteps
+        cubic = slowed(wanted, start_velocity, self._velocity_limit, room, ticks, microsteps)
+        if abs(wanted.displacement_units - cubic.displacement_units) > self._reach_units:
+            self._trip(ErrorCode.OVERSPEED)
+        else:
+            self._queue(cubic, ticks)
+
+    def _aim(self, period_us: int) -> tuple[CyclicCubic, int]:
+        """Return the cubic that ends on the parabola when the open slot closes, and the end velocity allowed."""
+        end = parabola(self._points_units, self._slot.excess_us, period_us)
+        low, high = self._range()
+        end_units = max(low, min(end.position_units, high))
+        room = highest_velocity(min(end_units - low, high - end_units), period_us + 2 * TICK_US)
+        return CyclicCubic(end_units - self._motion.tail_units(self._axis), end.velocity), room
+
+    def _queue(self, cubic: CyclicCubic, ticks: int) -> None:
+        """Queue a cubic. An axis at rest waits a tick first: then it begins together with the cubics of moving axes."""
+        motion, axis = self._motion, self._axis
+        stands = not motion.running(axis)
+        if stands:
+            motion.push_ticks(axis, 0, 0, 1)
+        if motion.push_ticks(axis, *cubic, ticks) is not Refusal.ACCEPTED:
+            motion.drop_queued(axis)
+            self._trip(ErrorCode.SEGMENT_REFUSED)
+        elif stands:
+            motion.start(axis)
+
+    @property
+    def _velocity_limit(self) -> int:
+        """The axis' highest speed in 1/64 unit per ms, rounded so that cubics of any number of ticks may have it."""
+        limit_q16_per_ms = self._motion.rate_limit_q16_per_ms(self._axis)
+        microsteps = self._motion.config(self._axis).microsteps
+        return (limit_q16_per_ms & -TICKS_PER_MS) * VELOCITY_PER_UNIT_PER_MS // (microsteps << 2)
+
+    @property
+    def _reach_units(self) -> int:
+        """Longest distance that the axis can move in a period, in units."""
+        return self._velocity_limit * self._dictionary.get(od.INTERPOLATION_PERIOD) // VELOCITY_PER_UNIT_PER_MS

@@ -1,0 +1,205 @@
+"""Homing mode (CiA 402-2, "homing mode"): find a switch's edge and count the position from there.
+
+A rising bit 4 of the controlword starts the homing from standstill, with the objects as they are then: homing method
+(6098h), speeds (6099h), acceleration (609Ah) and timeout (2020h:01). `switch_search` moves the axis to the edge. When
+the axis stands behind the edge, the step where the edge was seen becomes the home offset (607Ch), to the nearest
+step. Methods 35 and 37 set the position of the standing axis to the home offset exactly: since a unit is finer than a
+step, the demand may then lie between two steps.
+
+All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). Soft limits do not apply,
+and limit switches are not faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
+and the position keeps its count. A falling bit 4 aborts. Halt (bit 8) interrupts; when it ends, the homing begins again
+from where the axis stands.
+
+Bits 12 and 10 of the statusword rise together. CiA 402 also has "attained, but target not reached"; a master that goes
+on at bit 12 would then find the axis still moving, in coordinates that are about to change.
+"""
+
+from enum import Enum, auto
+
+from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.modes.interpolation import Interpolation
+from steptwin.controller.modes.profile import Limits
+from steptwin.controller.modes.profile_feed import ProfileFeed
+from steptwin.controller.modes.switch_search import Phase, SwitchSearch
+from steptwin.controller.node.axis_context import AxisContext
+from steptwin.controller.node.supervision import Supervision
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
+from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+
+class _State(Enum):
+    IDLE = auto()
+    """Not started, or aborted."""
+    HALTED = auto()
+    WAITING = auto()
+    """Started; begins when the axis stands."""
+    SEARCHING = auto()
+    DONE = auto()
+    FAILED = auto()
+
+
+class Homing(DriveMode):
+    """Starts and ends homings, and sets the position reference; `SwitchSearch` makes the motion."""
+
+    def __init__(
+        self, context: AxisContext, feed: ProfileFeed, records: Interpolation, supervision: Supervision
+    ) -> None:
+        super().__init__(context)
+        self._feed = feed
+        self._records = records
+        self._supervision = supervision
+        self._state = _State.IDLE
+        self._search: SwitchSearch | None = None
+        """The search in progress in SEARCHING."""
+        self._deadline_us: int | None = None
+
+    # --- commands
+
+    def control(self, controlword: int, previous: int) -> None:
+        """Obey the start and halt bits."""
+        started, halted = bool(controlword & Control.START), bool(controlword & Control.HALT)
+        if started and not previous & Control.START:
+            self._start(halted=halted)
+        elif self._state is _State.HALTED and not (started and halted):
+            self._state = _State.WAITING if started else _State.IDLE
+        elif self._seeking and not (started and not halted):
+            self._state = _State.HALTED if started else _State.IDLE
+            self._stop(halted=halted)
+        self._begin()
+
+    @property
+    def _seeking(self) -> bool:
+        """True while the homing can be aborted; once the edge is latched the axis comes to rest in any case."""
+        latched = self._search is not None and self._search.phase is Phase.LATCHED
+        return self._state is _State.WAITING or (self._state is _State.SEARCHING and not latched)
+
+    def _start(self, *, halted: bool) -> None:
+        self._clear_error()
+        self._dictionary.set(od.HOMING_ERROR, HomingError.NONE)
+        self._state = _State.HALTED if halted else _State.WAITING
+
+    def _stop(self, *, halted: bool) -> None:
+        self._search = self._deadline_us = None
+        limits = self._limits(od.HOMING_SEARCH_SPEED)
+        if self._feed.active and limits:
+            (self._feed.halt if halted else self._feed.stop)(limits)
+
+    def _begin(self) -> None:
+        """Begin the homing that waits, if the axis stands."""
+        if self._state is not _State.WAITING or self._motion.running(self._axis):
+            return
+        method = HOMING_METHODS[self._dictionary.get(od.HOMING_METHOD)]
+        if method is None:
+            self._records.discard()
+            self._motion.preset(self._axis, self._dictionary.get(od.HOME_OFFSET))
+            self._attain()
+        else:
+            self._begin_search(method)
+
+    def _begin_search(self, method: HomingMethod) -> None:
+        fast, slow = self._limits(od.HOMING_SEARCH_SPEED), self._limits(od.HOMING_ZERO_SPEED)
+        if fast is None or slow is None:
+            self._fail(HomingError.NO_SPEED)
+            return
+        timeout_ms = self._dictionary.get(od.HOMING_TIMEOUT_MS)
+        self._deadline_us = self._context.now_us + 1000 * timeout_ms if timeout_ms else None
+        self._state = _State.SEARCHING
+        inputs = self._supervision.inputs
+        self._search = SwitchSearch(self._axis, self._motion, self._feed, method, fast, slow, inputs)
+        self._search.begin()
+        self._conclude()
+
+    def _limits(self, speed: int) -> Limits | None:
+        get = self._dictionary.get
+        limits = self._feed.limits(get(speed) * VELOCITY_PER_UNIT_PER_MS // 1000)
+        if limits is None:
+            return None
+        return limits._replace(
+            acceleration=min(get(od.HOMING_ACCELERATION), get(od.MAX_ACCELERATION)),
+            deceleration=min(get(od.HOMING_ACCELERATION), get(od.MAX_DECELERATION)),
+        )
+
+    # --- results
+
+    def _conclude(self) -> None:
+        """End the homing if its search is over; called after every event of the search."""
+        search = self._search
+        if search is None:
+            return
+        if search.phase is Phase.DONE:
+            self._motion.renumber(self._axis, search.latched_step, self._dictionary.get(od.HOME_OFFSET))
+            self._attain()
+        elif search.phase is Phase.FAILED:
+            self._fail(search.error)
+
+    def _attain(self) -> None:
+        self._end(_State.DONE)
+        self._context.reference.set()
+
+    def _fail(self, error: HomingError) -> None:
+        self._end(_State.FAILED)
+        self._dictionary.set(od.HOMING_ERROR, error)
+        self._context.errors.report(ErrorCode.HOMING_FAILED, error)
+
+    def _end(self, state: _State) -> None:
+        self._state = state
+        self._search = self._deadline_us = None
+
+    def _clear_error(self) -> None:
+        if self._state is _State.FAILED:
+            self._context.errors.resolved(ErrorCode.HOMING_FAILED)
+
+    # --- events
+
+    def inputs_changed(self, inputs: DigitalInput) -> None:
+        """Handle new input levels, as of the end of the last tick."""
+        if self._search:
+            self._search.inputs_changed(inputs)
+            self._conclude()
+
+    def finished(self) -> None:
+        """Handle standstill, after a stroke or ramp of this mode or after any other motion."""
+        if not self._feed.finished():
+            return
+        if self._search:
+            self._search.finished()
+            self._conclude()
+        self._begin()
+
+    def interrupted(self) -> None:
+        """Abort a homing in progress: the drive stops or changes its mode. A homing that is done stays valid."""
+        self._feed.abandon()
+        if self._state is not _State.DONE:
+            self._clear_error()
+            self._end(_State.IDLE)
+
+    @property
+    def due_us(self) -> int | None:
+        """Time when the homing fails by timeout; the ramp behind the edge may take longer."""
+        return self._deadline_us if self._seeking else None
+
+    def poll(self, now_us: int) -> None:
+        """Fail the homing if its timeout is over."""
+        if self.due_us is not None and self.due_us <= now_us and self._search:
+            self._search.time_out()
+            self._conclude()
+
+    # --- status
+
+    @property
+    def seeks_switches(self) -> bool:
+        """True while the mode itself moves the axis."""
+        return self._feed.active
+
+    def target_reached(self) -> bool:
+        """Return bit 10: the axis stands, and no homing waits or is between two strokes."""
+        return self._state not in (_State.WAITING, _State.SEARCHING) and super().target_reached()
+
+    def status_bits(self) -> int:
+        """Return bits 12, homing attained, until the reference is lost or a homing starts, and 13, homing error."""
+        if self._state is _State.FAILED:
+            return Status.HOMING_ERROR
+        return Status.HOMING_ATTAINED if self._state is _State.DONE and self._context.reference.known else 0

@@ -1,0 +1,219 @@
+"""Interpolated position mode: queue PVT records in order of their sequence numbers and run them as cubic segments.
+
+A queue that is stopped before its end is closed: it takes no record until the host clears it (buffer clear, 60C4h:06),
+so that a stream still under way cannot set the axis moving again.
+
+A record is four entries of the dictionary (60C1h:01 to :04), as CiA 402 has an interpolation data record: so any
+CANopen master can map it into a PDO, or write it by SDO. The sequence number is the last of the four, and writing it
+queues the record. The other three are read from their cells.
+"""
+
+from collections.abc import Callable
+
+from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.motion.board_motion import Refusal
+from steptwin.controller.motion.kernel import I32_MAX
+from steptwin.controller.node.axis_context import AxisContext
+from steptwin.controller.node.axis_stop import AxisStop
+from steptwin.controller.node.soft_limits import SoftLimits, hull
+from steptwin.controller.node.stops import StopKind
+from steptwin.protocol import od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import Control, ErrorCode, Status
+from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, Verdict, judge
+
+_STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
+
+
+class Interpolation(DriveMode):
+    """One axis' PVT queue as the bus sees it: flow control, PVT status (2012h) and PVT counters (2013h)."""
+
+    def __init__(self, context: AxisContext, stop: AxisStop) -> None:
+        super().__init__(context)
+        self._errors = context.errors
+        self._stop = stop
+        self._next_sequence = 0
+        self._sticky = 0
+        """Flags that stay set until they are cleared."""
+        self._running = False
+        self._closed = False
+        self.ready = False
+        """True while the drive is enabled in this mode: a queue with records is then armed."""
+        self.on_record: Callable[[PvtRecord], None] | None = None
+        """Called with each record that the queue has taken, if set."""
+        self._install_hooks()
+        dictionary = context.dictionary
+        self._limits = SoftLimits(dictionary)
+        self._displacement_units = dictionary.cell(od.PVT_DISPLACEMENT)
+        self._end_velocity = dictionary.cell(od.PVT_END_VELOCITY)
+        self._duration_ms = dictionary.cell(od.PVT_DURATION_MS)
+        self._least_fill = dictionary.cell(od.PVT_LEAST_FILL)
+        self._accepted = dictionary.counter(od.PVT_ACCEPTED)
+
+    def _install_hooks(self) -> None:
+        self._dictionary.write_hooks[od.PVT_SEQUENCE] = self._record_arrived
+        self._dictionary.write_hooks[od.BUFFER_CLEAR] = self._clear
+        self._dictionary.read_hooks |= {
+            od.PVT_NEXT_SEQUENCE: lambda: self._next_sequence,
+            od.PVT_FREE_RECORDS: lambda: self._free(self._motion.queued(self._axis)),
+            od.PVT_FLAGS: self._flags,
+            od.PVT_EXECUTING_SEQUENCE: self._executing,
+            od.DELAYED_STEPS: lambda: self._motion.delayed_steps(self._axis),
+            od.BUFFER_POSITION: lambda: self._motion.queued(self._axis),
+        }
+
+    # --- records in
+
+    def _record_arrived(self, sequence: int) -> None:
+        """Queue the record whose sequence number is being written; its other fields have been written before."""
+        queued = self._motion.queued(self._axis)
+        verdict = judge(sequence, self._next_sequence, self._free(queued))
+        if verdict is Verdict.STALE:
+            return
+        if verdict is not Verdict.PUSH:
+            self._drop(verdict)
+            return
+        if self._running and queued < self._least_fill.value:
+            self._least_fill.value = queued
+        units, velocity, duration_ms = self._displacement_units.value, self._end_velocity.value, self._duration_ms.value
+        refusal = self._push(units, velocity, duration_ms)
+        if refusal is not Refusal.ACCEPTED:
+            self._reject(sequence, refusal)
+            return
+        self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
+        if self._sticky:
+            self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
+        self._accepted.add_one()
+        if self.on_record:
+            self.on_record(PvtRecord(units, velocity, duration_ms, sequence))
+
+    def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
+        """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""
+        low, high = self._limits.range()
+        if low > -I32_MAX or high < I32_MAX:
+            start, velocity = self._motion.tail_units(self._axis), self._motion.tail_velocity(self._axis)
+            least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)
+            if least < min(low, start) or most > max(high, start):
+                return Refusal.SOFT_LIMIT
+        return self._motion.push(self._axis, displacement_units, end_velocity, duration_ms)
+
+    def _drop(self, verdict: Verdict) -> None:
+        """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
+        flag = _STICKY[verdict]
+        self._dictionary.count(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS)
+        if not self._sticky & flag:
+            self._sticky |= flag
+            self._flags_changed()
+
+    def _reject(self, sequence: int, refusal: Refusal) -> None:
+        self._sticky |= PvtFlag.REJECTED
+        self._errors.report(ErrorCode.SEGMENT_REFUSED, refusal << 8 | sequence)
+        self._flags_changed()
+        raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    def _clear(self, value: int) -> None:
+        """Empty the queue and expect sequence number 0 next, when 0 is written; refuse while the axis moves."""
+        if value:
+            return
+        if self._motion.running(self._axis):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._motion.flush(self._axis)
+        self.restart()
+
+    def restart(self) -> None:
+        """Expect sequence number 0, clear the flags, and open the queue."""
+        self._next_sequence = 0
+        self._sticky = 0
+        self._errors.resolved(ErrorCode.SEGMENT_REFUSED)
+        self.finished()
+        self._closed = False
+
+    # --- the mode
+
+    def control(self, controlword: int, previous: int) -> None:
+        """Start the queue in the next tick when the enable bit rises; slow it down to rest when the bit falls.
+
+        The halt bit concerns the group (see `Firmware`): a queue started during a halt rests at its first record.
+        """
+        enabled = controlword & Control.START
+        if self._running and not enabled:
+            self._stop.ramp_down(StopKind.SLOW_DOWN)
+            self.interrupted()
+        elif enabled and not previous & Control.START and self._start():
+            self._running = True
+            self._dictionary.set(od.PVT_LEAST_FILL, QUEUE_DEPTH)
+            self._flags_changed()
+
+    def _start(self) -> bool:
+        """Begin the first record, unless a ramp is still bringing the axis to rest; return whether it began."""
+        return not self._motion.running(self._axis) and self._motion.start(self._axis, in_group=True)
+
+    def finished(self) -> None:
+        """Handle the end of the queue at rest."""
+        self._running = False
+        self._flags_changed()
+
+    def _flags_changed(self) -> None:
+        self._context.changed(od.PVT_FLAGS)
+
+    def discard(self) -> None:
+        """Drop the records that wait, and close the queue: their numbers are taken, so the host must begin again."""
+        if self._motion.queued(self._axis):
+            self._motion.flush(self._axis)
+            self.stopped()
+
+    def stopped(self) -> None:
+        """Close the queue: it was stopped before its end."""
+        self._closed = True
+        self.finished()
+
+    def close(self) -> None:
+        """Close the queue, unless it is closed: another mode takes over the axis."""
+        if not self._closed:
+            self.stopped()
+
+    def interrupted(self) -> None:
+        """Close the queue if it runs: the drive stops the motion or leaves OPERATION ENABLED."""
+        if self._running:
+            self.stopped()
+
+    def target_reached(self) -> bool:
+        """Return bit 10 of the statusword: standstill, at the end or in a halt."""
+        return not self._motion.running(self._axis) or self._motion.halted(self._axis)
+
+    def underrun(self) -> None:
+        """Handle a queue that has run out while the axis moves."""
+        self._sticky |= PvtFlag.UNDERRUN
+        self._dictionary.count(od.PVT_UNDERRUNS)
+        self.stopped()
+
+    @property
+    def coordinated(self) -> bool:
+        """True while records are executed."""
+        return self._running
+
+    def status_bits(self) -> int:
+        """Return bit 12: interpolation is active."""
+        return Status.IP_ACTIVE if self._running else 0
+
+    # --- status and counters
+
+    def _free(self, queued: int) -> int:
+        return 0 if self._closed else QUEUE_DEPTH - queued
+
+    def _flags(self) -> int:
+        flags = self._sticky
+        queued = self._motion.queued(self._axis)
+        if queued == 0:
+            flags |= PvtFlag.EMPTY
+        if self._running:
+            flags |= PvtFlag.RUNNING
+            if queued <= self._dictionary.get(od.QUEUE_LOW_WATER):
+                flags |= PvtFlag.LOW
+        elif self.ready and queued:
+            flags |= PvtFlag.ARMED
+        return flags
+
+    def _executing(self) -> int:
+        behind = self._motion.queued(self._axis) + 1
+        return (self._next_sequence - behind) % SEQUENCE_MODULUS

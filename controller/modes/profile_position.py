@@ -1,0 +1,158 @@
+"""Profile position mode (CiA 402-2, "profile position mode"): set-points by handshake, from rest or on the fly.
+
+A rising bit 4 of the controlword gives a set-point: the target position (607Ah), with the profile objects as they are
+then. Bit 12 of the statusword acknowledges it and falls with bit 4. One further set-point may wait; while it does, bit
+12 stays until that set-point begins. Without bit 5 a new set-point waits until the present one is reached; with bit 5
+it replaces the present and the waiting one at once. With bit 6 the target counts from the last target (60F2h = 0), or
+from where the axis stands if it has had no target since it was stopped or enabled. Bit 9, passing a set-point without
+stopping, is not supported.
+
+A target beyond the soft limits (607Dh) or the i32 range is moved to the limit; bit 11 says so until the next set-point
+begins. Halt (bit 8) ramps to rest by the halt option code (605Dh), with the profile deceleration or that of a quick
+stop; when the bit falls, the motion to the target goes on.
+"""
+
+from typing import NamedTuple
+
+from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.modes.profile import Limits
+from steptwin.controller.modes.profile_feed import ProfileFeed
+from steptwin.controller.node.axis_context import AxisContext
+from steptwin.controller.node.soft_limits import SoftLimits
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import Control, Status
+from steptwin.protocol.objects import WINDOW_OFF
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+
+class _SetPoint(NamedTuple):
+    target_units: int
+    limits: Limits | None
+    at_limit: bool
+
+
+class ProfilePosition(DriveMode):
+    """Takes set-points by handshake; the feed makes the motion."""
+
+    def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
+        super().__init__(context)
+        self._limits = SoftLimits(context.dictionary)
+        self._feed = feed
+        self._active: _SetPoint | None = None
+        """The set-point in progress; a halt does not end it."""
+        self._next: _SetPoint | None = None
+        """The set-point that waits for its turn."""
+        self._last_target_units: int | None = None
+        self._at_limit = False
+        self._acknowledged = False
+        self._halted = False
+        self._settled_us: int | None = None
+        """Time until which the axis must stand at its target before bit 10 says so; None once it has."""
+
+    @property
+    def due_us(self) -> int | None:
+        """Time when the axis will have stood at its target for the position window time (6068h)."""
+        return self._settled_us
+
+    def poll(self, now_us: int) -> None:
+        """End the wait when the position window time is over."""
+        if self._settled_us is not None and self._settled_us <= now_us:
+            self._settled_us = None
+
+    def control(self, controlword: int, previous: int) -> None:
+        """Obey the bits for a new set-point and for halt."""
+        if controlword & ~previous & Control.START:
+            self._take(controlword)
+        self._set_halt(bool(controlword & Control.HALT))
+        if not controlword & Control.START and self._next is None:
+            self._acknowledged = False
+
+    def _take(self, controlword: int) -> None:
+        at_once = bool(controlword & Control.CHANGE_AT_ONCE)
+        if self._next and not at_once:
+            return  # not acknowledged: the host must wait until bit 12 falls
+        set_point = self._set_point(relative=bool(controlword & Control.RELATIVE))
+        self._acknowledged = True
+        self._last_target_units = set_point.target_units
+        if self._active and not at_once:
+            self._next = set_point
+            return
+        self._next = None
+        self._begin(set_point, halted=bool(controlword & Control.HALT))
+
+    def _set_point(self, *, relative: bool) -> _SetPoint:
+        wanted = self._dictionary.get(od.TARGET_POSITION)
+        if relative:
+            last = self._last_target_units
+            wanted += self._motion.demand_units(self._axis) if last is None else last
+        target = self._limits.clamped(wanted)
+        velocity = self._dictionary.get(od.PROFILE_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
+        limits = self._feed.limits(velocity)
+        return _SetPoint(target, limits, target != wanted or limits is None)
+
+    def _begin(self, set_point: _SetPoint, *, halted: bool) -> None:
+        self._active = set_point
+        self._at_limit = set_point.at_limit
+        if not halted:
+            self._go()
+
+    def _go(self) -> None:
+        """Move to the active set-point. While a ramp of the drive moves the axis, wait: `finished` calls again."""
+        if self._active is None or not self._feed.free:
+            return
+        if self._active.limits:
+            self._feed.move_to(self._active.target_units, self._active.limits)
+        if not self._motion.running(self._axis):
+            self._reached()
+
+    def _reached(self) -> None:
+        """End the active set-point and begin the next one, if it waits."""
+        self._active = None
+        self._settled_us = self._context.now_us + 1000 * self._dictionary.get(od.POSITION_WINDOW_TIME_MS)
+        set_point, self._next = self._next, None
+        if set_point:
+            self._acknowledged = bool(self._dictionary.get(od.CONTROLWORD) & Control.START)
+            self._begin(set_point, halted=False)
+
+    def _set_halt(self, halted: bool) -> None:
+        if halted is self._halted:
+            return
+        self._halted = halted
+        if not halted:
+            self._go()
+        elif self._feed.active and self._active and self._active.limits:
+            self._feed.halt(self._active.limits)
+
+    def finished(self) -> None:
+        """Handle standstill: at the target, at the end of a halt, or after a ramp that this mode did not make."""
+        was_moving = self._feed.active
+        if not self._feed.finished() or self._halted:
+            return
+        if was_moving:
+            self._reached()
+        else:
+            self._go()
+
+    def interrupted(self) -> None:
+        """Forget all set-points: the drive stops or leaves OPERATION ENABLED."""
+        self._feed.abandon()
+        self._active = self._next = None
+        self._last_target_units = self._settled_us = None
+        self._at_limit = self._acknowledged = self._halted = False
+
+    def target_reached(self) -> bool:
+        """Return bit 10: all set-points have been reached; during a halt, the axis stands."""
+        standing = not self._motion.running(self._axis)
+        return standing and (self._halted or (self._active is None and self._in_window()))
+
+    def _in_window(self) -> bool:
+        """Return whether the axis has been within the position window (6067h) for the position window time (6068h)."""
+        window, target_units = self._dictionary.get(od.POSITION_WINDOW), self._last_target_units
+        if target_units is None or window == WINDOW_OFF:
+            return True
+        return self._settled_us is None and abs(target_units - self._motion.counter_units(self._axis)) <= window
+
+    def status_bits(self) -> int:
+        """Return bits 11, internal limit, and 12, set-point acknowledge."""
+        bits = Status.INTERNAL_LIMIT if self._at_limit else 0
+        return bits | (Status.SET_POINT_ACKNOWLEDGED if self._acknowledged else 0)

@@ -1,0 +1,507 @@
+"""The motion kernel: turn queued cubic segments into CLK and DIR edges, in integers throughout.
+
+Once per servo tick (250 us) every running axis evaluates its cubic Hermite segment in Q16 steps,
+
+    p(s) = p0 + ((c s + b) s + a) s,    s = (i << 30) // n,    i of n ticks,
+
+and places the steps of that tick on the chord between two evaluations. The counter goes up when p reaches counter + H
+and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is hysteresis.
+
+The functions are written in an integer subset of Python over flat, indexable storage, as C for a Cortex-M3 would be.
+Run as plain Python on lists they are the reference: unbounded integers would show any overflow. Compiled by numba on
+int64 arrays (see `backend`) they give the same bits, and so does their translation to C. An annotation such as U17
+promises the width of a value (see `widths`). The storage is
+
+    axes        AXIS_FIELDS integers for each axis,
+    queue       QUEUE_DEPTH entries of SEGMENT_FIELDS integers for each axis,
+    group       the GROUP_FIELDS integers of the axes that halt together,
+    clk         one row of CLK edges for each axis: rise, fall, rise, fall ... in timer counts,
+    direction   one row of DIR edges for each axis: 2 * counts + level.
+
+A halt slows trajectory time instead of the axes. In each tick the axes of the group advance i by the group's rate
+instead of by 1, and the rate ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in
+Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any, Final, TypeAlias, TypeVar, cast
+
+from steptwin.controller.motion.widths import (
+    I32,
+    I34,
+    I40,
+    I42,
+    I44,
+    I49,
+    I60,
+    I63,
+    I64,
+    Q30,
+    Q32,
+    U1,
+    U2,
+    U3,
+    U4,
+    U5,
+    U6,
+    U7,
+    U8,
+    U10,
+    U12,
+    U17,
+    U30,
+    U31,
+    U44,
+    U47,
+    U48,
+)  # fmt: skip
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def _decorator() -> Callable[[Function], Function]:
+    """Return the decorator that lets numba (extra `fast`) compile a function into its callers; plain Python stays too.
+
+    The functions are inlined and compiled without numba's runtime, since they allocate nothing: counting references to
+    the arrays at every call would cost as much as evaluating a tick.
+    """
+    try:
+        from numba.extending import register_jitable
+    except ImportError:
+        return lambda function: function
+    return cast("Callable[[Function], Function]", register_jitable(forceinline=True, _nrt=False))
+
+
+kernel_function = _decorator()
+
+
+TICK_COUNTS: Final = 18_000
+"""One servo tick: 250 us of the 72 MHz timer; compare values 0..17 999 fit a 16-bit timer."""
+TICKS_PER_MS: Final = 4
+
+STEP_Q16: Final = 1 << 16
+THRESHOLD_Q16: Final = STEP_Q16 // 2 + STEP_Q16 // 16
+"""H, the distance from counter to demand at which a step is made; the sixteenth prevents chatter on a threshold."""
+
+ROUNDING_Q16: Final = 4
+"""Upper bound of the error that the three rounding shifts of an evaluation make together."""
+
+FULL_RATE_Q16: Final = 1 << 16
+"""Rate at which trajectory time runs as fast as real time: one tick a tick."""
+
+QUEUE_DEPTH: Final = 64
+DURATION_MAX_MS: Final = 255
+I32_MAX: Final = (1 << 31) - 1
+NEVER_COUNTS: Final = -(1 << 62)
+"""Time of an edge that has not happened yet."""
+NEVER_TICK: Final = 1 << 62
+"""A tick that never comes."""
+
+# A field's annotation is the width of the cell that it is the index of (see `widths`).
+
+# Fields of one axis in `axes`: its configuration,
+MICROSTEPS: Final[Annotated[int, U5]] = 0
+STEPLEN_COUNTS: Final[Annotated[int, U17]] = 1
+STEPSPACE_COUNTS: Final[Annotated[int, U17]] = 2
+DIRSETUP_COUNTS: Final[Annotated[int, U17]] = 3
+DIRHOLD_COUNTS: Final[Annotated[int, U17]] = 4
+RATE_LIMIT_Q16_PER_MS: Final[Annotated[int, U31]] = 5
+DIR_INVERTED: Final[Annotated[int, U1]] = 6
+# its motion,
+RUNNING: Final[Annotated[int, U1]] = 7
+COUNTER: Final[Annotated[int, I32]] = 8
+POSITION_Q16: Final[Annotated[int, I40]] = 9
+START_Q16: Final[Annotated[int, I40]] = 10
+COEFFICIENT_A: Final[Annotated[int, I32]] = 11
+COEFFICIENT_B: Final[Annotated[int, I32]] = 12
+COEFFICIENT_C: Final[Annotated[int, I32]] = 13
+DURATION_TICKS: Final[Annotated[int, U10]] = 14
+ELAPSED_Q16: Final[Annotated[int, I32]] = 15
+END_VELOCITY: Final[Annotated[int, I32]] = 16
+IN_GROUP: Final[Annotated[int, U1]] = 17
+# its queue, whose tail is where the next segment starts,
+QUEUE_HEAD: Final[Annotated[int, U6]] = 18
+QUEUE_COUNT: Final[Annotated[int, U7]] = 19
+TAIL_Q16: Final[Annotated[int, I40]] = 20
+TAIL_VELOCITY: Final[Annotated[int, I32]] = 21
+# its pins,
+EARLIEST_RISE_COUNTS: Final[Annotated[int, I63]] = 22
+LAST_RISE_COUNTS: Final[Annotated[int, I63]] = 23
+DIR_LEVEL: Final[Annotated[int, U1]] = 24
+# and its reports.
+EVENT: Final[Annotated[int, U2]] = 25
+DELAYED_STEPS: Final[Annotated[int, U31]] = 26
+CLK_EDGES: Final[Annotated[int, U30]] = 27
+DIR_EDGES: Final[Annotated[int, U30]] = 28
+AXIS_FIELDS: Final = 29
+
+# The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
+RATE_FROM_Q16: Final[Annotated[int, U17]] = 0
+RATE_TO_Q16: Final[Annotated[int, U17]] = 1
+RAMP_TICK: Final[Annotated[int, I44]] = 2
+RAMP_TICKS: Final[Annotated[int, U17]] = 3
+GROUP_FIELDS: Final = 4
+
+# Fields of one queued segment.
+SEGMENT_START_Q16: Final[Annotated[int, I40]] = 0
+SEGMENT_A: Final[Annotated[int, I32]] = 1
+SEGMENT_B: Final[Annotated[int, I32]] = 2
+SEGMENT_C: Final[Annotated[int, I32]] = 3
+SEGMENT_TICKS: Final[Annotated[int, U10]] = 4
+SEGMENT_END_VELOCITY: Final[Annotated[int, I32]] = 5
+SEGMENT_FIELDS: Final = 6
+
+# Why an axis needs the firmware's attention in a tick.
+EVENT_NONE: Final = 0
+EVENT_FINISHED: Final = 1
+EVENT_UNDERRUN: Final = 2
+EVENT_LATE_STEP: Final = 3
+
+# Why a segment is refused.
+ACCEPTED: Final = 0
+REFUSED_QUEUE_FULL: Final = 1
+REFUSED_DURATION: Final = 2
+REFUSED_COEFFICIENT: Final = 3
+REFUSED_TOO_FAST: Final = 4
+REFUSED_POSITION: Final = 5
+
+Cells: TypeAlias = Any
+"""list[int] or an int64 array."""
+Rows: TypeAlias = Any
+"""list[list[int]] or a two-dimensional int64 array."""
+# What the cells are, which only C distinguishes.
+Axes: TypeAlias = Cells
+Queue: TypeAlias = Cells
+Group: TypeAlias = Cells
+Edges: TypeAlias = Cells
+
+
+@kernel_function
+def way_q16(velocity: I32, duration_ticks: U10, microsteps: U5) -> I42:
+    """Return the distance, in Q16 steps, that a velocity in 1/64 unit per ms covers; rounded once."""
+    return (velocity * duration_ticks * microsteps + 32) >> 6
+
+
+@kernel_function
+def push(axes: Axes, queue: Queue, axis: U3, displacement_units: I32, end_velocity: I32, duration_ticks: I32) -> U3:
+    """Queue the cubic from the tail of the queue to the tail + displacement; return ACCEPTED or why it is refused.
+
+    The displacement is in wire units (1/16 384 full step), the end velocity in 1/64 unit per ms. With D the
+    displacement, a = v0 dt and e = v1 dt, all in Q16 steps: b = 3D - 2a - e, c = a + e - 2D. The velocity is a
+    quadratic with the Bernstein coefficients a, 3D - a - e and e (over dt), so these three bound the step rate. With
+    all values checked below inside i32, every intermediate of the evaluation is inside i32 too. A refused segment
+    changes nothing.
+    """
+    base: U8 = axis * AXIS_FIELDS
+    count = axes[base + QUEUE_COUNT]
+    if count >= QUEUE_DEPTH:
+        return REFUSED_QUEUE_FULL
+    if duration_ticks < 1 or duration_ticks > DURATION_MAX_MS * TICKS_PER_MS:
+        return REFUSED_DURATION
+    microsteps = axes[base + MICROSTEPS]
+    distance = displacement_units * microsteps << 2
+    a = way_q16(axes[base + TAIL_VELOCITY], duration_ticks, microsteps)
+    e = way_q16(end_velocity, duration_ticks, microsteps)
+    middle = 3 * distance - a - e
+    b = middle - a
+    c = a + e - 2 * distance
+    fastest = max(abs(a), abs(middle), abs(e))
+    if max(fastest, abs(b), abs(c), abs(distance), abs(distance - a)) > I32_MAX:
+        return REFUSED_COEFFICIENT
+    if fastest * TICKS_PER_MS > axes[base + RATE_LIMIT_Q16_PER_MS] * duration_ticks:
+        return REFUSED_TOO_FAST
+    tail = axes[base + TAIL_Q16]
+    if abs(tail + distance) > I32_MAX * microsteps << 2:
+        return REFUSED_POSITION
+    slot: U6 = (axes[base + QUEUE_HEAD] + count) % QUEUE_DEPTH
+    entry: U12 = (axis * QUEUE_DEPTH + slot) * SEGMENT_FIELDS
+    queue[entry + SEGMENT_START_Q16] = tail
+    queue[entry + SEGMENT_A] = a
+    queue[entry + SEGMENT_B] = b
+    queue[entry + SEGMENT_C] = c
+    queue[entry + SEGMENT_TICKS] = duration_ticks
+    queue[entry + SEGMENT_END_VELOCITY] = end_velocity
+    axes[base + QUEUE_COUNT] = count + 1
+    axes[base + TAIL_Q16] = tail + distance
+    axes[base + TAIL_VELOCITY] = end_velocity
+    return ACCEPTED
+
+
+@kernel_function
+def next_segment(axes: Axes, queue: Queue, axis: U3) -> bool:
+    """Take the oldest segment off the queue and make it the running one; return False if there is none."""
+    base: U8 = axis * AXIS_FIELDS
+    count = axes[base + QUEUE_COUNT]
+    if count == 0:
+        axes[base + RUNNING] = 0
+        return False
+    head = axes[base + QUEUE_HEAD]
+    entry: U12 = (axis * QUEUE_DEPTH + head) * SEGMENT_FIELDS
+    axes[base + START_Q16] = queue[entry + SEGMENT_START_Q16]
+    axes[base + COEFFICIENT_A] = queue[entry + SEGMENT_A]
+    axes[base + COEFFICIENT_B] = queue[entry + SEGMENT_B]
+    axes[base + COEFFICIENT_C] = queue[entry + SEGMENT_C]
+    axes[base + DURATION_TICKS] = queue[entry + SEGMENT_TICKS]
+    axes[base + END_VELOCITY] = queue[entry + SEGMENT_END_VELOCITY]
+    axes[base + ELAPSED_Q16] = 0
+    axes[base + QUEUE_HEAD] = (head + 1) % QUEUE_DEPTH
+    axes[base + QUEUE_COUNT] = count - 1
+    axes[base + RUNNING] = 1
+    return True
+
+
+@kernel_function
+def place_steps(
+    axes: Axes, clk: Edges, direction: Edges, base: U8, tick_counts: I60, travel: U31, to_threshold: U31, up: U1
+) -> bool:
+    """Place the steps of one tick, all of them up or down (1 or 0); return False if one is over a tick late.
+
+    The chord is `travel` long and crosses the first threshold after `to_threshold` (Q16 steps). The crossings are
+    evenly spaced: the first is at to_threshold * interval, each further one an interval later. A rise waits until the
+    last CLK fall is stepspace old and the last DIR edge dirsetup old. A DIR edge waits until the last rise is dirhold
+    old, and at least one count, because the driver reads DIR at the rise itself. All these times count from the edges
+    really placed.
+    """
+    # `travel` is never negative; testing for it lets the compiler divide unsigned.
+    if travel <= 0 or to_threshold > travel:
+        return True
+    earliest: I63 = axes[base + EARLIEST_RISE_COUNTS]
+    level = up ^ axes[base + DIR_INVERTED]
+    if axes[base + DIR_LEVEL] != level:
+        edge: I60 = max(tick_counts, axes[base + LAST_RISE_COUNTS] + max(axes[base + DIRHOLD_COUNTS], 1))
+        earliest = max(earliest, edge + axes[base + DIRSETUP_COUNTS])
+        axes[base + DIR_LEVEL] = level
+        direction[axes[base + DIR_EDGES]] = 2 * edge + level
+        axes[base + DIR_EDGES] += 1
+    steps: U30 = (travel - to_threshold) // STEP_Q16 + 1
+    interval_q16 = (TICK_COUNTS << 32) // travel
+    due_q32: U47 = to_threshold * interval_q16  # at most a tick, since the threshold is on the chord
+    due_q16: U48 = due_q32 >> 16
+    steplen = axes[base + STEPLEN_COUNTS]
+    pulse = steplen + axes[base + STEPSPACE_COUNTS]
+    first: U30 = axes[base + CLK_EDGES] & I32_MAX  # never negative; the mask shows it, so that the loop is vectorised
+    last: U30 = first + 2 * steps
+    axes[base + COUNTER] += steps if up else -steps
+    axes[base + CLK_EDGES] = last
+    rise: I60 = tick_counts + (due_q16 >> 16)
+    if earliest > rise or pulse > interval_q16 >> 16:
+        return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
+    # The first step need not wait, and the others are at least a pulse apart: all are placed when they are due.
+    for k in range(first, last, 2):
+        rise = tick_counts + (due_q16 >> 16)
+        clk[k] = rise
+        clk[k + 1] = rise + steplen
+        due_q16 += interval_q16
+    axes[base + LAST_RISE_COUNTS] = rise
+    axes[base + EARLIEST_RISE_COUNTS] = rise + pulse
+    return True
+
+
+@kernel_function
+def place_waiting_steps(
+    axes: Axes,
+    clk: Edges,
+    base: U8,
+    first: U30,
+    last: U30,
+    tick_counts: I60,
+    due_q16: U48,
+    interval_q16: U47,
+    earliest: I63,
+) -> bool:
+    """Place the edges first .. last - 1: each step when it is due, or later when the driver is ready for it.
+
+    Return False if a step is over a tick late. The crossings of a tick are equally spaced: if a pulse is longer than
+    their interval, lateness grows from step to step; if not, it shrinks. So the first or the last step is the latest.
+    """
+    steplen = axes[base + STEPLEN_COUNTS]
+    pulse = steplen + axes[base + STEPSPACE_COUNTS]
+    first_due: I60 = tick_counts + (due_q16 >> 16)
+    first_late: I60 = max(earliest - first_due, 0)
+    due: I60 = 0
+    rise: I60 = 0
+    delayed: U31 = 0
+    for k in range(first, last, 2):
+        due = tick_counts + (due_q16 >> 16)
+        rise = max(due, earliest)
+        delayed += rise > due
+        clk[k] = rise
+        clk[k + 1] = rise + steplen
+        earliest = rise + pulse
+        due_q16 += interval_q16
+    axes[base + LAST_RISE_COUNTS] = rise
+    axes[base + EARLIEST_RISE_COUNTS] = earliest
+    axes[base + DELAYED_STEPS] += delayed
+    return bool(max(first_late, rise - due) <= TICK_COUNTS)
+
+
+@kernel_function
+def group_time_q16(group: Group, tick: I44) -> I63:
+    """Return the trajectory time from the start of the group's ramp to the start of `tick`, in Q16 ticks.
+
+    After j of the ramp's K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp
+    covers (r0 + r1) K / 2. Between full rate and 0, with an even number of ticks, that is a whole number of ticks.
+    """
+    since: U44 = tick - group[RAMP_TICK]
+    ramped: U17 = min(since, group[RAMP_TICKS])
+    time_q16: I63 = group[RATE_FROM_Q16] * ramped + group[RATE_TO_Q16] * (since - ramped)
+    if ramped > 0:
+        time_q16 += (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * ramped * ramped // (2 * group[RAMP_TICKS])
+    return int(time_q16)
+
+
+@kernel_function
+def makes_no_step(start: I49, a: I32, b: I32, c: I32) -> bool:
+    """Return True if a segment that starts at this distance from the counter cannot reach a threshold.
+
+    A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
+    are multiplied by three to avoid the division, and so are the threshold and the rounding of an evaluation.
+    """
+    end = 3 * (start + a + b + c)
+    farthest = max(abs(3 * start), abs(3 * start + a), abs(end - a - 2 * b - 3 * c), abs(end))
+    return bool(farthest < 3 * (THRESHOLD_Q16 - ROUNDING_Q16))
+
+
+@kernel_function
+def run_ticks(axes: Axes, clk: Edges, direction: Edges, base: U8, tick: I44, until_tick: I44, rate_q16: U17) -> I44:
+    """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
+
+    Trajectory time advances by `rate_q16` a tick, so (i << 30) // n is updated by additions: quotient and remainder
+    are carried from tick to tick. Trajectory time is negative where the segment begins within the tick. Return the
+    tick reached; EVENT tells if a step was late.
+    """
+    half = 1 << 29
+    start = axes[base + START_Q16]
+    a = axes[base + COEFFICIENT_A]
+    b = axes[base + COEFFICIENT_B]
+    c = axes[base + COEFFICIENT_C]
+    n = axes[base + DURATION_TICKS]
+    p: I40 = axes[base + POSITION_Q16]
+    elapsed_q16 = axes[base + ELAPSED_Q16]
+    from_tick = tick
+    s_per_tick: U31 = (rate_q16 << 14) // n
+    s_remainder_per_tick: U10 = (rate_q16 << 14) - s_per_tick * n
+    on_time = True
+    if until_tick - tick > 1 and makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):
+        # Only the position at the end is needed: skip to the last tick.
+        tick = max(tick, until_tick - 1)
+    since_q16: I32 = elapsed_q16 + (tick - from_tick) * rate_q16
+    s: Q30 = (since_q16 << 14) // n
+    s_remainder: U12 = (since_q16 << 14) - s * n
+    while tick < until_tick and on_time:
+        s += s_per_tick
+        s_remainder += s_remainder_per_tick
+        if s_remainder >= n:
+            s_remainder -= n
+            s += 1
+        chord: I32 = ((c * s + half) >> 30) + b
+        chord = ((chord * s + half) >> 30) + a
+        q: I40 = start + ((chord * s + half) >> 30)
+        # One call for each direction: the compiler inlines a version for each, which is faster by a sixth.
+        counter_q16 = axes[base + COUNTER] * STEP_Q16
+        tick_counts = tick * TICK_COUNTS
+        if q - counter_q16 >= THRESHOLD_Q16:
+            to_threshold = counter_q16 + THRESHOLD_Q16 - p
+            on_time = place_steps(axes, clk, direction, base, tick_counts, q - p, to_threshold, 1)
+        elif counter_q16 - q >= THRESHOLD_Q16:
+            to_threshold = p + THRESHOLD_Q16 - counter_q16
+            on_time = place_steps(axes, clk, direction, base, tick_counts, p - q, to_threshold, 0)
+        p = q
+        tick += 1
+    axes[base + POSITION_Q16] = p
+    axes[base + ELAPSED_Q16] = elapsed_q16 + (tick - from_tick) * rate_q16
+    if not on_time:
+        axes[base + EVENT] = EVENT_LATE_STEP
+    return tick
+
+
+@kernel_function
+def full_rate_from(axes: Axes, group: Group, axis: U3, tick: I44) -> I64:
+    """Return the first tick, not before `tick`, from which on an axis' trajectory time runs at full rate."""
+    if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
+        return tick
+    if group[RATE_TO_Q16] != FULL_RATE_Q16:
+        return NEVER_TICK
+    return int(max(tick, group[RAMP_TICK] + group[RAMP_TICKS]))
+
+
+@kernel_function
+def advance_axis(
+    axes: Axes, queue: Queue, group: Group, clk: Edges, direction: Edges, axis: U3, tick: I44, until_tick: I44
+) -> I44:
+    """Run one axis from the start of `tick` to the start of `until_tick`, or until it needs attention.
+
+    Return the tick reached; if it is before `until_tick`, EVENT tells why. At full rate all whole ticks of a segment
+    are run in one call. A tick at another rate is run alone, and so is a tick within which a segment ends: the rest of
+    the tick belongs to the next segment, or the axis rests if there is none.
+    """
+    base: U8 = axis * AXIS_FIELDS
+    if axes[base + RUNNING] == 1:
+        axes[base + EVENT] = EVENT_NONE
+    full_from = full_rate_from(axes, group, axis, tick)
+    while tick < until_tick and axes[base + RUNNING] == 1:
+        left_q16: I32 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
+        rate_q16: U17 = FULL_RATE_Q16
+        ticks = max(left_q16 >> 16, 1)
+        if tick < full_from:
+            rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
+            ticks = 1
+            if rate_q16 == 0 and tick >= group[RAMP_TICK] + group[RAMP_TICKS]:
+                return until_tick  # the group has halted
+        if left_q16 < rate_q16:
+            if next_segment(axes, queue, axis):
+                axes[base + ELAPSED_Q16] = -left_q16  # it begins within the tick
+            else:
+                rate_q16 = left_q16  # to the segment's very end
+        tick = run_ticks(axes, clk, direction, base, tick, min(tick + ticks, until_tick), rate_q16)
+        if axes[base + ELAPSED_Q16] == axes[base + DURATION_TICKS] << 16 and not next_segment(axes, queue, axis):
+            if axes[base + EVENT] == EVENT_NONE:  # a late step is told first: the firmware stops for it anyway
+                axes[base + EVENT] = EVENT_FINISHED if axes[base + END_VELOCITY] == 0 else EVENT_UNDERRUN
+            return tick
+        if axes[base + EVENT] != EVENT_NONE:
+            return tick
+    return until_tick
+
+
+@kernel_function
+def advance(
+    axes: Axes,
+    before: Axes,
+    queue: Queue,
+    group: Group,
+    clk: Rows,
+    direction: Rows,
+    axis_count: U4,
+    tick: I44,
+    until_tick: I44,
+) -> tuple[I44, U4]:
+    """Run all axes from `tick` to `until_tick`, or to the first tick when one of them needs attention.
+
+    The group's ramp must not begin after `tick`. `before` is as long as `axes` and is overwritten. Return the tick
+    reached, which is after `tick`, and the number of axes that need attention there; their EVENT tells why.
+    """
+    if until_tick - tick > 1:  # within one tick no axis can run too far
+        before[:] = axes
+    reached: I44 = until_tick
+    for axis in range(axis_count):
+        reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
+    if reached < until_tick:  # axes run one after the other, and some ran too far: repeat up to the common tick
+        axes[:] = before
+        for axis in range(axis_count):
+            advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
+    asking: U4 = 0
+    for axis in range(axis_count):
+        asking += axes[axis * AXIS_FIELDS + EVENT] != EVENT_NONE
+    return reached, asking
+
+
+@kernel_function
+def demand_rate(axes: Axes, axis: U3) -> I34:
+    """Return the slope of the present segment, or of the last one at its end, in Q16 steps per duration.
+
+    That is a + 2 b s + 3 c s^2 at full rate; the caller scales it by the group's rate.
+    """
+    base: U8 = axis * AXIS_FIELDS
+    s: Q30 = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
+    slope: Q32 = ((3 * axes[base + COEFFICIENT_C] * s) >> 30) + 2 * axes[base + COEFFICIENT_B]
+    return int(((slope * s) >> 30) + axes[base + COEFFICIENT_A])

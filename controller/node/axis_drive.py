@@ -1,0 +1,348 @@
+"""One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
+
+from typing import Final
+
+from steptwin.controller.modes.cyclic_position import CyclicPosition
+from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.modes.homing import Homing
+from steptwin.controller.modes.interpolation import Interpolation
+from steptwin.controller.modes.profile_feed import ProfileFeed
+from steptwin.controller.modes.profile_position import ProfilePosition
+from steptwin.controller.modes.profile_velocity import ProfileVelocity
+from steptwin.controller.node.axis_context import AxisContext
+from steptwin.controller.node.axis_errors import FaultCount
+from steptwin.controller.node.axis_stop import AxisStop
+from steptwin.controller.node.driver_settings import DriverSettings
+from steptwin.controller.node.pins import Pin
+from steptwin.controller.node.power_states import ENERGISED, next_state
+from steptwin.controller.node.soft_limits import refuse_crossed_limits
+from steptwin.controller.node.stops import DISABLES, OPTIONS, QUICK_STOPS, SHUTDOWNS, StopKind, fault_stop
+from steptwin.controller.node.supervision import Supervision
+from steptwin.protocol import cia402, od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.dictionary import WriteHook
+from steptwin.protocol.homing_methods import HOMING_METHODS
+
+_ABORT_CONTROLWORDS = {
+    AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
+    AbortConnection.QUICK_STOP: cia402.QUICK_STOP,
+}
+"""The controlword that the drive obeys when its connection is lost, by the abort connection option code (6007h)."""
+
+BY_PROGRAM: Final = 1
+"""Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
+
+_FOLLOWING_MODES: Final = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
+"""The modes in which bit 13 of the statusword is the following error."""
+
+
+class AxisDrive:
+    """Obeys controlwords, stops for faults and reports its state in the statusword.
+
+    The state machine, the mode and the stop in progress act on each other at every command, so they are driven from one
+    class; the tables, the modes, the supervision and the ways to stop are classes of their own.
+    """
+
+    def __init__(self, context: AxisContext) -> None:
+        self.axis = context.axis
+        self.state = State.NOT_READY_TO_SWITCH_ON
+        self.energised = False
+        """True while the driver's outputs are on."""
+        self._context = context
+        self._motion = context.motion
+        self._dictionary = context.dictionary
+        self._controlword = 0
+        self._emergency_stopped = False
+        """True from an emergency stop by a program (2015h) until the fault reset."""
+        self._after_stop: State | None = None
+        """State to enter when the stop in progress has ended."""
+        self._faults = FaultCount(context.dictionary, lambda: context.now_us, self._reset_fault)
+        self.settings = DriverSettings(context.dictionary, context.pins.set)
+        self.supervision = Supervision(context)
+        self.stop = AxisStop(context)
+        self.interpolation = Interpolation(context, self.stop)
+        self.feed = ProfileFeed(context, self.interpolation)
+        self._profile_velocity = ProfileVelocity(context, self.feed)
+        self._modes: dict[int, DriveMode] = {
+            Mode.NONE: DriveMode(context),
+            Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
+            Mode.PROFILE_VELOCITY: self._profile_velocity,
+            Mode.HOMING: Homing(context, self.feed, self.interpolation, self.supervision),
+            Mode.INTERPOLATED_POSITION: self.interpolation,
+            Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
+        }
+        self.mode_number = int(Mode.NONE)
+        self._install_hooks()
+
+    def _install_hooks(self) -> None:
+        write = self._dictionary.write_hooks
+        write[od.CONTROLWORD] = self._write_controlword
+        write[od.MODE_OF_OPERATION] = self._write_mode
+        write[od.TARGET_VELOCITY] = self._write_target_velocity
+        write[od.EMERGENCY_STOP] = self._write_emergency_stop
+        self._dictionary.read_hooks[od.EMERGENCY_STOP] = lambda: int(self._emergency_stopped)
+        refuse_crossed_limits(self._dictionary)
+        for address, values in OPTIONS.items():
+            write[address] = _one_of(values)
+        write[od.HOMING_METHOD] = _one_of(frozenset(HOMING_METHODS))
+        write[od.MOTION_PROFILE_TYPE] = _one_of(frozenset((cia402.LINEAR_RAMP, cia402.JERK_LIMITED_RAMP)))
+
+    def reset(self) -> None:
+        """Lose everything that a power cycle would lose; end the pulses at once. A standing axis keeps its position."""
+        self.stop.cut()
+        self._controlword = 0
+        self._emergency_stopped = False
+        self.mode.interrupted()
+        self.mode_number = int(Mode.NONE)
+        self.interpolation.restart()
+        self._enter(State.SWITCH_ON_DISABLED)
+
+    @property
+    def mode(self) -> DriveMode:
+        """The mode of operation."""
+        return self._modes[self.mode_number]
+
+    # --- commands
+
+    def _write_controlword(self, controlword: int) -> None:
+        """Obey a controlword; the mode's own bits only count in OPERATION ENABLED.
+
+        So a bit that rises in the word that enables the drive starts nothing: the mode sees no edge.
+
+        While a ramp leads out of OPERATION ENABLED, the last command decides which state follows it. "Enable
+        operation" then keeps the drive enabled, as transition 4 would after the ramp; the ramp still goes on to rest.
+        """
+        self._context.touch()
+        previous, self._controlword = self._controlword, controlword
+        was_enabled = self._enabled
+        self._obey(next_state(self.state, controlword, previous))
+        if self._enabled:
+            self.mode.control(controlword, previous if was_enabled else controlword)
+
+    @property
+    def _enabled(self) -> bool:
+        """True in OPERATION ENABLED, unless a ramp leads out of it."""
+        return self.state is State.OPERATION_ENABLED and self._after_stop is None
+
+    def _reset_fault(self) -> None:
+        """Leave FAULT as by a rising edge of the controlword's bit 7 (transition 15); elsewhere do nothing."""
+        if self.state is State.FAULT:
+            for controlword in (0, Control.FAULT_RESET):
+                self._dictionary.set(od.CONTROLWORD, controlword)
+                self._write_controlword(controlword)
+
+    def _obey(self, target: State) -> None:
+        """Change the state by command. A moving axis first stops, in the way that the option codes select."""
+        if target is (self._after_stop or self.state):
+            return
+        if self.state is State.FAULT:
+            if any(self.supervision.causes()):
+                return  # a fault cannot be reset while its cause lasts
+            self._emergency_stopped = False
+            self._set_error(ErrorCode.NONE)
+            self._context.errors.acknowledge_faults()
+        kind, end = self._stop_towards(target)
+        if self._motion.running(self.axis) and target is not State.OPERATION_ENABLED:
+            self._bring_to_rest(kind)
+        if not self._motion.running(self.axis):
+            self._enter(end)
+        elif end in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):
+            self._after_stop = end  # the drive stays in OPERATION ENABLED until the ramp has ended
+        else:
+            self._enter(target)
+
+    def _stop_towards(self, target: State) -> tuple[StopKind, State]:
+        """Return how a moving axis stops on its way to a state, and the state that follows the stop."""
+        get = self._dictionary.get
+        if target is State.QUICK_STOP_ACTIVE:
+            return QUICK_STOPS[get(od.QUICK_STOP_OPTION)]
+        if target is State.READY_TO_SWITCH_ON:
+            return SHUTDOWNS[get(od.SHUTDOWN_OPTION)], target
+        if target is State.SWITCHED_ON:
+            return DISABLES[get(od.DISABLE_OPERATION_OPTION)], target
+        return StopKind.CUT, target
+
+    def _bring_to_rest(self, kind: StopKind, stop_ms: int | None = None) -> None:
+        if kind is StopKind.CUT:
+            self.stop.cut()
+        else:
+            self.stop.ramp_down(kind, stop_ms)
+            self.mode.interrupted()
+
+    def _write_mode(self, mode: int) -> None:
+        if mode not in self._modes:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        if mode != self.mode_number and self._motion.running(self.axis):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        if mode != self.mode_number:
+            self.mode.interrupted()
+            self.mode_number = mode
+            self._context.changed(od.MODE_OF_OPERATION_DISPLAY)
+            if self.state is State.OPERATION_ENABLED:
+                # The same word twice shows the new mode levels but no edge, so that no old bit starts a motion.
+                self.mode.control(self._controlword, self._controlword)
+
+    def _write_target_velocity(self, units_per_s: int) -> None:
+        self._context.touch()
+        self._profile_velocity.write_target(units_per_s)
+
+    def abort_connection(self) -> None:
+        """Obey the controlword that the abort connection option code (6007h) gives for a lost connection, if any.
+
+        The option "fault signal" gives none: the node requests the fault reaction, which concerns the group.
+        """
+        controlword = _ABORT_CONTROLWORDS.get(AbortConnection(self._dictionary.get(od.ABORT_CONNECTION_OPTION)))
+        if controlword is not None:
+            self._obey(next_state(self.state, controlword, self._controlword))
+
+    def select_microsteps(self, microsteps: int) -> None:
+        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
+        self.settings.set_microsteps(microsteps)
+        self._context.reference.lose()
+
+    # --- states
+
+    def _enter(self, state: State) -> None:
+        was_energised, self.state = self.energised, state
+        self.energised = state in ENERGISED
+        self._context.pins.set(Pin.ENABLE, int(self.energised))
+        self._after_stop = None
+        self._profile_velocity.void_target()  # only a target given in OPERATION ENABLED moves an axis
+        if state is not State.OPERATION_ENABLED:
+            self.mode.interrupted()
+        if self.energised and not was_energised:
+            self.supervision.check()
+
+    def finished(self) -> None:
+        """Handle the end of all segments: the axis is at rest."""
+        if self.state is State.FAULT_REACTION_ACTIVE:
+            self._enter(State.FAULT)
+        elif self.state is State.QUICK_STOP_ACTIVE:
+            self._enter(QUICK_STOPS[self._dictionary.get(od.QUICK_STOP_OPTION)].end)
+        elif self._after_stop:
+            self._enter(self._after_stop)
+        else:
+            self.mode.finished()
+
+    # --- faults
+
+    def _fault_stop(self, code: ErrorCode, detail: int) -> StopKind:
+        return fault_stop(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
+
+    def fault_stop_ms(self, code: ErrorCode, detail: int) -> int:
+        """Return how long the drive would take to stop for an error."""
+        return self.stop.duration_ms(self._fault_stop(code, detail))
+
+    def fault(self, code: ErrorCode, detail: int, stop_ms: int) -> None:
+        """Enter the fault reaction: report the error, stop within `stop_ms`, then switch off.
+
+        A drive that is switched off stays so, since the fault reaction would switch it on. A drive that is reacting to
+        a fault already continues with that reaction, unless the new error demands to end the pulses at once.
+        """
+        if not self.energised:
+            return
+        self._faults.note()
+        kind = self._fault_stop(code, detail)
+        reacting = self.state is State.FAULT_REACTION_ACTIVE
+        if reacting and kind is not StopKind.CUT:
+            return
+        self._report(code, detail)
+        if code is ErrorCode.PVT_UNDERRUN:
+            self.interpolation.underrun()
+        if self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0:
+            self._bring_to_rest(kind, stop_ms)
+        self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
+
+    def _write_emergency_stop(self, value: int) -> None:
+        """Stop as the e-stop input does (2015h); only a fault reset leads out of FAULT, also if the drive was off."""
+        if not value:
+            raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
+        self._context.touch()
+        self._faults.note()
+        self._emergency_stopped = True
+        if self.energised:
+            self._context.trip(ErrorCode.ESTOP, BY_PROGRAM)
+        elif self.state is not State.FAULT:
+            self._report(ErrorCode.ESTOP, BY_PROGRAM)
+            self._enter(State.FAULT)
+
+    def _report(self, code: ErrorCode, detail: int) -> None:
+        self._set_error(code)
+        if not self._context.errors.is_reported(code):
+            self._context.errors.report(code, detail)
+
+    def _set_error(self, code: ErrorCode) -> None:
+        self._dictionary.set(od.ERROR_CODE, code)
+        self._context.changed(od.ERROR_CODE)
+
+    # --- inputs
+
+    def set_inputs(self, inputs: DigitalInput) -> None:
+        """Take the axis' input levels as of the tick that begins now."""
+        if inputs == self.supervision.inputs:
+            return
+        if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
+            self._faults.note()
+        self.supervision.inputs = inputs
+        self._context.changed(od.DIGITAL_INPUTS)
+        if self.energised:
+            self.supervision.check()
+            if not self.mode.seeks_switches:
+                self.supervision.check_limits()
+        if self._enabled:
+            self.mode.inputs_changed(inputs)
+
+    def measured(self) -> None:
+        """Look at new readings of the board's analogue inputs."""
+        if self.energised:
+            self.supervision.check()
+
+    # --- after every call, and when time has passed
+
+    def settle(self, now_us: int) -> None:
+        """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
+        self._motion.settle_speed_limit(self.axis)
+        interpolating = self.mode is self.interpolation
+        self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
+        self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
+        self.settings.settle(now_us, moving=self._motion.running(self.axis))
+        self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
+
+    def dues_us(self) -> tuple[int | None, ...]:
+        """Return the time of the next poll of each part of the drive; None if a part waits for nothing."""
+        return self.feed.due_us, self.supervision.due_us, self.settings.due_us, self.mode.due_us
+
+    def poll(self, now_us: int) -> bool:
+        """Do the work that is due; return whether there was any."""
+        if all(due_us is None or due_us > now_us for due_us in self.dues_us()):
+            return False
+        self.feed.poll(now_us)
+        self.supervision.poll(now_us)
+        self.settings.poll(now_us)
+        self.mode.poll(now_us)
+        return True
+
+    def statusword(self) -> int:
+        """Return the statusword (6041h): the bits of the state, the drive and the mode."""
+        word = self.state.bits
+        if self.supervision.supplied:
+            word |= Status.VOLTAGE_ENABLED
+        if self._context.reference.known:
+            word |= Status.POSITION_KNOWN
+        if self.mode_number in _FOLLOWING_MODES and self.supervision.following_error:
+            word |= Status.FOLLOWING_ERROR
+        enabled = self.state is State.OPERATION_ENABLED
+        if self.mode.target_reached() if enabled else not self._motion.running(self.axis):
+            word |= Status.TARGET_REACHED
+        if enabled:
+            word |= self.mode.status_bits()
+        return word
+
+
+def _one_of(values: frozenset[int]) -> WriteHook:
+    def check(value: int) -> None:
+        if value not in values:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+
+    return check

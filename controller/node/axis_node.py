@@ -1,0 +1,385 @@
+"""One axis as a CANopen node: network management, frames in and out, and the services between bus and drive."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from steptwin.controller.node.axis_context import AxisContext, BoardContext
+from steptwin.controller.node.axis_drive import AxisDrive
+from steptwin.controller.node.charge import Charge
+from steptwin.controller.node.pins import Pin
+from steptwin.controller.node.step_settings import StepSettings
+from steptwin.controller.node.stops import LOSS_EFFECTS, ConnectionLoss
+from steptwin.controller.node.transmit_queue import Outbox, Service
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
+from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
+from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.robot_name import checksum
+from steptwin.protocol.sdo_server import SdoServer
+from steptwin.protocol.storage import ParameterStorage
+from steptwin.protocol.sync import SyncConsumer
+
+_I32_MIN: Final = -(1 << 31)
+_I32_MAX: Final = (1 << 31) - 1
+
+
+def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
+    """Install the read hooks of positions, velocity, inputs and measurements."""
+    axis, motion, board = context.axis, context.motion, context.board
+    context.dictionary.read_hooks |= {
+        od.BOARD_TEMPERATURE: lambda: board.measurements.temperature_decidegc,
+        od.SUPPLY_VOLTAGE: lambda: board.measurements.supply_10mv,
+        od.ROTOR_POSITION_STEPS: lambda: board.monitor(axis).rotor_steps,
+        od.LOST_STEPS: lambda: board.monitor(axis).lost_steps,
+        od.DRIVER_VIOLATIONS: lambda: board.monitor(axis).violations,
+        od.DRIVER_MICROSTEPS: lambda: board.monitor(axis).microsteps,
+        od.SHAFT_POSITION: lambda: _saturated(board.shaft(axis).position_units),
+        od.SLIPPED_FULL_STEPS: lambda: board.shaft(axis).slipped_full_steps,
+        od.MODE_OF_OPERATION_DISPLAY: lambda: drive.mode_number,
+        od.POSITION_DEMAND: lambda: _saturated(motion.demand_units(axis)),
+        od.POSITION_ACTUAL: lambda: _saturated(motion.counter_units(axis)),
+        od.VELOCITY_ACTUAL: lambda: motion.velocity(axis) * 1000 // VELOCITY_PER_UNIT_PER_MS,
+        od.FOLLOWING_ERROR_ACTUAL: lambda: _saturated(context.reference.following_error_units),
+        od.POSITION_DEMAND_STEPS: lambda: motion.demand_steps(axis),
+        od.DIGITAL_INPUTS: lambda: drive.supervision.inputs,
+    }
+
+
+def _saturated(units: int) -> int:
+    """Limit a position to i32: within a segment, or rounded to a step, an axis may be a little beyond that range."""
+    return _I32_MIN if units < _I32_MIN else min(units, _I32_MAX)
+
+
+_RETRY_US: Final = 1000
+"""Time after which an EMCY that found no place in the transmit queue tries again."""
+_OPERATIONAL: Final = NmtState.OPERATIONAL  # to fetch it from its enum costs time, for every frame
+_FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
+_SILENT: Final = (NmtState.STOPPED, NmtState.INITIALISING)
+"""The NMT states in which a node neither answers SDO requests nor sends EMCYs."""
+
+
+class AxisNode:
+    """The firmware of one axis. Every call is told the time; frames to send go to the board's transmit queue."""
+
+    def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
+        self.axis = axis
+        self.node_id = node_id
+        self.nmt_state = NmtState.INITIALISING
+        self.due_us: int | None = None
+        """Time of the next call of `poll`; None if the node waits for nothing."""
+        self.routes_changed = True
+        """True when the COB-IDs that this node listens to may have changed, until the firmware resets it."""
+        self.connection_lost = False
+        """True when a heartbeat has been lost, until `abort_connection`."""
+        self._resetting = False
+        """True while the axis comes to rest before the node is reset."""
+        self._context = context = AxisContext(axis, node_id, flash_page, board)
+        self.dictionary = context.dictionary
+        self.process_data = context.process_data
+        self.pins = context.pins
+        self._motion = board.motion
+        self._clock_zero_us = 0
+        """Time when the high resolution time stamp (1013h) was 0."""
+        self._statusword = 0
+        self._sdo = SdoServer(self.dictionary)
+        self._sync = SyncConsumer(self.dictionary)
+        self._heartbeat = HeartbeatProducer()
+        self._heartbeats = context.heartbeats
+        self._errors = context.errors
+        self._emergency = context.errors.producer
+        self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
+        self._charge = Charge(self.dictionary)
+        self.drive = AxisDrive(context)
+        self._steps = StepSettings(context, self.drive)
+        install_present_values(context, self.drive)
+        self._install_hooks()
+        ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
+
+    def _install_hooks(self) -> None:
+        read, write, get = self.dictionary.read_hooks, self.dictionary.write_hooks, self.dictionary.get
+        read[od.TIME_STAMP] = lambda: self._context.now_us - self._clock_zero_us & 0xFFFF_FFFF
+        read[od.BOARD_CLOCK_US] = lambda: self._context.now_us & 0xFFFF_FFFF
+        read[od.STATUSWORD] = self.statusword
+        read[od.ROBOT_NAME_CRC] = lambda: checksum(self.dictionary.text(od.ROBOT_NAME))
+        write[od.TIME_STAMP] = self._set_clock
+        write[od.PRODUCER_HEARTBEAT_TIME] = self._set_heartbeat_period
+        write[od.DIGITAL_OUTPUTS] = lambda levels: self.pins.switch_outputs(levels & get(od.DIGITAL_OUTPUTS_MASK))
+        write[od.DIGITAL_OUTPUTS_MASK] = lambda mask: self.pins.switch_outputs(get(od.DIGITAL_OUTPUTS) & mask)
+
+    def _set_clock(self, time_us: int) -> None:
+        self._clock_zero_us = self._context.now_us - time_us
+
+    def _set_heartbeat_period(self, period_ms: int) -> None:
+        self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
+
+    def _board_moves(self) -> bool:
+        """Return whether an axis of the board moves: while an STM32F103 writes its flash, it cannot make steps."""
+        return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
+
+    # --- power-up and network management
+
+    def boot(self, now_us: int) -> None:
+        """Power up: announce the node, then wait in PRE-OPERATIONAL and SWITCH ON DISABLED."""
+        self._context.now_us = now_us
+        self._reset_application()
+        self.pins.set(Pin.RESET, 1)
+        self._reset_communication()
+        self._settle()
+
+    def on_nmt(self, command: NmtCommand, now_us: int) -> None:
+        """Obey a network management command that addresses this node, unless it waits for its reset."""
+        if self._resetting:
+            return
+        self._context.now_us = now_us
+        target = target_of(command)
+        if command is NmtCommand.RESET_NODE:
+            self._begin_reset()
+        elif target is NmtState.INITIALISING:
+            self._reset_communication()
+            self._lose_connection(ConnectionLoss.RESET_COMMUNICATION)
+        elif target is not self.nmt_state:
+            self._change_nmt_state(target)
+            if target is NmtState.STOPPED:
+                self._lose_connection(ConnectionLoss.NMT_STOPPED)
+        self._settle()
+
+    def _begin_reset(self) -> None:
+        """Let the axis stop as the abort connection option code (6007h) says; be silent until it stands, then restart.
+
+        With the option "no action" the reset itself ends the pulses.
+        """
+        self._lose_connection(ConnectionLoss.RESET_APPLICATION)
+        if self.dictionary.get(od.ABORT_CONNECTION_OPTION) == AbortConnection.NO_ACTION:
+            self.drive.stop.cut()
+        self._heartbeat.set_period(0, self._context.now_us)
+        self._change_nmt_state(NmtState.INITIALISING)
+        self._resetting = True
+
+    def _end_reset(self) -> None:
+        self._resetting = False
+        self._reset_application()
+        self._reset_communication()
+
+    def _change_nmt_state(self, target: NmtState) -> None:
+        if target is not self.nmt_state:
+            self.nmt_state = target
+            self.process_data.configurable = target is NmtState.PRE_OPERATIONAL
+            self.process_data.invalidate()
+
+    def _reset_application(self) -> None:
+        """Lose everything that a power cycle would lose, except the position of a standing axis."""
+        self.drive.reset()
+        self.dictionary.reset(first_index=0x2000)
+        self._steps.apply()
+        self._emergency.forget()
+        self.pins.switch_outputs(0)
+
+    def _reset_communication(self) -> None:
+        self.dictionary.reset(last_index=0x1FFF)
+        self._sdo.reset()
+        self._set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
+        self._errors.reset_communication()
+        self._heartbeats.restart()
+        self._outbox.reset()
+        self._charge.forget()
+        self.connection_lost = False
+        self.nmt_state = NmtState.PRE_OPERATIONAL
+        self.process_data.configurable = True
+        self.process_data.invalidate()
+        self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
+
+    # --- frames in
+
+    def on_sdo(self, data: bytes, now_us: int) -> None:
+        """Answer an SDO request, unless the node is stopped or restarts."""
+        if self.nmt_state in _SILENT:
+            return
+        self._context.now_us = now_us
+        for response in self._sdo.handle(data):
+            self._send(Service.SDO, COB_SDO_RESPONSE + self.node_id, response)
+        self._settle()
+
+    def on_rpdo(self, number: int, data: bytes, now_us: int) -> None:
+        """Take process data, in OPERATIONAL only."""
+        if self.nmt_state is not _OPERATIONAL:
+            return
+        context = self._context
+        context.now_us = now_us
+        error = self.process_data.receive_pdos[number].receive(data)
+        if error:
+            self._errors.report(error, number + 1)
+        elif self._emergency.register:
+            self._errors.pdo_received(number)
+        if context.touched:  # most frames are PVT records, which change nothing that is sent at once
+            self._settle()
+
+    def on_sync(self, data: bytes, now_us: int) -> None:
+        """Apply the RPDOs latched for SYNC, then send the TPDOs that this SYNC triggers."""
+        if self.nmt_state is not NmtState.OPERATIONAL:
+            return
+        self._context.now_us = now_us
+        counter = self._sync.counter_of(data)
+        if counter is None:
+            self._errors.report(ErrorCode.SYNC_LENGTH, len(data))
+            self._settle()
+            return
+        if self._emergency.register:
+            self._errors.resolved(ErrorCode.SYNC_LENGTH)
+        for receive_pdo in self.process_data.receive_pdos:
+            receive_pdo.on_sync()
+        self.drive.mode.on_sync()
+        for number, transmit_pdo in enumerate(self.process_data.transmit_pdos):
+            frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
+            if frame:
+                self._outbox.send_process_data(number, frame, now_us)
+        self._settle()
+
+    @property
+    def heartbeat_producers(self) -> list[int]:
+        """The node ids whose heartbeats this node listens to."""
+        return self._heartbeats.producers
+
+    def on_heartbeat(self, producer_id: int, data: bytes, now_us: int) -> None:
+        """Take another node's heartbeat, in every NMT state; a producer that returns resolves its error.
+
+        While the drive is in fault the error stays active until the fault reset.
+        """
+        self._context.now_us = now_us
+        if self._heartbeats.receive(producer_id, data, now_us) and self.drive.state not in _FAULT_STATES:
+            self._errors.acknowledge_faults()
+            self._settle()
+            return
+        deadline_us = self._heartbeats.due_us
+        # A heartbeat usually moves the deadline later. Then `due_us` stays, and `poll` schedules again when it comes.
+        if deadline_us is not None and (self.due_us is None or deadline_us < self.due_us):
+            self._schedule()
+
+    # --- errors of the bus
+
+    def _watch_connection(self) -> None:
+        """Report the heartbeat producers that have fallen silent."""
+        for producer_id in self._heartbeats.poll(self._context.now_us):
+            self._errors.report(ErrorCode.HEARTBEAT_LOST, producer_id)
+            self._charge.forget()
+            self.connection_lost = True
+
+    def abort_connection(self, now_us: int) -> None:
+        """React to a lost heartbeat, after the polls of all nodes."""
+        self._context.now_us = now_us
+        self.connection_lost = False
+        self._lose_connection(ConnectionLoss.HEARTBEAT)
+        self._settle()
+
+    def on_bus_off(self, now_us: int) -> None:
+        """React to the bus-off of the board's CAN controller."""
+        self._context.now_us = now_us
+        self._lose_connection(ConnectionLoss.BUS_OFF)
+        self._settle()
+
+    def _lose_connection(self, loss: ConnectionLoss) -> None:
+        """Obey the abort connection option code (6007h), then, for an error of the bus, the error behaviour (1029h).
+
+        The option code acts on the drive; the error behaviour decides whether the node leaves OPERATIONAL.
+        """
+        effect, get = LOSS_EFFECTS[loss], self.dictionary.get
+        if get(od.ABORT_CONNECTION_OPTION) == AbortConnection.FAULT_SIGNAL:
+            self._context.trip(effect.code, effect.detail)
+        else:
+            self.drive.abort_connection()
+        if effect.by_error_behaviour:
+            self._change_nmt_state(after_error(self.nmt_state, get(od.COMMUNICATION_ERROR_BEHAVIOUR)))
+
+    def on_can_error(self, code: ErrorCode, now_us: int, *, active: bool) -> None:
+        """Report an error of the board's CAN controller, or its end, by EMCY.
+
+        That of a bus-off ends with the fault reset if the drive is in fault.
+        """
+        self._context.now_us = now_us
+        if active:
+            self._errors.report(code, 0)
+        elif code is not ErrorCode.CAN_BUS_OFF_RECOVERED or self.drive.state not in _FAULT_STATES:
+            self._errors.resolved(code, 0)
+        self._settle()
+
+    # --- the drive
+
+    @contextmanager
+    def acting(self, now_us: int) -> Iterator[AxisDrive]:
+        """Let the caller act on the drive, then report the changes."""
+        self._context.now_us = now_us
+        yield self.drive
+        self._settle()
+
+    def review(self, now_us: int) -> None:
+        """Report the changes caused outside this node, for example by a halt of its group."""
+        self._context.now_us = now_us
+        self._settle()
+
+    def statusword(self) -> int:
+        """Return the statusword (6041h): the drive's bits, and whether the node obeys controlwords by PDO."""
+        return self.drive.statusword() | (Status.REMOTE if self.nmt_state is NmtState.OPERATIONAL else 0)
+
+    # --- frames out
+
+    def _settle(self) -> None:
+        """End a call: pass on changed PDO parameters, note a changed statusword, schedule the next poll."""
+        if self._resetting and not self._motion.running(self.axis):
+            self._end_reset()
+        if self.process_data.refresh(self._context.now_us) or self._heartbeats.changed:
+            self._heartbeats.changed = False
+            self.routes_changed = True
+        self.drive.settle(self._context.now_us)
+        self._charge.settle(self._context.now_us)
+        statusword = self.statusword()
+        if statusword != self._statusword:
+            self._statusword = statusword
+            self.process_data.changed(od.STATUSWORD)
+        self._schedule()
+        self._context.touched = False
+
+    def _schedule(self) -> None:
+        dues = [
+            self._heartbeat.due_us,
+            self._heartbeats.due_us,
+            self._outbox.due_us,
+            self._charge.due_us,
+            *self.drive.dues_us(),
+        ]
+        if self.nmt_state not in _SILENT:
+            dues.append(self._emergency.due_us)
+        if self.nmt_state is NmtState.OPERATIONAL:
+            dues += [pdo.due_us for pdo in self.process_data.transmit_pdos if pdo.exists]
+        known = [due for due in dues if due is not None]
+        self.due_us = min(known) if known else None
+
+    def poll(self, now_us: int) -> None:
+        """Do the work that is due: the drive's, then heartbeat, EMCY and event-driven TPDOs."""
+        self._context.now_us = now_us
+        if self.drive.poll(now_us):
+            self._settle()
+        self._watch_connection()
+        self._charge.poll(now_us, watched=self._heartbeats.due_us is not None)
+        if self._heartbeat.poll(now_us):
+            self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,)))
+        self._outbox.poll(now_us)
+        if self.nmt_state not in _SILENT:
+            self._send_emergency(now_us)
+        if self.nmt_state is NmtState.OPERATIONAL:
+            for number, pdo in enumerate(self.process_data.transmit_pdos):
+                frame = pdo.poll(now_us) if pdo.exists else None
+                if frame:
+                    self._outbox.send_process_data(number, frame, now_us)
+        self._schedule()
+
+    def _send(self, service: Service, cob_id: int, data: bytes) -> None:
+        self._outbox.send(service, Frame(cob_id, data), self._context.now_us)
+
+    def _send_emergency(self, now_us: int) -> None:
+        """Send the EMCY that is due, or try again later if too many of this node wait for the bus: none is lost."""
+        if not self._outbox.has_room(Service.EMCY):
+            self._emergency.postpone(now_us + _RETRY_US)
+        elif emergency := self._errors.poll(now_us):
+            self._outbox.send(Service.EMCY, emergency, now_us)

@@ -1,0 +1,53 @@
+"""Lend the axis to one program at a time: object 2017h (docs/canopen.md, "One program in charge")."""
+
+from typing import Final
+
+from steptwin.protocol import od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.charge import FREE, UNWATCHED_MS
+from steptwin.protocol.dictionary import ObjectDictionary
+
+_UNWATCHED_US: Final = 1000 * UNWATCHED_MS
+
+
+class Charge:
+    """The token of the program in charge, until that program gives it back or falls silent."""
+
+    def __init__(self, dictionary: ObjectDictionary) -> None:
+        self._token = FREE
+        self._claimed = False
+        self.due_us: int | None = None
+        """Time of the next call of `poll`; None while no program is in charge."""
+        dictionary.read_hooks[od.CHARGE_TOKEN] = lambda: self._token
+        dictionary.write_hooks[od.CHARGE_TOKEN] = self._claim
+        dictionary.write_hooks[od.CHARGE_RELEASE] = self._release
+
+    def _claim(self, token: int) -> None:
+        if token == FREE:
+            raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
+        if self._token not in (FREE, token):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._token, self._claimed = token, True
+
+    def _release(self, token: int) -> None:
+        if self._token != token:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self.forget()
+
+    def forget(self) -> None:
+        """Let the axis be free: the program in charge has released it, was lost, or the node is reset."""
+        self._token, self._claimed, self.due_us = FREE, False, None
+
+    def settle(self, now_us: int) -> None:
+        """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis, or claimed it again."""
+        if self._claimed:
+            self._claimed, self.due_us = False, now_us + _UNWATCHED_US
+
+    def poll(self, now_us: int, *, watched: bool) -> None:
+        """Forget the program in charge if no heartbeat is monitored; else look again later."""
+        if self.due_us is None or now_us < self.due_us:
+            return
+        if watched:
+            self.due_us = now_us + _UNWATCHED_US
+        else:
+            self.forget()

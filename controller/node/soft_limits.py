@@ -1,0 +1,55 @@
+"""The software position limits (607Dh, CiA 402-2), within which the host may move an axis.
+
+They are positions as the position actual value (6064h) shows them, home offset included. After power-up they are the
+ends of the i32 range, which switches them off.
+"""
+
+from steptwin.controller.motion.kernel import I32_MAX
+from steptwin.protocol import od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+
+
+class SoftLimits:
+    """One axis' limits, read from the dictionary at every use."""
+
+    def __init__(self, dictionary: ObjectDictionary) -> None:
+        self._low = dictionary.cell(od.POSITION_LIMIT_MIN)
+        self._high = dictionary.cell(od.POSITION_LIMIT_MAX)
+
+    def range(self) -> tuple[int, int]:
+        """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
+        low = self._low.value
+        return -I32_MAX if low < -I32_MAX else low, self._high.value
+
+    def clamped(self, position_units: int) -> int:
+        """Return the nearest position within the limits."""
+        low, high = self.range()
+        return max(low, min(position_units, high))
+
+
+def refuse_crossed_limits(dictionary: ObjectDictionary) -> None:
+    """Refuse a low limit above the high one, whichever is written."""
+
+    def check(low: int, high: int) -> None:
+        if low > high:
+            raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
+
+    write, get = dictionary.write_hooks, dictionary.get
+    write[od.POSITION_LIMIT_MIN] = lambda low: check(low, get(od.POSITION_LIMIT_MAX))
+    write[od.POSITION_LIMIT_MAX] = lambda high: check(get(od.POSITION_LIMIT_MIN), high)
+
+
+def hull(
+    start_units: int, velocity: int, displacement_units: int, end_velocity: int, duration_ms: int
+) -> tuple[int, int]:
+    """Return the least and the greatest of a segment's Bernstein coefficients: p0, p0 + v0 T/3, p1 - v1 T/3, p1.
+
+    They bound its positions, and are exact if the axis does not reverse within the segment.
+    """
+    end_units = start_units + displacement_units
+    after_units = start_units + velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)
+    before_units = end_units - end_velocity * duration_ms // (3 * VELOCITY_PER_UNIT_PER_MS)
+    corners = start_units, after_units, before_units, end_units
+    return min(corners), max(corners)

@@ -1,0 +1,96 @@
+"""Tables of the option codes of CiA 402: how an axis is brought to rest in each case."""
+
+from enum import Enum
+from typing import Final, NamedTuple
+
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.nmt import NmtCommand
+
+
+class ConnectionLoss(Enum):
+    """An event by which a node loses its master."""
+
+    HEARTBEAT = "a heartbeat that the node monitors is lost"
+    BUS_OFF = "the board's CAN controller goes into bus-off"
+    NMT_STOPPED = "the node enters the NMT state STOPPED"
+    RESET_COMMUNICATION = "the communication is reset"
+    RESET_APPLICATION = "the node is reset"
+
+
+class LossEffect(NamedTuple):
+    """What follows from an event, beside the option code's own choice.
+
+    Attributes:
+        code: the error that the option "fault signal" reports.
+        detail: its detail.
+        by_error_behaviour: whether the error behaviour (1029h:01) decides the NMT state; else the event does.
+    """
+
+    code: ErrorCode
+    detail: int = 0
+    by_error_behaviour: bool = False
+
+
+LOSS_EFFECTS: Final = {
+    ConnectionLoss.HEARTBEAT: LossEffect(ErrorCode.HEARTBEAT_LOST, by_error_behaviour=True),
+    ConnectionLoss.BUS_OFF: LossEffect(ErrorCode.CAN_BUS_OFF_RECOVERED, by_error_behaviour=True),
+    ConnectionLoss.NMT_STOPPED: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.STOP),
+    ConnectionLoss.RESET_COMMUNICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_COMMUNICATION),
+    ConnectionLoss.RESET_APPLICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_NODE),
+}
+"""By event; the error of a lost heartbeat is reported before, with the lost node's id as its detail."""
+
+
+class StopKind(Enum):
+    """Kind of stop of an axis; the value is the address of the entry that holds the deceleration."""
+
+    CUT = None
+    """End the pulses at once. At speed the motor then coasts, and its position is unknown."""
+    SLOW_DOWN = od.PROFILE_DECELERATION
+    QUICK_STOP = od.QUICK_STOP_DECELERATION
+
+
+class QuickStop(NamedTuple):
+    """Kind of a quick stop, and the state in which it ends."""
+
+    kind: StopKind
+    end: State
+
+
+QUICK_STOPS = {
+    0: QuickStop(StopKind.CUT, State.SWITCH_ON_DISABLED),
+    1: QuickStop(StopKind.SLOW_DOWN, State.SWITCH_ON_DISABLED),
+    2: QuickStop(StopKind.QUICK_STOP, State.SWITCH_ON_DISABLED),
+    5: QuickStop(StopKind.SLOW_DOWN, State.QUICK_STOP_ACTIVE),
+    6: QuickStop(StopKind.QUICK_STOP, State.QUICK_STOP_ACTIVE),
+}
+"""By the quick stop option code (605Ah); 3, 4, 7 and 8 stop by current and voltage limits, which a stepper lacks."""
+SHUTDOWNS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
+"""By the shutdown option code (605Bh)."""
+DISABLES = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN}
+"""By the disable operation option code (605Ch)."""
+HALTS = {1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
+"""By the halt option code (605Dh)."""
+FAULT_REACTIONS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
+"""By the fault reaction option code (605Eh)."""
+OPTIONS: dict[int, frozenset[int]] = {
+    od.QUICK_STOP_OPTION: frozenset(QUICK_STOPS),
+    od.SHUTDOWN_OPTION: frozenset(SHUTDOWNS),
+    od.DISABLE_OPERATION_OPTION: frozenset(DISABLES),
+    od.HALT_OPTION: frozenset(HALTS),
+    od.FAULT_REACTION_OPTION: frozenset(FAULT_REACTIONS),
+}
+"""The values that each option code may take."""
+
+_FIXED_REACTIONS = {
+    ErrorCode.UNDERVOLTAGE: StopKind.CUT,  # without its supply the driver cannot follow a ramp
+    ErrorCode.ESTOP: StopKind.QUICK_STOP,  # IEC 60204-1, stop category 1: stop, then remove the power
+}
+
+
+def fault_stop(code: ErrorCode, detail: int, option: int) -> StopKind:
+    """Return how an axis stops for an error: by its fault reaction option code, unless the error prescribes it."""
+    if code is ErrorCode.TEMPERATURE and detail:  # the driver chip has switched itself off
+        return StopKind.CUT
+    return _FIXED_REACTIONS.get(code, FAULT_REACTIONS[option])

@@ -1,0 +1,131 @@
+"""Render docs/robots.md: the hand-written pieces in docs/robots/, filled from the robots' files and runs."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from docs.generate import tables
+from docs.generate.commands import DOCS, filled, session
+from docs.generate.tables import ROBOTS
+from steptwin.host.robots import load_robot
+from steptwin.host.studies.papers import PAPERS
+from steptwin.host.studies.papers.paper_page import errata_table, table
+from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify.report import AxisReport, Report
+
+
+@dataclass(frozen=True, slots=True)
+class PaperSamples:
+    """A motion at its paper's samples with joints rounded to whole steps, computed independently of this project.
+
+    Attributes:
+        samples: number of samples.
+        pulses: for each joint the sum of |differences| between successive rounded positions.
+        tool_mm: largest distance between the tool's positions with rounded and with exact joints.
+    """
+
+    samples: int
+    pulses: tuple[int, ...]
+    tool_mm: float
+
+
+SAMPLED: Final = {
+    ("lab-scara", "spiral"): PaperSamples(377, (752, 3747, 4523, 772), 0.156142),
+    ("warehouse-scara", "drawer-pull"): PaperSamples(1001, (0, 0, 0, 1846, 880, 710), 0.089622),
+    ("teaching-scara", "carry"): PaperSamples(68, (1064, 3064, 0, 1000), 0.051643),
+    ("calibration-scara", "demo"): PaperSamples(101, (2667, 2000, 16000, 1600), 0.167033),
+    ("hybrid-arm", "helix"): PaperSamples(241, (8624, 90328, 122392, 1728), 0.085095),
+}
+"""For each robot and job, with the job's default options."""
+
+
+def results(outcome: Outcome) -> str:
+    """Return a table with a row for each axis, then the tool, the outputs and the verdict."""
+    report = outcome.report
+    sampled = SAMPLED.get((report.run.robot, report.run.job))
+    columns = ["axis", "steps at start", "at end", "pulses", "reversals", "peak steps/s", "error max, steps"]
+    rows = [_row(axis) for axis in report.axes]
+    if sampled:
+        columns.insert(4, "pulses in samples")
+        for row, pulses in zip(rows, sampled.pulses, strict=True):
+            row.insert(4, str(pulses))
+    lines = [_tool(report, sampled), *_outputs(report), _verdict(report)]
+    return "\n".join([table(columns, rows), "", *(f"- {line}" for line in lines)])
+
+
+def _row(axis: AxisReport) -> list[str]:
+    counts = [axis.name, *(str(count) for count in (axis.steps_start, axis.steps_end, axis.pulses, axis.reversals))]
+    if not axis.pulses:
+        return [*counts, "-", "-"]
+    return [*counts, f"{axis.peak_rate_hz:.1f}", f"{axis.position_error_steps_max:.4f}"]
+
+
+def _tool(report: Report, sampled: PaperSamples | None) -> str:
+    tool = report.tool
+    compared = f" ({sampled.tool_mm:.4f} mm in the {sampled.samples} samples)" if sampled else ""
+    return (
+        f"tool: at most {tool.position_error_mm_max:.4f} mm{compared} and {tool.attitude_error_deg_max:.4f} deg off,"
+        f" {tool.position_error_mm_rms:.4f} mm rms"
+    )
+
+
+def _outputs(report: Report) -> list[str]:
+    switched = [
+        f"{output.name} {'on' if output.on else 'off'} at {output.changed_s:.3f} s" for output in report.outputs
+    ]
+    return [f"outputs: {', '.join(switched)}"] if switched else []
+
+
+def _verdict(report: Report) -> str:
+    verdict = "PASSED" if report.passed else f"FAILED: {'; '.join(report.reasons)}"
+    return f"{report.run.duration_s:g} s of motion: {verdict}"
+
+
+PAGE: Final = DOCS / "robots.md"
+PICTURE_KINDS: Final = ("path", "joints", "error")
+
+_NOTICE: Final = "<!-- Made by `make docs` from the pieces in docs/robots/: change those, not this file. -->"
+
+
+def picture(robot: str, job: str, kind: str) -> str:
+    """Return the path of a run's picture, relative to the page."""
+    return f"pictures/{robot}-{job}-{kind}.png"
+
+
+def render_page(runs: Runs) -> str:
+    """Return the whole page; it ends with a newline."""
+    pieces = [_NOTICE, _introduction(), *(_robot(name, runs) for name in ROBOTS)]
+    return "\n\n".join(pieces) + "\n"
+
+
+def _introduction() -> str:
+    return filled(DOCS / "robots" / "introduction.md", {"board": lambda _: tables.board()})
+
+
+def _robot(name: str, runs: Runs) -> str:
+    robot = load_robot(name)
+    return filled(
+        DOCS / "robots" / f"{name}.md",
+        {
+            "dimensions": lambda _: tables.dimensions(robot),
+            "dh": lambda _: tables.dh_table(robot),
+            "joints": lambda _: tables.joints(robot),
+            "outputs": lambda _: tables.outputs(robot),
+            "inputs": lambda _: tables.inputs(robot),
+            "places": lambda _: tables.places(robot),
+            "steptwin": session,
+            "options": lambda job: tables.options(robot, job),
+            "results": lambda job: results(runs.outcome(name, job)),
+            "errata": lambda _: errata_table(PAPERS[name]),
+            "pictures": lambda job: _pictures(name, job),
+        },
+    )
+
+
+def _pictures(robot: str, job: str) -> str:
+    """Show the tool's path on the page and link the other pictures."""
+    path, joints, error = (picture(robot, job, kind) for kind in PICTURE_KINDS)
+    return (
+        f"![Tool path of {robot} {job}, planned and counted]({path})\n\n"
+        f"Also: [planned joint motion]({joints}), [counted minus planned]({error})."
+    )

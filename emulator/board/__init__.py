@@ -1,0 +1,1 @@
+"""The emulated board: the firmware with its clock, inputs and traces."""

@@ -1,0 +1,510 @@
+"""The emulated board: the firmware, its drivers, its CAN controller and the inputs that the machine gives it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.firmware import Firmware
+from steptwin.controller.node.measurements import BoardReadings, DriverMonitor, Shaft
+from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.emulator.board.inputs import BoardInputs
+from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
+from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.drivers.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
+from steptwin.emulator.drivers.driver_module import Module
+from steptwin.emulator.drivers.tb6560 import FULL_STEP_SIXTEENTHS, Excitation, OutputFollower
+from steptwin.emulator.faults.operations import (
+    BoardOperation,
+    BoardTemperature,
+    BouncingSwitch,
+    Contact,
+    DriverMode,
+    DriverProtect,
+    EmergencyStop,
+    OscCapacitor,
+    SetInput,
+    SetWire,
+    Slip,
+    StuckSwitch,
+    Supply,
+    SwitchWire,
+)
+from steptwin.emulator.world.surroundings import AxisSurroundings, Surroundings
+from steptwin.emulator.world.switches import Switch, Travel
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.frame import FIRST_NODE_ID
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.pvt import PvtRecord
+
+
+@dataclass(frozen=True, slots=True)
+class BoardConfig:
+    """Hardware of a board: number of axes, OSC capacitors, node ids, driver modules, the machine's switches."""
+
+    axis_count: int
+    osc_pf: tuple[float, ...]
+    first_node_id: int = FIRST_NODE_ID
+    """Node id of the first axis; the next axes have the next ids."""
+    read_latency_counts: int = 0
+    """Counts from a message's arrival until the processor fetches it from the CAN controller."""
+    switches: tuple[Switch, ...] = ()
+    start_sixteenths: tuple[int, ...] = ()
+    """Position of each axis' rotor when the board is made, in sixteenths of a full step from its zero; empty: all 0."""
+    travels: tuple[Travel, ...] = ()
+    """The way along which each axis' switches stand; empty: that of its own rotor."""
+    modules: tuple[Module, ...] = ()
+    """The module around each chip; empty for chips on the board itself."""
+    crystal_ppm: int = 0
+    """How fast the board's crystal is, in parts per million; `drifting_board.make_board` heeds it."""
+
+    def __post_init__(self) -> None:
+        if abs(self.crystal_ppm) > CRYSTAL_PPM_MAX:
+            raise ValueError(f"crystal_ppm {self.crystal_ppm} is not from {-CRYSTAL_PPM_MAX} to {CRYSTAL_PPM_MAX}")
+
+
+class Board:
+    """One board on the bus.
+
+    Pulses are computed ahead in batches; the drivers process them on demand. Most methods decide how far time may pass
+    before the firmware must see its inputs again, so they belong together; inputs, drivers and CAN controller are parts
+    of their own.
+    """
+
+    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
+        """Make a board without power; `flash` holds parameters that were stored before, None for a new board."""
+        self.config = config
+        self.flash: list[FlashPage] = [FlashPage() for _ in range(config.axis_count)] if flash is None else flash
+        """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
+        self._kernel = kernel
+        modules = config.modules or (Module(),) * config.axis_count
+        starts = config.start_sixteenths or (0,) * config.axis_count
+        self._inputs = BoardInputs(config.switches, starts, config.travels)
+        self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
+        self._measurements = BoardReadings()
+        self._held_protects = [False] * config.axis_count
+        """True for each axis whose Protect pin is held low from outside."""
+        self._heat_due_tick: int | None = None
+        """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
+        self.down = False
+        """True while the processor has no power or is in reset."""
+        self._hot = False
+        """True while a driver holds its own Protect pin low."""
+        self._watching_outputs = False
+        """True if the board must report each change of a digital output at once."""
+        self._output_changed = False
+        """True if a digital output has changed since `take_output_change`."""
+        self.rotor_of: Callable[[int], Shaft] | None = None
+        """Tells where an axis' rotor is, if motors turn with the board."""
+        self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
+        """Listeners to the records of each axis' queue."""
+        self._power_up()
+        self._heat_due_tick = self._next_heat_tick()
+
+    def _power_up(self) -> None:
+        """Make a new firmware and a new CAN controller, as power-up does."""
+        self.firmware = Firmware(
+            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor, self.shaft
+        )
+        self.can = self._make_controller()
+        """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
+        self._inputs.restart_count()
+        self._seen = [DigitalInput(0)] * self.config.axis_count
+        """Levels of the inputs that the firmware has seen last."""
+        self._look_at_once = self._inputs.levels != self._seen
+        """True if the inputs must be read at the start of the next tick."""
+        for axis, listener in self._on_record.items():
+            self.on_record(axis, listener)
+        self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
+
+    def _make_controller(self) -> CanController:
+        firmware = self.firmware
+        return CanController(
+            firmware.receive,
+            firmware.on_can_error,
+            firmware.hears,
+            self.config.read_latency_counts,
+            on_bus_off=firmware.on_bus_off,
+        )
+
+    @property
+    def own_clock(self) -> LocalClock | None:
+        """The clock of traces and pin changes; None if it is the simulation's."""
+        return None
+
+    def on_record(self, axis: int, listener: Callable[[PvtRecord], None]) -> None:
+        """Call a listener with each PVT record that an axis' queue takes from now on."""
+        self._on_record[axis] = listener
+        self.firmware.nodes[axis].drive.interpolation.on_record = listener
+
+    def boot(self, now_counts: int) -> None:
+        """Switch the board on; its nodes announce themselves."""
+        self._drivers.supply(SUPPLIES, now_counts, 1)
+        self.firmware.boot(now_counts)
+        Board.poll(self, now_counts)  # not that of a subclass, which takes instants of another clock; so below
+
+    def power_cycle(self, now_counts: int) -> None:
+        """Switch the supply off and on: all pins fall and the firmware restarts. Motors and clock stay as they are.
+
+        Afterwards `can` is a new controller, which the caller attaches to the bus. A pulse that has begun still ends,
+        since no supply falls within microseconds; later pulses do not come.
+        """
+        self.power_down(now_counts)
+        self.start(now_counts)
+
+    def power_down(self, now_counts: int) -> None:
+        """Switch the supply off, until `start`: as `power_cycle`, but the new controller stays off the bus."""
+        self._take_pins()
+        self._drivers.drop_pins(now_counts)
+        self._output_changed = True
+        self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
+        self._fall_silent(self._drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
+
+    def reset(self, now_counts: int) -> None:
+        """Hold the processor in reset, until `start`: its pins float at once, also in a pulse. The drivers have power.
+
+        Afterwards `can` is a new controller, which the caller attaches to the bus.
+        """
+        self._take_pins()
+        self._drivers.release_pins(now_counts)
+        self._output_changed = True
+        self._fall_silent(self._drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
+
+    def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
+        """Show the drivers the last edges; make the firmware that `start` begins."""
+        self._drivers.show(last_edges, self.firmware.motion.tick * TICK_COUNTS)
+        self._power_up()
+        self.can.power_down()
+        self.down = True
+        self._look_at_once = False
+        self.firmware.advance(now_counts)
+        self._heat_due_tick = self._next_heat_tick()
+
+    def start(self, now_counts: int) -> None:
+        """Let the firmware of a board that is down begin; the caller attaches its controller to the bus again."""
+        self.down = False
+        self.can.power_up()
+        self._drivers.hold_pins(now_counts)
+        self._look_at_once = self._inputs.levels != self._seen
+        Board.boot(self, now_counts)
+        self._measure(self._measurements, now_counts)
+
+    def follow_outputs(self) -> list[OutputFollower]:
+        """Return what follows each driver's outputs, for motors that turn with them; call this before `boot`.
+
+        From now on the switches are where `place` puts the rotors, not where the drivers have counted.
+        """
+        self._inputs.leave_drivers()
+        return self._drivers.follow_outputs()
+
+    @property
+    def slipped_sixteenths(self) -> list[int]:
+        """Way by which `Slip` has moved each axis' rotor since power-up, in sixteenths of a full step."""
+        return self._drivers.slipped_sixteenths
+
+    def place(self, rotors_sixteenths: Sequence[int]) -> None:
+        """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
+        if self._inputs.place(rotors_sixteenths):
+            self._note_inputs()
+
+    def ways_to_change(self) -> list[tuple[Travel, int]]:
+        """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
+        return self._inputs.ways_to_change()
+
+    @property
+    def moving(self) -> bool:
+        """True while an event is possible at any tick: a motion runs, or the last one may still change a switch."""
+        return self._inputs.unsettled or any(
+            self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
+        )
+
+    def operate(self, operation: BoardOperation, now_counts: int) -> None:
+        """Operate the machine. The firmware sees inputs with the next tick, measured values at once.
+
+        What happens at the drivers and motors happens at the start of the next tick, since pulses are computed ahead.
+        """
+        match operation:
+            case EmergencyStop(pressed):
+                self._inputs.emergency_stop = pressed
+            case DriverProtect(axis, active):
+                self._held_protects[axis] = active
+                self._look_at_protect(axis)
+            case SetInput(axis, which, on):
+                self._inputs.set_general(axis, which, on=on)
+            case StuckSwitch(axis, which, closed):
+                self._inputs.stick(axis, which, closed=closed)
+            case Slip(axis, full_steps):
+                self.drain()
+                self._drivers.slip(axis, full_steps, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.shift(axis, full_steps * FULL_STEP_SIXTEENTHS, self.firmware.motion)
+            case SetWire(axis, wire, condition):
+                self.drain()
+                self._drivers.set_wire(axis, wire, condition, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.expect(self._drivers.noisy_axes)
+                self._inputs.unsettle(axis, self.firmware.motion)
+            case SwitchWire(axis, which, broken):
+                self._inputs.cut(axis, which, closed=None if broken is None else broken is Contact.NORMALLY_CLOSED)
+            case BouncingSwitch(axis, which, bounces, within_us, seed):
+                self._inputs.let_bounce(axis, which, bounces, within_us, seed)
+            case DriverMode(axis, microsteps):
+                self.drain()
+                excitation = None if microsteps is None else Excitation(microsteps)
+                self._drivers.set_mode(axis, excitation, self.firmware.motion.tick * TICK_COUNTS)
+                self._inputs.unsettle(axis, self.firmware.motion)
+            case OscCapacitor(axis, osc_pf):
+                self.drain()
+                self._drivers.set_osc(axis, osc_pf)
+            case Supply(supply_10mv):
+                self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
+            case BoardTemperature(temperature_decidegc):
+                self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
+        self._note_inputs()
+
+    def _note_inputs(self) -> None:
+        """Read the inputs at the start of the next tick if they have changed and there is a firmware to see it."""
+        self._look_at_once = self._look_at_once or (not self.down and self._inputs.levels != self._seen)
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the machine around the board is like now; switches as they were read last."""
+        return Surroundings(
+            self._inputs.emergency_stop,
+            self._measurements.supply_10mv,
+            self._measurements.temperature_decidegc,
+            tuple(map(AxisSurroundings, self._inputs.levels, self._inputs.stuck, self._held_protects)),
+        )
+
+    def _measure(self, measurements: BoardReadings, now_counts: int) -> None:
+        self._measurements = measurements
+        self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
+
+    def advance(self, until_counts: int) -> int:
+        """Let time pass; return the instant reached, which is earlier than `until_counts` if there are frames to send.
+
+        A tick is computed only after the firmware has seen the inputs at its start.
+        """
+        motion = self.firmware.motion
+        if until_counts < motion.tick * TICK_COUNTS:
+            return until_counts  # within a tick that is computed already
+        while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
+            due_counts = due_tick * TICK_COUNTS
+            if motion.tick < due_tick:
+                reached = self._advance_freely(due_counts - 1)  # the start of the tick itself comes after the look
+                if reached < due_counts - 1:
+                    return reached
+            if (self._look_at_once or self._heat_is_due or self._inputs.may_have_changed(motion)) and self._look():
+                return due_counts
+        return self._advance_freely(until_counts)
+
+    @property
+    def _due_tick(self) -> int | None:
+        """Next tick at whose start the inputs must be read; None while they stay as they are."""
+        motion = self.firmware.motion
+        if self._look_at_once:
+            return motion.tick
+        due_tick, heat_due_tick = self._inputs.due_tick(motion), self._heat_due_tick
+        if due_tick is None or (heat_due_tick is not None and heat_due_tick < due_tick):
+            due_tick = heat_due_tick
+        return due_tick
+
+    def _look(self) -> bool:
+        """Read the inputs at the start of the next tick and show them to the firmware; return True if they changed."""
+        motion = self.firmware.motion
+        if self._hot or self._heat_is_due or self._inputs.restless:
+            self.drain()
+        else:
+            for rotor in self._inputs.due_rotors(motion):
+                self.drain_axis(rotor)
+        self._inputs.look(motion)
+        if self._inputs.restless:
+            self._inputs.expect(self._drivers.noisy_axes)
+        if self._hot or self._heat_is_due:
+            low = [self._look_at_protect(axis) for axis in range(self.config.axis_count)]
+            self._hot = any(low)
+            self._heat_due_tick = self._next_heat_tick()
+        self._look_at_once = False
+        levels = self._inputs.levels
+        if levels == self._seen or self.down:
+            return False
+        self._seen = levels
+        self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
+        return True
+
+    @property
+    def _heat_is_due(self) -> bool:
+        return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
+
+    def _look_at_protect(self, axis: int) -> bool:
+        """Read a Protect pin at the start of the next tick; return True if the driver itself holds it low."""
+        tick_counts = self.firmware.motion.tick * TICK_COUNTS
+        low = not self._drivers.drivers[axis].protect_level(tick_counts)
+        self._inputs.protects[axis] = low or self._held_protects[axis]
+        return low
+
+    def _next_heat_tick(self) -> int | None:
+        """Return the tick up to whose start no driver will switch itself off; None if no driver ever will.
+
+        The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes.
+        """
+        tick = self.firmware.motion.tick
+        stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
+        ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
+        return min(ticks, default=None)
+
+    def _advance_freely(self, until_counts: int) -> int:
+        """Let time pass during which no input changes; return the instant reached."""
+        motion = self.firmware.motion
+        reached = self.firmware.advance(until_counts)
+        while reached < until_counts and motion.room_ticks == 0:
+            self.drain()
+            reached = self.firmware.advance(until_counts)
+        return reached
+
+    def poll(self, now_counts: int) -> None:
+        """Let the processor do its due work: read its inputs, fetch messages, then send."""
+        firmware = self.firmware
+        if self._look_at_once and firmware.motion.tick * TICK_COUNTS == now_counts:
+            self._look()
+        if self.can.next_due_counts is not None:
+            self.can.poll(now_counts)
+        firmware.poll(now_counts)
+        if firmware.transmit:
+            self._fill_mailboxes(now_counts)
+        if self._hot or self._watching_outputs:
+            self._take_pins()
+
+    def _fill_mailboxes(self, now_counts: int) -> None:
+        """Pass waiting frames to the CAN controller, as its driver does when a mailbox becomes free."""
+        can, transmit = self.can, self.firmware.transmit
+        while can.has_free_mailbox and (frame := transmit.take(can.mailboxes, can.idle_since_counts, now_counts)):
+            can.send(frame, now_counts)
+
+    @property
+    def next_due_counts(self) -> int | None:
+        """Instant of the board's next work of its own; None if there is none."""
+        due_counts, read_counts = self.firmware.next_due_counts, self.can.next_due_counts
+        if due_counts is None or (read_counts is not None and read_counts < due_counts):
+            due_counts = read_counts
+        pause_counts = self.firmware.transmit.due_counts
+        if pause_counts is not None and self.can.has_free_mailbox:  # if none is free, the next frame sent calls `poll`
+            due_counts = pause_counts if due_counts is None else min(due_counts, pause_counts)
+        if self._look_at_once:
+            tick_counts = self.firmware.motion.tick * TICK_COUNTS
+            due_counts = tick_counts if due_counts is None else min(due_counts, tick_counts)
+        elif self._heat_due_tick is not None:
+            heat_counts = self._heat_due_tick * TICK_COUNTS
+            due_counts = heat_counts if due_counts is None else min(due_counts, heat_counts)
+        return due_counts
+
+    def quiet_until(self, counts: int) -> bool:
+        """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
+        due_counts = self.next_due_counts
+        return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
+
+    def next_tick_counts(self, now_counts: int) -> int:
+        """Return the instant after now at which the next servo tick begins."""
+        return (now_counts // TICK_COUNTS + 1) * TICK_COUNTS
+
+    @property
+    def computed_counts(self) -> int:
+        """Instant up to which all pulses are computed: the start of a servo tick."""
+        return self.firmware.motion.tick * TICK_COUNTS
+
+    def drain(self) -> None:
+        """Let the drivers process all pulses computed so far."""
+        self._take_pins()
+        self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
+
+    def drain_axis(self, axis: int) -> None:
+        """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
+        self._take_pins()
+        motion = self.firmware.motion
+        self._drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
+
+    def _monitor(self, axis: int) -> DriverMonitor:
+        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
+        self.drain_axis(axis)
+        counted, before = self._drivers.count(axis), self._monitored[axis]
+        return DriverMonitor(
+            counted.rotor_steps - before.rotor_steps,
+            counted.lost_steps - before.lost_steps,
+            counted.violations - before.violations,
+            counted.microsteps,
+        )
+
+    def shaft(self, axis: int) -> Shaft:
+        """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
+        if self.rotor_of is not None:
+            return self.rotor_of(axis)
+        self.drain_axis(axis)
+        sixteenths = self._drivers.rotor_sixteenths(axis)
+        slipped = self._drivers.slipped_sixteenths[axis]
+        return Shaft(sixteenths * UNITS_PER_FULL_STEP // FULL_STEP_SIXTEENTHS, slipped // FULL_STEP_SIXTEENTHS)
+
+    def _take_pins(self) -> None:
+        for change in self.firmware.take_pins():
+            self._drivers.set_pin(change)
+            self._output_changed |= change.pin in OUTPUT_PINS
+            self._look_at_once |= self._hot and change.pin in WIRING  # RESET may end the thermal shutdown
+
+    @property
+    def pin_changes(self) -> list[PinChange]:
+        """Changes, already at the drivers, of the pins that the firmware holds at a level."""
+        return self._drivers.pin_changes
+
+    def watch_outputs(self) -> None:
+        """Let `take_output_change` know of each change at once."""
+        self._watching_outputs = True
+
+    def take_output_change(self) -> bool:
+        """Return whether a digital output has changed since the last call."""
+        changed, self._output_changed = self._output_changed, False
+        return changed
+
+    def output_level(self, axis: int, pin: Pin) -> int:
+        """Return the level of a digital output."""
+        return self._drivers.level(axis, pin)
+
+    def output_changes(self) -> list[PinChange]:
+        """Return all changes of digital outputs so far, in order of time; outputs are 0 at first."""
+        self.drain()
+        return [change for change in self._drivers.pin_changes if change.pin in OUTPUT_PINS]
+
+    def take_pin_changes(self) -> list[PinChange]:
+        """Return `pin_changes` up to now and clear it."""
+        self._take_pins()
+        changes, self._drivers.pin_changes = self._drivers.pin_changes, []
+        return changes
+
+    def position_steps(self, axis: int) -> int:
+        """Return the steps that an axis' driver has counted since power-up."""
+        self.drain_axis(axis)
+        return self._drivers.drivers[axis].position_steps
+
+    def position_sixteenths(self, axis: int) -> int:
+        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
+        self.drain_axis(axis)
+        return self._drivers.rotor_sixteenths(axis)
+
+    def positions_sixteenths(self) -> list[int]:
+        """Return `position_sixteenths` of all axes."""
+        self.drain()
+        return [self._drivers.rotor_sixteenths(axis) for axis in range(self.config.axis_count)]
+
+    def driver_microsteps(self, axis: int) -> int:
+        """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
+        self.drain_axis(axis)
+        return int(self._drivers.drivers[axis].excitation)
+
+    def take_trace(self, axis: int) -> AxisTrace:
+        """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
+        trace = self.trace(axis)
+        self._drivers.forget(axis, self.firmware.motion.tick * TICK_COUNTS)
+        return trace
+
+    def trace(self, axis: int) -> AxisTrace:
+        """Return the trace of an axis since power-up, or since it was taken last."""
+        self.drain_axis(axis)
+        return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)

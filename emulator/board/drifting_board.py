@@ -1,0 +1,146 @@
+"""A board whose crystal is off, so that its time passes faster or slower than the simulation's.
+
+Inside such a board all is in counts of its own timer, edges and pin changes among them. What the simulation and the bus
+say to it, and ask it, is in theirs: the methods here convert at this border.
+"""
+
+from collections.abc import Callable
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.board.local_clock import LocalClock
+from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.faults.operations import BoardOperation
+from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.frame import Frame
+
+
+def make_board(config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> Board:
+    """Return a board without power, with a clock of its own only if its crystal is off."""
+    return DriftingBoard(config, kernel, flash) if config.crystal_ppm else Board(config, kernel, flash)
+
+
+class DriftingController(CanController):
+    """The CAN controller of such a board: the bus speaks to it in the simulation's time, its processor in its own.
+
+    Bit timing is not concerned: a controller follows the edges of each sender.
+    """
+
+    def __init__(self, clock: LocalClock, board: Board) -> None:
+        """Connect a board's firmware, as a board with an exact crystal does."""
+        firmware = board.firmware
+        super().__init__(
+            firmware.receive,
+            firmware.on_can_error,
+            firmware.hears,
+            board.config.read_latency_counts,
+            on_bus_off=firmware.on_bus_off,
+        )
+        self._clock = clock
+
+    def connect(self, submitted: Callable[[int], None]) -> None:
+        """Tell the bus of frames in its time."""
+        clock = self._clock
+        self.submitted = lambda _local_counts: submitted(clock.now_counts)
+
+    def sent(self, frame: Frame, now_counts: int) -> None:
+        """Remove a frame that was sent and acknowledged."""
+        super().sent(frame, self._clock.enter(now_counts))
+
+    def received(self, frame: Frame, now_counts: int) -> None:
+        """Take a valid frame from the bus, unless the filter rejects it."""
+        super().received(frame, self._clock.enter(now_counts))
+
+    def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
+        """Count an error in a frame of this station."""
+        super().sending_failed(self._clock.enter(now_counts), acknowledged=acknowledged)
+
+    def receiving_failed(self, now_counts: int) -> None:
+        """Count an error in another station's frame."""
+        super().receiving_failed(self._clock.enter(now_counts))
+
+    def force_bus_off(self, now_counts: int) -> None:
+        """Leave the bus as after too many failed attempts."""
+        super().force_bus_off(self._clock.enter(now_counts))
+
+    def recover(self, now_counts: int) -> None:
+        """Become error active again after bus-off."""
+        super().recover(self._clock.enter(now_counts))
+
+
+class DriftingBoard(Board):
+    """A board with a crystal of its own; instants are the simulation's, but those of traces and pin changes its own."""
+
+    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
+        """Make a board without power, as `Board` does; its crystal is off by `config.crystal_ppm`."""
+        self._clock = LocalClock(config.crystal_ppm)
+        super().__init__(config, kernel, flash)
+
+    @property
+    def own_clock(self) -> LocalClock | None:
+        """The board's clock."""
+        return self._clock
+
+    def _make_controller(self) -> CanController:
+        return DriftingController(self._clock, self)
+
+    def boot(self, now_counts: int) -> None:
+        """Switch the board on."""
+        super().boot(self._clock.enter(now_counts))
+
+    def power_down(self, now_counts: int) -> None:
+        """Switch the supply off, until `start`; the clock goes on, as if the crystal had power."""
+        super().power_down(self._clock.enter(now_counts))
+
+    def reset(self, now_counts: int) -> None:
+        """Hold the processor in reset, until `start`."""
+        super().reset(self._clock.enter(now_counts))
+
+    def start(self, now_counts: int) -> None:
+        """Let the firmware of a board that is down begin."""
+        super().start(self._clock.enter(now_counts))
+
+    def operate(self, operation: BoardOperation, now_counts: int) -> None:
+        """Operate the machine."""
+        super().operate(operation, self._clock.enter(now_counts))
+
+    def advance(self, until_counts: int) -> int:
+        """Let time pass; return the instant reached.
+
+        With a fast crystal a tick may begin between two instants of the simulation. A board that stops there is at the
+        second of them, but has not counted as far: the rest follows with the next call, perhaps at the same instant.
+        """
+        clock = self._clock
+        until_local_counts = clock.local_counts(until_counts)
+        reached_local_counts = super().advance(until_local_counts)
+        if reached_local_counts < until_local_counts:
+            until_counts = max(clock.instant(reached_local_counts), clock.now_counts)
+        clock.go_to(until_counts, reached_local_counts)
+        return until_counts
+
+    def poll(self, now_counts: int) -> None:
+        """Let the processor do its due work."""
+        super().poll(self._clock.enter(now_counts))
+
+    @property
+    def next_due_counts(self) -> int | None:
+        """Instant of the board's next work of its own; None if there is none."""
+        due_local_counts = super().next_due_counts
+        return None if due_local_counts is None else self._clock.instant(due_local_counts)
+
+    def quiet_until(self, counts: int) -> bool:
+        """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
+        due_counts = self.next_due_counts
+        computed = self._clock.local_counts(counts) < self.firmware.motion.tick * TICK_COUNTS
+        return computed and (due_counts is None or due_counts > counts)
+
+    @property
+    def computed_counts(self) -> int:
+        """Instant up to which all pulses are computed: the start of a servo tick."""
+        return self._clock.instant(super().computed_counts)
+
+    def next_tick_counts(self, now_counts: int) -> int:
+        """Return the instant after now at which the board has begun its next servo tick."""
+        tick = self._clock.local_counts(now_counts) // TICK_COUNTS + 1
+        return self._clock.instant(tick * TICK_COUNTS)

@@ -1,0 +1,1 @@
+"""The CAN bus in virtual time, and the controllers that stations have on it."""

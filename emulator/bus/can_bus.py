@@ -1,0 +1,416 @@
+"""A CAN bus in virtual time: arbitration by identifier, exact lengths of frames, errors, bus-off, a log."""
+
+from array import array
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import Final
+
+from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
+from steptwin.emulator.bus.fault_confinement import ErrorState
+from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
+from steptwin.protocol.frame import BITRATES, Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_ACK_SLOT_END_BITS: Final = UNSTUFFED_TAIL_BITS - 2
+"""Bits from the end of the ACK slot to the end of the frame."""
+_FLAG_BITS: Final = 6
+_ECHOED_FLAG_BITS: Final = 7
+"""Bits of the sender's error flag and, one bit later, of the receivers' flags that answer it."""
+_DELIMITER_BITS: Final = 8
+_SUSPEND_BITS: Final = 8
+"""Bits that an error passive station waits longer after a frame of its own (ISO 11898-1, suspend transmission)."""
+_RECESSIVE_SEQUENCE_BITS: Final = 11
+_STUFF_ERROR_BITS: Final = 6
+"""Number of equal bits in a row by which every station sees that a frame is broken."""
+
+
+Log = Callable[[Frame, int], None]
+
+
+class _Outcome(Enum):
+    """Result of a transmission."""
+
+    VALID = auto()
+    DOUBLED = auto()
+    """Valid for the receivers, but not for the senders, which send it again."""
+    DISTURBED = auto()
+    UNACKNOWLEDGED = auto()
+
+
+_DELIVERED: Final = (_Outcome.VALID, _Outcome.DOUBLED)
+"""Results after which the receivers have the frame."""
+
+
+class Bus:
+    """The wire between the stations.
+
+    Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
+    valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
+    the list of stations in bus-off, so they belong together; frame lengths, error counters and scripted faults are
+    elsewhere (`can_timing`, `fault_confinement`, `bus_faults`).
+    """
+
+    def __init__(self, bitrate: int, faults: FaultScript | None = None, log: Log | None = None) -> None:
+        """Make a bus without stations.
+
+        Args:
+            bitrate: one of BITRATES.
+            faults: script of faults; none by default.
+            log: called with each frame and the instant when it became valid; by default the bus keeps them.
+        """
+        if bitrate not in BITRATES:
+            raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
+        self.bitrate = bitrate
+        self.bit_counts = COUNTS_PER_SECOND // bitrate
+        self._log = log or self._keep
+        self.log_counts = array("q")
+        """Instant when each frame became valid at its receivers; empty if `log` was given."""
+        self.log_frames: list[Frame] = []
+        self.frames = 0
+        """Number of frames that became valid."""
+        self.error_frames = 0
+        """Number of transmissions that ended in an error frame."""
+        self.busy_bits = 0
+        self.next_event_counts: int | None = None
+        """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
+        self.busy = False
+        """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
+        self.faults = faults or FaultScript()
+        """The script of the wire's faults."""
+        self._waiting: list[tuple[Frame, BusFaultKind]] = []
+        """Frames that still wait, with the kinds that strike a frame only once and have struck it."""
+        self._stations: list[CanController] = []
+        self._off: list[CanController] = []
+        """The stations in bus-off."""
+        self._on_bus = 0
+        """Number of stations that are not in bus-off."""
+        self._frame: Frame | None = None
+        """Frame on the wire; None while the wire is free."""
+        self._decided_counts = 0
+        """Instant when that frame is valid, or when its error flag ends."""
+        self._outcome = _Outcome.VALID
+        self._senders: list[CanController] = []
+        self._outdone: list[CanController] = []
+        """Stations that began to send a different frame with the same identifier."""
+        self._missed_by: list[CanController] = []
+        self._free_counts = 0
+        self._idle_since_counts = 0
+        """Instant up to which recessive bits are counted for the stations in bus-off."""
+
+    @property
+    def free_counts(self) -> int:
+        """Instant when the next frame may begin: the end of the last one's intermission."""
+        return self._free_counts
+
+    def also_log(self, log: Log) -> None:
+        """Call a further log with each frame from now on, after the present one and before the frame's receivers."""
+        first = self._log
+
+        def both(frame: Frame, now_counts: int) -> None:
+            first(frame, now_counts)
+            log(frame, now_counts)
+
+        self._log = both
+
+    def attach(self, station: CanController) -> None:
+        """Connect a station's controller to the wire."""
+        self._stations.append(station)
+        station.connect(self._submitted)
+        self._note_who_is_off()
+
+    def listen(self, listener: Log) -> None:
+        """Call a listener with each frame that becomes valid from now on, before its receivers get it."""
+        log = self._log
+
+        def log_and_tell(frame: Frame, now_counts: int) -> None:
+            log(frame, now_counts)
+            listener(frame, now_counts)
+
+        self._log = log_and_tell
+
+    def _submitted(self, now_counts: int) -> None:
+        """Let a station that has a frame to send take part in the next arbitration."""
+        if self._frame is None and not (self.busy and self.next_event_counts == self._free_counts):
+            self._free_counts = max(self._free_counts, now_counts)
+            self._schedule()
+
+    def _schedule(self) -> None:
+        """Find the next event on a wire that carries no frame."""
+        next_counts, self.busy = None, False
+        for station in self._stations:
+            if station.mailboxes:
+                self.busy = True
+            elif station.on_bus:
+                continue
+            if station.on_bus:
+                event_counts = max(self._free_counts, station.silent_until_counts)
+            else:
+                event_counts = self._recovery_counts(station)
+            if next_counts is None or event_counts < next_counts:
+                next_counts = event_counts
+        self.next_event_counts = next_counts
+
+    def step(self, now_counts: int) -> None:
+        """Execute the event that is due: the end of a transmission, a return from bus-off, an arbitration."""
+        if self.next_event_counts is None or self.next_event_counts > now_counts:
+            return
+        if self._frame:
+            self._end(self._frame, self._decided_counts)
+        else:
+            if self._off:
+                self._recover(now_counts)
+            self._arbitrate(now_counts)
+        if self._frame is None:
+            self._schedule()
+
+    # --- a transmission
+
+    def _arbitrate(self, now_counts: int) -> None:
+        """Let the frame with the lowest identifier win; stations with equal identifiers send on together.
+
+        Where the bits of these differ, the stations with a recessive bit have a bit error. The error flag of an error
+        active station destroys the frame; that of an error passive one is recessive and harmless.
+        """
+        if self._free_counts > now_counts:
+            return
+        ready = [
+            station
+            for station in self._stations
+            if station.mailboxes and station.on_bus and station.silent_until_counts <= now_counts
+        ]
+        if not ready:
+            return
+        frame = ready[0].mailboxes[0]
+        senders, outdone = ready, []
+        if len(ready) > 1:
+            frame = min((station.mailboxes[0] for station in ready), key=_bits_in_order)
+            senders = [station for station in ready if station.mailboxes[0] == frame]
+            outdone = [
+                station
+                for station in ready
+                if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
+            ]
+        fault = self._strike(frame, now_counts) if self.faults.faults else None
+        if fault and fault.kind is BusFaultKind.DELAY:
+            self._hold(frame, senders, now_counts + fault.delay_counts)
+        elif fault and fault.kind is BusFaultKind.BUS_OFF:
+            for station in senders:
+                self.throw_off(station, now_counts)
+        else:
+            self._begin(frame, senders, outdone, fault, now_counts)
+
+    def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
+        """Return the scripted fault of an attempt; frames that wait are known by identity, since bytes may repeat."""
+        return self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
+
+    def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
+        self._waiting.append((frame, BusFaultKind.DELAY))
+        for station in senders:
+            station.silent_until_counts = max(station.silent_until_counts, until_counts)
+
+    def end_fault(self, fault: BusFault, now_counts: int) -> None:
+        """Let a scripted fault strike no more; one that is not there changes nothing."""
+        self.faults.end(fault)
+        if fault.kind is BusFaultKind.DELAY:
+            self._release(now_counts)
+
+    def end_faults(self, now_counts: int) -> None:
+        """Let no scripted fault strike any more."""
+        self.faults.end_all()
+        self._release(now_counts)
+
+    def _release(self, now_counts: int) -> None:
+        """Let the stations that a delay holds back take part in the next arbitration, after the longest pause at most.
+
+        That pause is the one of an error passive station.
+        """
+        latest_counts = now_counts + _SUSPEND_BITS * self.bit_counts
+        for station in self._stations:
+            station.silent_until_counts = min(station.silent_until_counts, latest_counts)
+        if self._frame is None:
+            self._schedule()
+
+    def _missing(self, fault: BusFault) -> list[CanController]:
+        """Return the stations that do not receive the frame because of a LOSS."""
+        if fault.kind is not BusFaultKind.LOSS:
+            return []
+        return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
+
+    def _judge(self, senders: list[CanController], outdone: list[CanController], fault: BusFault | None) -> _Outcome:
+        if fault and fault.kind is BusFaultKind.CORRUPTION:
+            return _Outcome.DISTURBED
+        if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
+            return _Outcome.DISTURBED
+        if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
+            return _Outcome.UNACKNOWLEDGED
+        return _Outcome.DOUBLED if fault and fault.kind is BusFaultKind.DUPLICATE else _Outcome.VALID
+
+    def _begin(
+        self,
+        frame: Frame,
+        senders: list[CanController],
+        outdone: list[CanController],
+        fault: BusFault | None,
+        now_counts: int,
+    ) -> None:
+        """Put a frame on the wire.
+
+        A disturbance is noticed at the end of the CRC, where it costs most time; one that doubles the frame in the last
+        bit of EOF, for which receivers do not wait (ISO 11898-1).
+        """
+        bits = frame_bits(frame)
+        decided_bits = bits - VALID_BEFORE_END_BITS
+        self._outcome = _Outcome.VALID
+        if fault or outdone or self._on_bus == len(senders):
+            self._outcome = self._judge(senders, outdone, fault)
+        if self._outcome is _Outcome.DOUBLED:
+            bits += _ECHOED_FLAG_BITS + _DELIMITER_BITS
+        elif self._outcome is not _Outcome.VALID:
+            if self._outcome is _Outcome.DISTURBED:
+                decided_bits = bits - UNSTUFFED_TAIL_BITS + _ECHOED_FLAG_BITS
+            else:
+                decided_bits = bits - _ACK_SLOT_END_BITS + _FLAG_BITS
+            bits = decided_bits + _DELIMITER_BITS + INTERMISSION_BITS
+        if self._off:
+            self._count_idle(now_counts)
+        self.busy_bits += bits
+        self._free_counts = now_counts + bits * self.bit_counts
+        self.next_event_counts = self._decided_counts = now_counts + decided_bits * self.bit_counts
+        self._frame, self._senders, self._outdone = frame, senders, outdone
+        self._missed_by = self._missing(fault) if fault else []
+
+    def _end(self, frame: Frame, now_counts: int) -> None:
+        self._frame = None
+        senders, outdone = self._senders, self._outdone
+        if self._outcome in _DELIVERED:
+            self._deliver(frame, now_counts)
+        else:
+            self._fail(now_counts)
+        for station in senders + outdone:
+            if station.state is ErrorState.PASSIVE:
+                station.silent_until_counts = self._free_counts + _SUSPEND_BITS * self.bit_counts
+        # Delimiter, end of frame and intermission, or error delimiter and intermission: 11 recessive bits.
+        if self._off:
+            self._count_recessive(1)
+        self._idle_since_counts = self._free_counts
+
+    def _deliver(self, frame: Frame, now_counts: int) -> None:
+        senders, outdone, missed_by = self._senders, self._outdone, self._missed_by
+        if self._waiting:
+            self._waiting = [each for each in self._waiting if each[0] is not frame]
+        self.frames += 1
+        doubled = self._outcome is _Outcome.DOUBLED
+        if doubled:
+            self.error_frames += 1
+            self._waiting.append((frame, BusFaultKind.DUPLICATE))
+        self._log(frame, now_counts)
+        for station in self._stations:
+            if station in senders:
+                if doubled:
+                    station.sending_failed(now_counts)
+                else:
+                    station.sent(frame, now_counts)
+            elif station in outdone:
+                station.sending_failed(now_counts)
+            elif station.on_bus and station not in missed_by:
+                station.received(frame, now_counts)
+        if outdone or doubled:
+            self._note_who_is_off()
+
+    def _keep(self, frame: Frame, now_counts: int) -> None:
+        self.log_counts.append(now_counts)
+        self.log_frames.append(frame)
+
+    def _fail(self, now_counts: int) -> None:
+        senders, outdone = self._senders, self._outdone
+        acknowledged = self._outcome is not _Outcome.UNACKNOWLEDGED
+        self.error_frames += 1
+        for station in self._stations:
+            if station in senders:
+                station.sending_failed(now_counts, acknowledged=acknowledged)
+            elif station in outdone:
+                station.sending_failed(now_counts)
+            elif station.on_bus:
+                station.receiving_failed(now_counts)
+        self._note_who_is_off()
+
+    # --- power
+
+    def exchange(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
+        """Replace the controller of a station that has lost its power and has it back.
+
+        A frame that the station was sending breaks off. A frame that is on the wire does not reach the new controller.
+        """
+        self._stations[self._stations.index(gone)] = fresh
+        fresh.connect(self._submitted)
+        self._note_who_is_off()
+        if self._frame:
+            self._drop_out(gone, fresh, now_counts)
+        else:
+            self._free_counts = max(self._free_counts, now_counts)
+            self._schedule()
+
+    def _drop_out(self, gone: CanController, fresh: CanController, now_counts: int) -> None:
+        """Take a station out of the transmission in progress.
+
+        Without its only sender the wire stays recessive, which is a stuff error while stuffed bits are due.
+        """
+        self._senders = [station for station in self._senders if station is not gone]
+        self._outdone = [station for station in self._outdone if station is not gone]
+        self._missed_by = [*self._missed_by, fresh]
+        tail_bits = UNSTUFFED_TAIL_BITS - VALID_BEFORE_END_BITS
+        stuffed_until_counts = self._decided_counts - tail_bits * self.bit_counts
+        if self._senders or self._outcome not in _DELIVERED or now_counts >= stuffed_until_counts:
+            return
+        broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
+        free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
+        self.busy_bits += (free_counts - self._free_counts) // self.bit_counts
+        self._free_counts = free_counts
+        self._outcome = _Outcome.DISTURBED
+        self.next_event_counts = self._decided_counts = broken_counts
+
+    # --- the way back from bus-off
+
+    def _count_recessive(self, sequences: int) -> None:
+        for station in self._off:
+            station.recovery_sequences_left -= sequences
+
+    def _count_idle(self, now_counts: int) -> None:
+        """Count the recessive sequences of an idle wire up to now; an incomplete sequence does not count."""
+        idle_counts = now_counts - self._idle_since_counts
+        self._count_recessive(idle_counts // (_RECESSIVE_SEQUENCE_BITS * self.bit_counts))
+        self._idle_since_counts = now_counts
+
+    def _recovery_counts(self, station: CanController) -> int:
+        """Return the instant when a station leaves bus-off if the wire stays idle."""
+        bits = _RECESSIVE_SEQUENCE_BITS * max(station.recovery_sequences_left, 0)
+        return self._idle_since_counts + bits * self.bit_counts
+
+    def _recover(self, now_counts: int) -> None:
+        for station in self._off:
+            if self._recovery_counts(station) <= now_counts:
+                station.recover(now_counts)
+        self._note_who_is_off()
+
+    def throw_off(self, station: CanController, now_counts: int) -> None:
+        """Put a station into bus-off, if it is not; a frame that it is sending breaks off."""
+        if not station.on_bus:
+            return
+        if self._frame:
+            self._drop_out(station, station, now_counts)
+        else:
+            self._count_idle(now_counts)
+        station.force_bus_off(now_counts)
+        self._note_who_is_off()
+        if self._frame is None:
+            self._schedule()
+
+    def _note_who_is_off(self) -> None:
+        self._off = [station for station in self._stations if not station.on_bus]
+        self._on_bus = len(self._stations) - len(self._off)
+
+
+def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:
+    """Return the fields that differ between frames in their order on the wire; the lesser frame is dominant first."""
+    return frame.cob_id, len(frame.data), frame.data

@@ -1,0 +1,264 @@
+"""Model the STM32F103's CAN controller, bxCAN (RM0008, chapter 24), and the software that fills and empties it.
+
+Three transmit mailboxes are sent by identifier, the lowest first (TXFP = 0), unless `in_order` is set. A frame that
+finds no mailbox free waits in the software's queue; a board sends none before one is free, since its firmware has a
+queue of its own (`controller/node/transmit_queue.py`). Two receive FIFOs hold three messages each; a message for a full
+FIFO is lost (RFLM = 1) and flagged as overrun. After bus-off the controller returns automatically (ABOM = 1).
+"""
+
+from bisect import insort
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from steptwin.emulator.bus.fault_confinement import ErrorState, FaultConfinement
+from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.frame import COB_SDO_REQUEST, NODE_ID_MAX, Frame
+
+MAILBOXES: Final = 3
+FIFO_DEPTH: Final = 3
+RECOVERY_SEQUENCES: Final = 128
+"""Number of sequences of 11 recessive bits before a controller leaves bus-off (ISO 11898-1; RM0008, 24.7.6)."""
+
+_NEVER_SEQUENCES: Final = 1 << 40
+"""More recessive sequences than a bus ever has: without power no controller returns by itself."""
+
+_SDO_REQUESTS: Final = range(COB_SDO_REQUEST + 1, COB_SDO_REQUEST + NODE_ID_MAX + 1)
+
+Receiver = Callable[[Frame, int], None]
+Filter = Callable[[int], bool]
+
+
+class ErrorListener(Protocol):
+    """Called when an error of the controller occurs and when it is over."""
+
+    def __call__(self, code: ErrorCode, now_counts: int, /, *, active: bool) -> None: ...
+
+
+BusOffListener = Callable[[int], None]
+"""Called when the controller goes into bus-off, with the instant."""
+
+
+def unheard(_frame: Frame, _now_counts: int) -> None:
+    """Ignore frames: for a station without a receiver or without interest in its sent frames."""
+
+
+def _everything(_cob_id: int) -> bool:
+    return True
+
+
+def _at_ease(_now_counts: int) -> None:
+    """Ignore that the controller goes into bus-off."""
+
+
+def _nothing(_code: ErrorCode, _now_counts: int, *, active: bool) -> None:
+    """Ignore the controller's errors."""
+
+
+class CanController:
+    """One station on the bus. The bus calls `connect`; the owner calls `poll` at `next_due_counts`."""
+
+    def __init__(
+        self,
+        receive: Receiver,
+        on_error: ErrorListener = _nothing,
+        passes: Filter = _everything,
+        read_latency_counts: int = 0,
+        on_sent: Receiver = unheard,
+        *,
+        on_bus_off: BusOffListener = _at_ease,
+        in_order: bool = False,
+    ) -> None:
+        """Connect a processor.
+
+        Args:
+            receive: called with each message and the instant.
+            on_error: called at overrun, error passive and the return from bus-off.
+            passes: acceptance filter: returns True if a COB-ID is received.
+            read_latency_counts: time from a message's arrival until it is fetched from its FIFO. 0, an interrupt
+                without delay, never overruns.
+            on_sent: called with each frame of the station's own that was sent, and the instant.
+            on_bus_off: called when the controller goes into bus-off, by which the processor is interrupted (BOFF).
+            in_order: True to send mailboxes in the order that they were filled (TXFP = 1), not by identifier.
+        """
+        self.errors = FaultConfinement()
+        self.state = ErrorState.ACTIVE
+        self.on_bus = True
+        """True while the station sends, receives and acknowledges; False in bus-off."""
+        self.read_latency_counts = read_latency_counts
+        self.mailboxes: list[Frame] = []
+        """Frames that wait for the bus, in the order that they are sent.
+
+        All identifiers differ: of two equal ones bxCAN would send the frame in the lower mailbox first, which may be
+        the newer. So a frame waits in the queue until no mailbox has its identifier."""
+        self.idle_since_counts = 0
+        """Instant when the last frame of the station's own was sent."""
+        self.submitted: Callable[[int], None] = lambda _now_counts: None
+        """Called when there is a frame to send; the bus sets it by `connect`."""
+        self.silent_until_counts = 0
+        """Instant before which the station does not begin to send."""
+        self.recovery_sequences_left = 0
+        """Number of sequences of 11 recessive bits that are still missing, in bus-off."""
+        self.overruns = 0
+        """Number of messages lost so far because their FIFO was full."""
+        self.receive = receive
+        self.on_sent = on_sent
+        self._in_order = in_order
+        self._on_error = on_error
+        self._on_bus_off = on_bus_off
+        self._active: set[ErrorCode] = set()
+        """Errors that have occurred and are not over."""
+        self._passes = passes
+        self._queue: deque[Frame] = deque()
+        self._fifos: tuple[deque[Frame], deque[Frame]] = (deque(), deque())
+        self._overrun = False
+        """True while a FIFO's overrun flag is set (FOVR)."""
+        self.next_due_counts: int | None = None
+        """Instant when the processor empties the FIFOs; None while they are empty."""
+
+    # --- out
+
+    def connect(self, submitted: Callable[[int], None]) -> None:
+        """Call the bus when there is a frame to send."""
+        self.submitted = submitted
+
+    @property
+    def waiting(self) -> int:
+        """Number of frames that wait for the bus."""
+        return len(self.mailboxes) + len(self._queue)
+
+    @property
+    def has_free_mailbox(self) -> bool:
+        """True if a frame would not have to wait for a mailbox, unless one of them has its identifier."""
+        return len(self.mailboxes) < MAILBOXES
+
+    def send(self, frame: Frame, now_counts: int) -> None:
+        """Send a frame as soon as the bus lets it; one that finds no mailbox waits in a queue without limit."""
+        if self.mailboxes:
+            self._queue.append(frame)
+            self._fill_mailboxes()
+        else:  # then nothing waits in the queue either
+            self.mailboxes.append(frame)
+        self.submitted(now_counts)
+
+    def _fill_mailboxes(self) -> None:
+        queue, mailboxes = self._queue, self.mailboxes
+        while queue and len(mailboxes) < MAILBOXES:
+            if mailboxes and any(frame.cob_id == queue[0].cob_id for frame in mailboxes):
+                return
+            if self._in_order:
+                mailboxes.append(queue.popleft())
+            else:
+                insort(mailboxes, queue.popleft())
+
+    def sent(self, frame: Frame, now_counts: int) -> None:
+        """Remove a frame that was sent and acknowledged."""
+        self.mailboxes.remove(frame)
+        self.idle_since_counts = now_counts
+        self.on_sent(frame, now_counts)
+        if self._queue:
+            self._fill_mailboxes()
+        if self.errors.transmit_errors or self._active:
+            self.errors.sent()
+            self._note_good_frame(now_counts)
+
+    # --- in
+
+    def received(self, frame: Frame, now_counts: int) -> None:
+        """Take a valid frame from the bus, unless the filter rejects it."""
+        if self.errors.receive_errors or self._active:
+            self.errors.received()
+            self._note_good_frame(now_counts)
+        if not self._passes(frame.cob_id):
+            return
+        if not self.read_latency_counts:
+            self.receive(frame, now_counts)
+        else:
+            self._store(frame, now_counts)
+
+    def _store(self, frame: Frame, now_counts: int) -> None:
+        """Store a message in its FIFO: SDO requests in FIFO 1, so as not to displace process data in FIFO 0."""
+        number = int(frame.cob_id in _SDO_REQUESTS)
+        if len(self._fifos[number]) == FIFO_DEPTH:
+            self.overruns += 1
+            self._overrun = True
+            return
+        self._fifos[number].append(frame)
+        if self.next_due_counts is None:
+            self.next_due_counts = now_counts + self.read_latency_counts
+
+    def poll(self, now_counts: int) -> None:
+        """Let the processor empty both FIFOs if it is due. An overrun has ended when its flag is clear."""
+        if self.next_due_counts is None or self.next_due_counts > now_counts:
+            return
+        self.next_due_counts = None
+        overrun, self._overrun = self._overrun, False
+        if overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=True)
+        for fifo in self._fifos:
+            while fifo:
+                self.receive(fifo.popleft(), now_counts)
+        if not overrun:
+            self._note_error(ErrorCode.CAN_OVERRUN, now_counts, active=False)
+
+    # --- errors
+
+    def sending_failed(self, now_counts: int, *, acknowledged: bool = True) -> None:
+        """Count an error in a frame of this station; the frame stays in its mailbox and is sent again (NART = 0)."""
+        self.errors.sending_failed(acknowledged=acknowledged)
+        self._note_worse_state(now_counts)
+
+    def receiving_failed(self, now_counts: int) -> None:
+        """Count an error in another station's frame."""
+        self.errors.receiving_failed()
+        self._note_worse_state(now_counts)
+
+    def power_down(self) -> None:
+        """Be without power or in reset: neither send nor receive nor acknowledge, until `power_up`."""
+        self.on_bus = False
+        self.recovery_sequences_left = _NEVER_SEQUENCES
+
+    def power_up(self) -> None:
+        """Take part in the bus; the caller attaches the controller again."""
+        self.on_bus = True
+        self.recovery_sequences_left = 0
+
+    def force_bus_off(self, now_counts: int) -> None:
+        """Leave the bus as after too many failed attempts."""
+        self.errors.force_bus_off()
+        self._note_worse_state(now_counts)
+
+    def _note_worse_state(self, now_counts: int) -> None:
+        before, self.state = self.state, self.errors.state
+        if self.state is before:
+            return
+        if self.state is ErrorState.PASSIVE:
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=True)
+        elif self.state is ErrorState.BUS_OFF:
+            self.on_bus = False
+            self.recovery_sequences_left = RECOVERY_SEQUENCES
+            self._on_bus_off(now_counts)
+
+    def _note_good_frame(self, now_counts: int) -> None:
+        self.state = self.errors.state
+        if self.state is not ErrorState.PASSIVE:
+            self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=False)
+
+    def recover(self, now_counts: int) -> None:
+        """Become error active again after bus-off; report the return as an error until a frame has passed."""
+        self.errors.reset()
+        self.state = ErrorState.ACTIVE
+        self.on_bus = True
+        self._note_error(ErrorCode.CAN_BUS_OFF_RECOVERED, now_counts, active=True)
+        self._note_error(ErrorCode.CAN_ERROR_PASSIVE, now_counts, active=False)
+
+    def _note_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
+        """Tell the processor of an error that occurred or is over, once."""
+        if active is (code in self._active):
+            return
+        if active:
+            self._active.add(code)
+        else:
+            self._active.remove(code)
+        self._on_error(code, now_counts, active=active)

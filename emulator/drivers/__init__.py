@@ -1,0 +1,1 @@
+"""The drivers of a board: chips, the modules around them, and their supply."""

@@ -1,0 +1,326 @@
+"""The drivers of a board, the wires from the firmware's pins to them and the record of all edges on these wires."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.node.measurements import DriverMonitor
+from steptwin.controller.node.pins import MODE_LEVELS, Pin, PinChange
+from steptwin.emulator.board.edges import Int8Array, Int64Array
+from steptwin.emulator.board.inputs import BoardInputs
+from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.tb6560 import (
+    FULL_STEP_SIXTEENTHS,
+    Excitation,
+    LevelChange,
+    LevelPin,
+    OutputFollower,
+    Outputs,
+    Pins,
+    Violations,
+)
+from steptwin.emulator.faults.wires import AxisWires, Condition, Passed, Wire
+
+WIRING = {
+    Pin.RESET: LevelPin.RESET,
+    Pin.ENABLE: LevelPin.ENABLE,
+    Pin.M1: LevelPin.M1,
+    Pin.M2: LevelPin.M2,
+    Pin.TQ1: LevelPin.TQ1,
+    Pin.TQ2: LevelPin.TQ2,
+    Pin.DCY1: LevelPin.DCY1,
+    Pin.DCY2: LevelPin.DCY2,
+}
+"""The driver's pin to which each pin of the firmware is wired."""
+
+SUPPLIES = (LevelPin.VDD, LevelPin.VM)
+"""The drivers' supplies, in the order in which the board switches them on."""
+
+_FIRST_OFF = (Pin.ENABLE, Pin.RESET)
+"""Pins that fall before all others when the power goes: M1 and M2 may change in reset only."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisTrace:
+    """Everything that happened at one driver; times in counts since boot, DIR levels after each edge."""
+
+    clk_rise_counts: Int64Array
+    clk_fall_counts: Int64Array
+    active_edge: ClkEdge
+    """The edge of STEP at which the chip's CLK rises."""
+    dir_counts: Int64Array
+    dir_levels: Int8Array
+    step_counts: Int64Array
+    step_signs: Int8Array
+    violations: Violations
+    outputs: Outputs
+    """Phase currents, electrical angle and MO at any instant since the trace's beginning."""
+    position_steps: int
+    """Steps counted since power-up."""
+    position_sixteenths: int
+    """Position of the rotor since power-up, in sixteenths of a full step."""
+    slip_counts: Int64Array
+    """Instants at which the rotor fell out of step."""
+    slip_full_steps: Int64Array
+    """Full steps by which it slipped at each of them, with their sign."""
+
+
+class DriverBank:
+    """The drivers of all axes.
+
+    Pulses are computed ahead in batches: `show` lets the drivers process a batch and reports the counted steps to the
+    inputs, since a step may reach a switch.
+    """
+
+    def __init__(self, osc_pf: Sequence[float], modules: Sequence[Module], inputs: BoardInputs) -> None:
+        self.drivers = [Driver(pf, module) for pf, module in zip(osc_pf, modules, strict=True)]
+        self.pin_changes: list[PinChange] = []
+        """Changes, not taken yet, of the pins that the firmware holds at a level."""
+        self._inputs = inputs
+        self._waiting: list[list[LevelChange]] = [[] for _ in self.drivers]
+        """Changes of levels that the drivers have not seen yet, by axis."""
+        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
+        """All edges at the drivers' terminals that are not forgotten, by axis."""
+        self._wires: list[AxisWires | None] = [None] * len(self.drivers)
+        """The wires to each driver that have had a fault."""
+        self._strapped: set[tuple[int, Pin]] = set()
+        """Pins of the chips that somebody holds at a level, whatever the firmware does."""
+        self._pin_levels: dict[tuple[int, Pin], int] = {}
+        self._dir_levels = [0] * len(self.drivers)
+        self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
+        """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
+        self._slipped_sixteenths = [0] * len(self.drivers)
+        """Sum of all slips of each axis' rotor."""
+
+    # --- in
+
+    def set_pin(self, change: PinChange) -> None:
+        """Put a pin of the firmware to a level."""
+        self._pin_levels[change.axis, change.pin] = change.level
+        if (change.axis, change.pin) in self._strapped:
+            return
+        wires = self._wires[change.axis]
+        if wires is not None and change.pin is Pin.ENABLE:
+            wires.set_enable(change.counts, change.level)
+            return
+        self.pin_changes.append(change)
+        if change.pin in WIRING:
+            self._waiting[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+
+    def level(self, axis: int, pin: Pin) -> int:
+        """Return the level at which the firmware holds a pin."""
+        return self._pin_levels.get((axis, pin), 0)
+
+    def drop_pins(self, now_counts: int, kept: Collection[tuple[int, Pin]] = ()) -> None:
+        """Let all pins that are high fall, because the power goes, but for those kept."""
+        high = (place for place, level in self._pin_levels.items() if level and place not in kept)
+        for axis, pin in sorted(high, key=lambda place: place[1] not in _FIRST_OFF):
+            self.set_pin(PinChange(now_counts, axis, pin, 0))
+
+    def release_pins(self, now_counts: int) -> None:
+        """Let all pins float, because the processor is reset: they fall, but ENABLE is as at an open terminal."""
+        pulled_up = [(axis, Pin.ENABLE) for axis, driver in enumerate(self.drivers) if driver.enable_open]
+        self.drop_pins(now_counts, pulled_up)
+        for axis, pin in pulled_up:
+            if not self.level(axis, pin):
+                self.set_pin(PinChange(now_counts, axis, pin, 1))
+
+    def hold_pins(self, now_counts: int) -> None:
+        """Hold all pins low that have floated, as the firmware does first when it begins."""
+        self.drop_pins(now_counts)
+
+    def supply(self, supplies: Iterable[LevelPin], now_counts: int, level: int) -> None:
+        """Switch these supplies at every driver, one supply after the other."""
+        for supply in supplies:
+            for changes in self._waiting:
+                changes.append(LevelChange(now_counts, supply, level))
+
+    def show(self, all_edges: Sequence[PinEdges], until_counts: int) -> None:
+        """Let the drivers see the edges and levels that are new at their terminals up to an instant."""
+        for axis, edges in enumerate(all_edges):
+            self.show_axis(axis, edges, until_counts)
+
+    def show_axis(self, axis: int, edges: PinEdges, until_counts: int) -> None:
+        """Let one driver see them."""
+        moved, wires = len(edges.clk_counts) or len(edges.direction), self._wires[axis]
+        wires_wait = wires is not None and wires.waiting
+        if not (moved or self._waiting[axis] or self.drivers[axis].waiting or wires_wait):
+            return
+        pins = _pins(edges, self._waiting[axis], until_counts)
+        self._waiting[axis] = []
+        if pins.dir_levels.size:
+            self._dir_levels[axis] = int(pins.dir_levels[-1])
+        if wires is not None:
+            self._take(axis, wires.take(pins))
+            return
+        self._feed(axis, pins)
+        if moved:
+            self._pins[axis].append(pins)
+
+    def _feed(self, axis: int, pins: Pins) -> None:
+        driver, wires = self.drivers[axis], self._wires[axis]
+        moves = driver.feed(pins)
+        held_pulses = driver.held_pulses + (wires.held_pulses if wires is not None else 0)
+        self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_sixteenths=driver.excitation.step_sixteenths)
+
+    def _take(self, axis: int, passed: Passed) -> None:
+        """Let one driver see what faulty wires have made of the edges, and record it."""
+        self._feed(axis, passed.told)
+        recorded = passed.recorded
+        self._pins[axis].append(recorded)
+        self.pin_changes += (
+            PinChange(change.counts, axis, Pin.ENABLE, change.level)
+            for change in recorded.changes
+            if change.pin is LevelPin.ENABLE
+        )
+
+    # --- faults
+
+    def set_wire(self, axis: int, wire: Wire, condition: Condition, counts: int) -> None:
+        """Let a wire to one driver be like this from an instant on, up to which all edges have been shown."""
+        driver, wires = self.drivers[axis], self._wires[axis]
+        if wires is None:
+            wires = self._wires[axis] = AxisWires(
+                driver.active_edge,
+                enable_open=driver.enable_open,
+                dir_level=self._dir_levels[axis],
+                enable_level=self.level(axis, Pin.ENABLE),
+            )
+        self._take(axis, wires.change(wire, condition, counts))
+
+    def set_mode(self, axis: int, excitation: Excitation | None, counts: int) -> None:
+        """Set a driver to a mode by its switches, or by M1 and M2; None: as it was, or as the firmware has them."""
+        driver = self.drivers[axis]
+        if driver.has_switches:
+            driver.turn_switches(excitation, counts)
+            return
+        pins = {Pin.M2: self.level(axis, Pin.M2), Pin.M1: self.level(axis, Pin.M1)}
+        if excitation is not None:
+            pins = dict(zip(pins, MODE_LEVELS[excitation], strict=True))
+        for pin, level in pins.items():
+            self._strapped.discard((axis, pin))
+            wanted = self.level(axis, pin)
+            self.set_pin(PinChange(counts, axis, pin, level))
+            self._pin_levels[axis, pin] = wanted
+            if excitation is not None:
+                self._strapped.add((axis, pin))
+
+    def set_osc(self, axis: int, osc_pf: float) -> None:
+        """Put another capacitor to a chip's OSC pin, for the pulses that are shown from now on."""
+        self.drivers[axis].set_osc(osc_pf)
+
+    @property
+    def noisy_axes(self) -> set[int]:
+        """The axes to whose drivers edges may come that the firmware has not made."""
+        return {axis for axis, wires in enumerate(self._wires) if wires is not None and wires.noisy}
+
+    def slip(self, axis: int, full_steps: int, counts: int) -> None:
+        """Let an axis' rotor fall out of step by full steps."""
+        self._slips[axis].append((counts, full_steps))
+        self._slipped_sixteenths[axis] += full_steps * FULL_STEP_SIXTEENTHS
+
+    def follow_outputs(self) -> list[OutputFollower]:
+        """Return what follows each chip's outputs from power-up on; call this before the power is up."""
+        return [driver.chip.follow_outputs() for driver in self.drivers]
+
+    def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
+        """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
+        befores = zip(all_edges, self._dir_levels, strict=True)
+        return [_cut_off(edges, dir_level, counts) for edges, dir_level in befores]
+
+    def cut_short(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
+        """Return the edges that remain when the processor is reset: a pulse that has begun ends then, too."""
+        return [_cut_short(edges, counts) for edges in self.cut_off(all_edges, counts)]
+
+    # --- out
+
+    def count(self, axis: int) -> DriverMonitor:
+        """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
+        driver, wires = self.drivers[axis], self._wires[axis]
+        lost_steps = driver.lost_steps + (wires.lost_steps if wires is not None else 0)
+        return DriverMonitor(driver.position_steps, lost_steps, driver.violation_count, driver.excitation)
+
+    def rotor_sixteenths(self, axis: int) -> int:
+        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
+        return self.drivers[axis].position_sixteenths + self._slipped_sixteenths[axis]
+
+    @property
+    def slipped_sixteenths(self) -> list[int]:
+        """Way by which each axis' rotor has been made to slip since power-up, in sixteenths of a full step."""
+        return self._slipped_sixteenths
+
+    def trace(self, axis: int, until_counts: int) -> AxisTrace:
+        """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
+        driver = self.drivers[axis]
+        nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass in which nothing came
+        self._feed(axis, nothing)
+        pins, wires = self._pins[axis], self._wires[axis]
+        rises, falls = (
+            np.concatenate([p.clk_rise_counts for p in pins]),
+            np.concatenate([p.clk_fall_counts for p in pins]),
+        )
+        if wires is not None:
+            rises, falls = wires.with_open_pulse(rises, falls, until_counts)
+        step_counts, step_signs = driver.steps
+        return AxisTrace(
+            clk_rise_counts=rises,
+            clk_fall_counts=falls,
+            active_edge=driver.active_edge,
+            dir_counts=np.concatenate([p.dir_counts for p in pins]),
+            dir_levels=np.concatenate([p.dir_levels for p in pins]),
+            step_counts=step_counts,
+            step_signs=step_signs,
+            violations=driver.violations,
+            outputs=driver.outputs,
+            position_steps=driver.position_steps,
+            position_sixteenths=self.rotor_sixteenths(axis),
+            slip_counts=np.array([counts for counts, _ in self._slips[axis]], dtype=np.int64),
+            slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
+        )
+
+    def forget(self, axis: int, until_counts: int) -> None:
+        """Begin the next trace of an axis here, where the last one has ended."""
+        wires = self._wires[axis]
+        if wires is not None:
+            wires.forget(until_counts)
+        self._pins[axis] = [_pins(PinEdges([], []), [], 0)]
+        self._slips[axis].clear()
+        self.drivers[axis].forget()
+
+
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+    """Wire the edges: the firmware's STEP goes to CLK, its DIR to CW/CCW."""
+    clk = _array(edges.clk_counts)
+    direction = _array(edges.direction)
+    return Pins(
+        clk_rise_counts=clk[0::2],
+        clk_fall_counts=clk[1::2],
+        dir_counts=direction >> 1,
+        dir_levels=(direction & 1).astype(np.int8),
+        changes=tuple(changes),
+        until_counts=until_counts,
+    )
+
+
+def _cut_off(edges: PinEdges, dir_level: int, counts: int) -> PinEdges:
+    """Return the pulses that begin before an instant; DIR, at `dir_level` before them all, falls then if it is high."""
+    clk, direction = _array(edges.clk_counts), _array(edges.direction)
+    direction = direction[direction >> 1 < counts]
+    if direction[-1] & 1 if direction.size else dir_level:
+        direction = np.append(direction, counts << 1)
+    return PinEdges(clk[: 2 * int(np.searchsorted(clk[0::2], counts))], direction)
+
+
+def _cut_short(edges: PinEdges, counts: int) -> PinEdges:
+    clk = _array(edges.clk_counts)
+    if clk.size and clk[-1] > counts:
+        clk = np.append(clk[:-1], max(counts, int(clk[-2]) + 1))
+    return PinEdges(clk, edges.direction)
+
+
+def _array(values: list[int] | Int64Array) -> NDArray[np.int64]:
+    return np.asarray(values, dtype=np.int64)

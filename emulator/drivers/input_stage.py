@@ -1,0 +1,374 @@
+"""Pass edges from a module's terminals to its chip's pins, and note the module's limits that they break.
+
+Whether a pulse reaches the chip depends on the edges that follow it, for as long as the module's requirements say. So
+the stage holds each pulse back until its fate is certain. The result does not depend on how the input is divided.
+
+The module's parts have the chip's supply: when VM falls, ENABLE and CW/CCW at the chip are low already, whatever the
+levels at the terminals, and ENABLE rises again only when VM is up.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
+from steptwin.emulator.drivers.dip_switches import DipSwitches
+from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.tb6560 import (
+    LevelChange,
+    LevelPin,
+    Limit,
+    LimitUnit,
+    Pins,
+    Rule,
+    ViolationLog,
+    Violations,
+)
+from steptwin.protocol.timer import COUNTS_PER_MS, counts_of_ns
+
+
+class Switchboard:
+    """The switches and the idle circuit of one module; RESET goes high with the supply."""
+
+    def __init__(self, switches: DipSwitches, idle_ms: int) -> None:
+        self._running, self._standing = switches.running, switches.standing
+        self._idle_counts = idle_ms * COUNTS_PER_MS
+        self._supplied = False
+        self._idle = False
+        self._last_rise_counts = 0
+        self._turned: list[LevelChange] = []
+        """Changes by switches that somebody has turned, to be passed on."""
+
+    def turn(self, levels: Mapping[LevelPin, int], counts: int) -> None:
+        """Let somebody set switches, which hold these levels from an instant on."""
+        self._running = {**self._running, **levels}
+        if self._supplied:
+            self._turned += [LevelChange(counts, pin, level) for pin, level in levels.items()]
+
+    @property
+    def waiting(self) -> bool:
+        """True while the idle current has yet to begin."""
+        return (self._supplied and not self._idle) or bool(self._turned)
+
+    def changes(self, outside: Sequence[LevelChange], rises: Int64Array, until_counts: int) -> tuple[LevelChange, ...]:
+        """Return the changes at the chip's inputs up to an instant, from changes outside and from the rises of CLK.
+
+        From outside only the supplies and ENABLE reach the chip.
+        """
+        found, self._turned = self._turned, []
+        for change in outside:
+            if change.pin is LevelPin.VM:
+                earlier = int(np.searchsorted(rises, change.counts))
+                found += self._rest(rises[:earlier], change.counts)
+                found += self._supply(change)
+                rises = rises[earlier:]
+            elif change.pin in (LevelPin.VDD, LevelPin.ENABLE):
+                found.append(change)
+        found += self._rest(rises, until_counts)
+        return tuple(sorted(found, key=lambda change: change.counts))
+
+    def _supply(self, change: LevelChange) -> list[LevelChange]:
+        counts, _, level = change
+        self._supplied, self._idle, self._last_rise_counts = bool(level), False, counts
+        held = [LevelChange(counts, pin, level and high) for pin, high in (*self._running.items(), (LevelPin.RESET, 1))]
+        return [change, *held] if level else [*reversed(held), change]
+
+    def _rest(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
+        """Return the changes of torque: less when CLK has rested for the idle time, full with its next rise."""
+        if not self._supplied:
+            return []
+        times = np.concatenate(([self._last_rise_counts], rises))
+        changes: list[LevelChange] = []
+        for rest in np.flatnonzero(np.diff(times) > self._idle_counts).tolist():
+            changes += self._begin(int(times[rest])) + self._end(int(times[rest + 1]))
+        self._last_rise_counts = int(times[-1])
+        if self._last_rise_counts + self._idle_counts < until_counts:
+            changes += self._begin(self._last_rise_counts)
+        return changes
+
+    def _begin(self, last_rise_counts: int) -> list[LevelChange]:
+        if self._idle:
+            return []
+        self._idle = True
+        counts = last_rise_counts + self._idle_counts
+        return [LevelChange(counts, pin, level) for pin, level in self._standing.items()]
+
+    def _end(self, rise_counts: int) -> list[LevelChange]:
+        self._idle = False
+        return [LevelChange(rise_counts, pin, self._running[pin]) for pin in self._standing]
+
+
+_LONG_AGO: Final = -(1 << 60)
+
+_CLK_HIGH, _CLK_LOW, _SETUP, _HOLD = 0, 1, 2, 4
+"""Indices of the limits. Setup and hold have two limits each, for DIR's levels 0 and 1, because the delays differ."""
+
+
+class _Pulses(NamedTuple):
+    """Pulses by their active edges; times at the terminals in counts, all arrays of one length."""
+
+    origins: Int64Array
+    """Rises at the STEP terminal with which the pulses began."""
+    edges: Int64Array
+    low_counts: Int64Array
+    """Time for which the chip's CLK would be low before each pulse if the couplers were wires."""
+    high_counts: Int64Array
+
+    def where(self, kept: NDArray[np.bool_] | slice) -> "_Pulses":
+        return _Pulses(*(values[kept] for values in self))
+
+
+class InputStage:
+    """The way from one module's terminals to its chip's pins; the chip needs CLK high for `clk_width_min_counts`."""
+
+    def __init__(self, module: Module, clk_width_min_counts: int) -> None:
+        self._module = module
+        self._clk, self._dir, self._enable = module.clk.delay, module.direction.delay, module.enable.delay
+        self._setup_counts = counts_of_ns(module.requirements.dirsetup_ns)
+        self._hold_counts = max(counts_of_ns(module.requirements.dirhold_ns), 1)
+        self._limits = self._make_limits()
+        self._log = ViolationLog(self._limits)
+        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+        self._memory_counts = 3 * sum(
+            (
+                *(max(limit.value, 0) for limit in self._limits),
+                *(delay.longest for delay in (self._clk, self._dir, self._enable)),
+                self._foresight_counts,
+            )
+        )
+        """Time after which an edge has no influence any more."""
+        self.meant_steps = 0
+        """Pulses whose fate is certain, each signed by DIR at its beginning."""
+        self._rises, self._falls = NO_COUNTS, NO_COUNTS
+        self._last_fall_counts = _LONG_AGO
+        self._dir_counts, self._dir_levels = NO_COUNTS, NO_LEVELS
+        self._dir_before = 0
+        """DIR's level before the first edge that is kept."""
+        self._chip_dir_level = 0
+        self._changes: list[LevelChange] = []
+        self._enable_changes: list[LevelChange] = []
+        self._enable_level = self._supplied = 0
+        """Levels of EN at the terminal and of VM."""
+        self._switchboard = Switchboard(module.switches, module.idle_ms) if module.switches else None
+        self._passed: list[Int64Array] = []
+        self._origins: list[Int64Array] = []
+
+    def _make_limits(self) -> tuple[Limit, ...]:
+        """Return the module's requirements, or stricter ones with which the couplers lose no pulse and no DIR edge."""
+        asked, clk = self._module.requirements, self._clk
+        width_counts = max(counts_of_ns(asked.steplen_ns), clk.to_high - clk.to_low + 1)
+        space_counts = max(counts_of_ns(asked.stepspace_ns), clk.to_low - clk.to_high + 1)
+        behind_clk = [self._dir.of(level) - clk.to_high for level in (0, 1)]
+        figures = (
+            (Rule.CLK_HIGH, width_counts),
+            (Rule.CLK_LOW, space_counts),
+            *((Rule.DIR_SETUP, self._setup_counts + behind) for behind in behind_clk),
+            *((Rule.DIR_HOLD, self._hold_counts - behind) for behind in behind_clk),
+        )
+        return tuple(Limit(rule, counts, LimitUnit.COUNTS, self._module.source) for rule, counts in figures)
+
+    def _make_foresight(self, clk_width_min_counts: int) -> int:
+        """Return the time from a rise of the chip's CLK until its fate is certain.
+
+        DIR's hold time is over then; and where a pulse ends when the next begins, it is long enough for the module
+        and the chip.
+        """
+        after_edge = max(limit.value for limit in self._limits[_HOLD:])
+        if self._module.active_edge is ClkEdge.FALLING:
+            for_chip = clk_width_min_counts + self._clk.to_high - self._clk.to_low
+            after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
+        return max(after_edge - self._clk.to_high, 0)
+
+    def set_clk_width(self, clk_width_min_counts: int) -> None:
+        """Know that the chip needs CLK high for another time from now on."""
+        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+
+    def turn_switches(self, levels: Mapping[LevelPin, int], counts: int) -> None:
+        """Let somebody set the module's switches for these inputs of the chip; a module without switches has none."""
+        if self._switchboard is not None:
+            self._switchboard.turn(levels, counts)
+
+    @property
+    def held_pulses(self) -> int:
+        """Number of pulses whose fate is not certain yet."""
+        return self._rises.size
+
+    @property
+    def waiting(self) -> bool:
+        """True while edges are on their way to the chip, even if no more come in."""
+        idle_to_come = self._switchboard is not None and self._switchboard.waiting
+        return bool(self._rises.size or self._changes or self._enable_changes or idle_to_come)
+
+    @property
+    def violation_count(self) -> int:
+        """Number of violations of the module's limits so far."""
+        return self._log.count
+
+    @property
+    def violations(self) -> Violations:
+        """Violations of the module's limits that are not forgotten."""
+        return self._log.all()
+
+    def forget(self) -> None:
+        """Drop the record of passed pulses and violations, but keep the counts."""
+        self._passed.clear()
+        self._origins.clear()
+        self._log.forget()
+
+    def origins(self, rises: Int64Array) -> Int64Array:
+        """Return the rises of STEP at the terminals from which rises of the chip's CLK come."""
+        at = np.searchsorted(joined(self._passed, np.int64), rises)
+        found: Int64Array = joined(self._origins, np.int64)[at]
+        return found
+
+    def take(self, pins: Pins) -> Pins:
+        """Take the next stretch of edges at the terminals; return the next stretch at the chip's pins."""
+        self._remember(pins)
+        arrived_counts = pins.until_counts - self._foresight_counts
+        settled = self._settled(pins.until_counts, arrived_counts)
+        meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
+        self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
+        pulses = self._not_lost(settled)
+        rises = pulses.edges + self._clk.to_high
+        levels = self._levels(pulses.edges, rises)
+        changes = self._arrived_changes(rises, arrived_counts)
+        dir_counts, dir_levels = self._chip_direction(rises, levels, changes)
+        self._passed.append(rises)
+        self._origins.append(pulses.origins)
+        self._forget(settled.edges.size, arrived_counts)
+        return Pins(
+            clk_rise_counts=rises,
+            clk_fall_counts=rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high),
+            dir_counts=dir_counts,
+            dir_levels=dir_levels,
+            changes=changes,
+            until_counts=arrived_counts,
+        )
+
+    # --- memory
+
+    def _remember(self, pins: Pins) -> None:
+        self._rises = np.concatenate((self._rises, pins.clk_rise_counts))
+        self._falls = np.concatenate((self._falls, pins.clk_fall_counts))
+        last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
+        turned = np.diff(pins.dir_levels, prepend=last) != 0
+        self._dir_counts = np.concatenate((self._dir_counts, pins.dir_counts[turned]))
+        self._dir_levels = np.concatenate((self._dir_levels, pins.dir_levels[turned]))
+        for change in pins.changes:
+            self._remember_change(change)
+
+    def _remember_change(self, change: LevelChange) -> None:
+        if change.pin is LevelPin.ENABLE:
+            self._enable_level = change.level
+            if self._supplied:
+                self._remember_enable(change)
+            return
+        if change.pin is LevelPin.VM and change.level != self._supplied:
+            self._supplied = change.level
+            if not change.level:
+                self._drop_enable(change.counts)
+                self._changes.append(LevelChange(change.counts, LevelPin.ENABLE, 0))
+            elif self._enable_level:
+                self._remember_enable(LevelChange(change.counts, LevelPin.ENABLE, 1))
+        self._changes.append(change)
+
+    def _remember_enable(self, change: LevelChange) -> None:
+        late = change._replace(counts=change.counts + self._enable.of(change.level))
+        self._drop_enable(late.counts)
+        self._enable_changes.append(late)
+
+    def _drop_enable(self, counts: int) -> None:
+        """Drop changes of ENABLE that have not got through by an instant."""
+        while self._enable_changes and self._enable_changes[-1].counts >= counts:
+            self._enable_changes.pop()
+
+    def _forget(self, pulses: int, arrived_counts: int) -> None:
+        """Drop the settled pulses, and DIR edges that are too old to influence a later pulse."""
+        if pulses:
+            self._last_fall_counts = int(self._falls[pulses - 1])
+        self._rises, self._falls = self._rises[pulses:], self._falls[pulses:]
+        old = int(np.searchsorted(self._dir_counts, arrived_counts - self._memory_counts))
+        if old:
+            self._dir_before = int(self._dir_levels[old - 1])
+        self._dir_counts, self._dir_levels = self._dir_counts[old:], self._dir_levels[old:]
+
+    # --- pulses
+
+    def _settled(self, until_counts: int, arrived_counts: int) -> _Pulses:
+        """Return the pulses whose fate is certain.
+
+        If the falling edge is active, the chip's CLK is high until the next pulse begins; in the last pulse it has been
+        high at least until now.
+        """
+        rises, falls = self._rises, self._falls
+        if self._module.active_edge is ClkEdge.RISING:
+            falls_before = np.concatenate(([self._last_fall_counts], falls))[: rises.size]
+            pulses = _Pulses(rises, rises, rises - falls_before, falls - rises)
+        else:
+            rises_after = np.concatenate((rises, [until_counts]))[1:]
+            pulses = _Pulses(rises, falls, falls - rises, rises_after - falls)
+        return pulses.where(slice(int(np.searchsorted(pulses.edges + self._clk.to_high, arrived_counts))))
+
+    def _not_lost(self, pulses: _Pulses) -> _Pulses:
+        too_short = pulses.high_counts < self._limits[_CLK_HIGH].value
+        too_soon = pulses.low_counts < self._limits[_CLK_LOW].value
+        self._note(_CLK_HIGH, pulses.edges[too_short], pulses.high_counts[too_short])
+        self._note(_CLK_LOW, pulses.edges[too_soon], pulses.low_counts[too_soon])
+        return pulses.where(~(too_short | too_soon))
+
+    # --- direction
+
+    def _levels(self, edges: Int64Array, rises: Int64Array) -> Int8Array:
+        """Return the level of DIR that the chip reads at each rise of its CLK.
+
+        Usually it is the level that has arrived through the coupler. Where an active edge breaks the module's
+        requirements, DIR is read at the earliest or latest instant that they leave open.
+        """
+        counts, levels = self._dir.passed(self._dir_counts, self._dir_levels)
+        read, late, early = (
+            levels_at(instants, counts, levels, self._dir_before)
+            for instants in (rises, rises - self._setup_counts, rises + (self._hold_counts - 1))
+        )
+        before = np.searchsorted(self._dir_counts, edges, side="right") - 1
+        unset = self._broken(_SETUP, edges, before)
+        unheld = self._broken(_HOLD, edges, before + 1)
+        return np.where(unset, late, np.where(unheld, early, read))
+
+    def _chip_direction(
+        self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
+    ) -> tuple[Int64Array, Int8Array]:
+        """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
+        off = [change.counts for change in changes if change.pin is LevelPin.VM and not change.level]
+        if off:
+            at = np.searchsorted(rises, off)
+            rises, levels = np.insert(rises, at, off), np.insert(levels, at, np.zeros(len(off), np.int8))
+        turned = np.diff(levels, prepend=np.int8(self._chip_dir_level)) != 0
+        self._chip_dir_level = int(levels[-1]) if levels.size else self._chip_dir_level
+        return rises[turned], levels[turned]
+
+    def _broken(self, limit: int, edges: Int64Array, turns: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Note and return the active edges too near to a DIR edge, which is given by an index, perhaps out of range."""
+        broken = np.zeros(edges.size, dtype=np.bool_)
+        near = (turns >= 0) & (turns < self._dir_counts.size)
+        distances = np.abs(self._dir_counts[turns[near]] - edges[near])
+        levels = self._dir_levels[turns[near]]
+        for level in (0, 1):
+            too_near = (levels == level) & (distances < self._limits[limit + level].value)
+            self._note(limit + level, edges[near][too_near], distances[too_near])
+            broken[np.flatnonzero(near)[too_near]] = True
+        return broken
+
+    def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
+        """Note violations at the instants at which the chip's CLK rises, or would: in order with the chip's own."""
+        self._log.note(limit, edges + self._clk.to_high, values)
+
+    # --- inputs that are held at a level
+
+    def _arrived_changes(self, rises: Int64Array, arrived_counts: int) -> tuple[LevelChange, ...]:
+        waiting = sorted((*self._changes, *self._enable_changes), key=lambda change: change.counts)
+        self._changes = [change for change in self._changes if change.counts >= arrived_counts]
+        self._enable_changes = [change for change in self._enable_changes if change.counts >= arrived_counts]
+        arrived = tuple(change for change in waiting if change.counts < arrived_counts)
+        return self._switchboard.changes(arrived, rises, arrived_counts) if self._switchboard else arrived

@@ -1,0 +1,1 @@
+"""What may go wrong with an emulated machine, as data: operations on it, and faults of its bus and wires."""

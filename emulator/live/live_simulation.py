@@ -1,0 +1,238 @@
+"""Run the simulation in real time: pace it by the wall clock, whose time is an argument of each call.
+
+A frame that comes in at an instant of the wall clock enters the simulated bus at the corresponding count, but never
+before the time that is simulated already. So a late process changes nothing on the board, only the time when others
+see it. Frames enter at whole microseconds, as all else happens on a bus with one of our bit rates: so a log in
+microseconds tells every instant exactly.
+
+The lateness is measured: for each servo tick of a motion until its edges are known, and for each frame of a board until
+it is handed on.
+
+A process that was held up has not seen what came in meanwhile, so the board must not live through that time without it:
+its clock stands instead (`stand`), and the frames enter before it goes on.
+
+Where motors turn with the boards, their rotors may lag behind the boards as long as nothing asks for them. They follow
+in small pieces in the time that is left between ticks (`work`).
+"""
+
+from collections import deque
+from collections.abc import Callable, Hashable
+from functools import partial
+from typing import Final, NamedTuple
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.board_motion import BoardMotion
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.motion.step_config import StepConfig
+from steptwin.emulator.live.lateness import Lateness
+from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.simulation import Simulation
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
+
+STALL_NS: Final = 10_000_000
+"""Lateness of the loop, in wall time, that the board catches up; for what is beyond it the board's clock stands.
+
+It is well below the times within which CANopen programs notice a loss, some tens of milliseconds, and well above the
+usual lateness of a process that is not starved.
+"""
+
+
+class Stalls:
+    """Number, sum and maximum of the stalls."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.total_ns = 0
+        self.longest_ns = 0
+
+    def add(self, dt_ns: int) -> None:
+        """Add a stall."""
+        self.count += 1
+        self.total_ns += dt_ns
+        self.longest_ns = max(self.longest_ns, dt_ns)
+
+
+SLICE_COUNTS: Final = COUNTS_PER_SECOND // 100
+"""Greatest stretch of time that is simulated at once while catching up, so that sockets have their turn."""
+PIECE_NS: Final = 100_000
+"""Time that a piece of work on the rotors takes at most, as a rule: it takes 60 us on a slow computer."""
+WORK_NS: Final = 100_000
+"""Time for which this work goes on until there is a look at the sockets."""
+_FAR_COUNTS: Final = 1 << 62
+
+Sender = Hashable
+"""Identifies a sender behind the host's interface."""
+Viewer = Callable[[Frame, int, Sender | None], None]
+"""Called with a frame, the instant in counts at which it became valid, and its sender: None for a board."""
+
+
+class _Incoming(NamedTuple):
+    now_ns: int
+    enter: Callable[[], None]
+
+
+class LiveSimulation:
+    """A simulation in real time; several senders share the host's one interface, as sockets share `can0`."""
+
+    def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
+        self.simulation = simulation
+        self.pacer = pacer
+        self.epoch_us = 0
+        """Time when the boards were switched on, in us since 1970; gives frames a time of day."""
+        self.view: Viewer = lambda _frame, _counts, _sender: None
+        """Called with every frame on the bus."""
+        self.ticks = Lateness()
+        """Lateness of the servo ticks when an event is possible: while an axis moves, and a little longer."""
+        self.frames = Lateness()
+        """Lateness of the boards' frames."""
+        self.stalls = Stalls()
+        """Times for which the boards' clock stood."""
+        self._incoming: deque[_Incoming] = deque()
+        self._senders: dict[Frame, deque[Sender]] = {}
+        """Senders of the frames that wait for the bus; equal frames are sent in the order that they came."""
+        self._due_counts: list[int] = []
+        """Instants of the boards' frames since `settle`."""
+        self._ticks = range(0)
+        """Servo ticks simulated since `settle`."""
+        simulation.host.receive = self._heard
+        simulation.host.on_sent = self._sent
+
+    def send(self, frame: Frame, sender: Sender, now_ns: int) -> None:
+        """Queue a frame that has come in at an instant; instants may not decrease from call to call."""
+        self.call(partial(self._enter, frame, sender), now_ns)
+
+    def call(self, action: Callable[[], None], now_ns: int) -> None:
+        """Let something be done at an instant of the wall clock, such as an operation on a machine.
+
+        The action is called when the boards have come to this instant, in order with the frames of `send`.
+        """
+        self._incoming.append(_Incoming(now_ns, action))
+
+    def _enter(self, frame: Frame, sender: Sender) -> None:
+        self._senders.setdefault(frame, deque()).append(sender)
+        self.simulation.host.send(frame, self.simulation.now_counts)
+
+    def _heard(self, frame: Frame, counts: int) -> None:
+        self._due_counts.append(counts)
+        self.view(frame, counts, None)
+
+    def _sent(self, frame: Frame, counts: int) -> None:
+        senders = self._senders[frame]
+        sender = senders.popleft()
+        if not senders:
+            del self._senders[frame]
+        self.view(frame, counts, sender)
+
+    # --- time
+
+    def start(self, now_ns: int, epoch_us: int) -> None:
+        """Switch the boards on now, which is `epoch_us` since 1970; call this before the first `advance`."""
+        self.pacer.start_ns = now_ns
+        self.epoch_us = epoch_us
+
+    def stand(self, late_ns: int) -> bool:
+        """Let the boards' clock stand for as long as the process has just been held up, less what it may catch up.
+
+        After it, let all frames that have come in meanwhile be sent before time advances, so that none of them comes
+        later on the boards' clock than by STALL_NS. To catch up that much each time lets a board on a starved computer
+        live several times as fast as its share of the processor.
+
+        Args:
+            late_ns: the time that has passed since the process wanted to look for frames and to `advance`.
+
+        Returns:
+            True if the clock has stood.
+        """
+        if late_ns <= STALL_NS:
+            return False
+        self.pacer.stand(late_ns - STALL_NS)
+        self.stalls.add(late_ns - STALL_NS)
+        return True
+
+    def advance(self, now_ns: int) -> None:
+        """Simulate up to an instant, but at most one slice while the boards are busy."""
+        simulation = self.simulation
+        from_counts = simulation.now_counts
+        moving = self.moving
+        until_counts = self._until_counts(now_ns, moving=moving)
+        incoming, counts_at = self._incoming, self._counts_at
+        while incoming and (counts := counts_at(incoming[0].now_ns)) <= until_counts:
+            enter = incoming.popleft().enter
+            simulation.run_until(counts)
+            enter()
+        simulation.run_until(until_counts)
+        if moving:
+            self._ticks = range(-(-from_counts // TICK_COUNTS), -(-simulation.now_counts // TICK_COUNTS))
+
+    def _until_counts(self, now_ns: int, *, moving: bool) -> int:
+        """Return the count up to which to simulate: at most a slice in motion, on to the next event at rest."""
+        goal_counts = self._counts_at(now_ns)
+        slice_end_counts = self.simulation.now_counts + SLICE_COUNTS
+        if moving or goal_counts <= slice_end_counts:
+            return min(goal_counts, slice_end_counts)
+        return max(slice_end_counts, self.simulation.next_event_counts(goal_counts))
+
+    def _counts_at(self, now_ns: int) -> int:
+        """Return the count of the last whole microsecond that has begun at an instant."""
+        counts = self.pacer.counts_at(now_ns)
+        return counts - counts % COUNTS_PER_US
+
+    def settle(self, now_ns: int) -> None:
+        """Note the lateness of everything simulated since the last call, which is handed on by now."""
+        for tick in self._ticks:
+            self.ticks.add(now_ns - self.pacer.ns_at(tick * TICK_COUNTS))
+        for counts in self._due_counts:
+            self.frames.add(now_ns - self.pacer.ns_at(counts))
+        self._ticks = range(0)
+        self._due_counts.clear()
+
+    def work(self, clock_ns: Callable[[], int]) -> None:
+        """Let the motors' rotors follow the boards while nothing else is to do.
+
+        A piece of this work begins if there is time for it until the next tick; one of them in any case where the work
+        would else be left until it must be done at once, which takes longer than a tick.
+        """
+        watch = self.simulation.rotor_watch
+        if watch is None or watch.work_counts > self.simulation.now_counts:
+            return
+        now_ns = clock_ns()
+        end_ns = min(self.due_ns - PIECE_NS, now_ns + WORK_NS)
+        if now_ns <= end_ns or watch.pressing:
+            watch.work()
+        while watch.work_counts <= self.simulation.now_counts and clock_ns() <= end_ns:
+            watch.work()
+
+    def wake_ns(self, now_ns: int) -> int:
+        """Return the instant when `advance` or `work` next has work, as far as it is known."""
+        due_ns, watch = self.due_ns, self.simulation.rotor_watch
+        if watch is None:
+            return due_ns
+        work_ns = max(self.pacer.ns_at(watch.work_counts), now_ns)
+        return work_ns if work_ns <= due_ns - PIECE_NS else due_ns
+
+    @property
+    def moving(self) -> bool:
+        """True while a motion runs or has just ended, so that any tick may bring an event."""
+        return any(board.moving for board in self.simulation.boards)
+
+    @property
+    def due_ns(self) -> int:
+        """Instant when `advance` next has work, as far as it is known."""
+        now_counts = self.simulation.now_counts
+        due_counts = _FAR_COUNTS
+        if self.moving:  # a tick is simulated as soon as time passes its start
+            due_counts = -(-now_counts // TICK_COUNTS) * TICK_COUNTS + COUNTS_PER_US
+        if self._incoming:
+            due_counts = min(due_counts, self._counts_at(self._incoming[0].now_ns))
+        return self.pacer.ns_at(max(self.simulation.next_event_counts(due_counts), now_counts))
+
+
+def warm_up(kernel: Kernel) -> None:
+    """Call the kernel's functions once, because the first call loads or compiles them, which takes long."""
+    motion = BoardMotion(kernel, 1)
+    motion.configure(0, StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))
+    motion.push(0, 0, 0, 1)
+    motion.start(0)
+    motion.advance(1)
+    motion.velocity(0)

@@ -1,0 +1,1 @@
+"""Stepper motors and the mechanism that they turn: rotors, masses and torques."""

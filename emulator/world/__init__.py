@@ -1,0 +1,1 @@
+"""What stands around the board: switches, a shelf, and the state of the surroundings."""

@@ -1,0 +1,118 @@
+"""Let a shelf follow the boards that work there: when it looks at the tool and the outputs, and its sensors' inputs.
+
+The shelf looks whenever one of its outputs has changed. While the hand holds a drawer and axes move, and once when they
+have come to rest, it also looks every LOOK_COUNTS: a sensor sees a drawer at its end at most so late. Without sensors
+it looks less often, only to see whether the drawer can follow.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.faults.operations import SetInput
+from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
+from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+LOOK_COUNTS: Final = COUNTS_PER_SECOND // 100
+"""10 ms: a drawer that is pulled with 30 mm/s moves by 0.3 mm between two looks."""
+IDLE_LOOK_COUNTS: Final = COUNTS_PER_SECOND // 10
+"""The same without sensors."""
+
+
+class OutputWire(NamedTuple):
+    """An output to which a device of the hand is wired: number of the board, axis on it, pin."""
+
+    board: int
+    axis: int
+    pin: Pin
+
+
+class InputWire(NamedTuple):
+    """An input to which a sensor is wired: number of the board, axis on it, input."""
+
+    board: int
+    axis: int
+    input: DigitalInput
+
+
+@dataclass(frozen=True, slots=True)
+class ShelfWiring:
+    """How a shelf is connected to boards.
+
+    Attributes:
+        shelf: the shelf.
+        tip_at: returns where the tool's tip is, in mm, for the positions of all rotors since power-up, board by board,
+            in sixteenths of a full step.
+        lock: output of the hand's lock.
+        magnet: output of its magnet.
+        sensors: inputs of the sensors, by the fields of Sensed; those that are left out are not connected.
+    """
+
+    shelf: ShelfConfig
+    tip_at: Callable[[Sequence[float]], Point]
+    lock: OutputWire
+    magnet: OutputWire
+    sensors: dict[str, InputWire]
+
+
+class ShelfWatch:
+    """A shelf beside the boards of a simulation."""
+
+    def __init__(self, wiring: ShelfWiring, boards: Sequence[Board], rotors: Callable[[], Sequence[float]]) -> None:
+        """Stand beside boards; `rotors` tells where their rotors are, as `ShelfWiring.tip_at` takes it."""
+        self.shelf = MovingShelf(wiring.shelf)
+        self._wiring = wiring
+        self._boards = tuple(boards)
+        self._rotors = rotors
+        self._looked_counts = 0
+        self._rested = True
+        """True if nothing has moved since the last look."""
+        self._seen = Sensed()
+        for board in boards:
+            board.watch_outputs()
+
+    @property
+    def next_counts(self) -> int | None:
+        """Instant of the next look that is due by itself; None while no drawer moves."""
+        if not self.shelf.held or (self._rested and not self._moving):
+            return None
+        every_counts = LOOK_COUNTS if self._wiring.sensors else IDLE_LOOK_COUNTS
+        return (self._looked_counts // every_counts + 1) * every_counts
+
+    @property
+    def _moving(self) -> bool:
+        return any(board.moving for board in self._boards)
+
+    def is_due(self, now_counts: int) -> bool:
+        """Return whether an output has changed since the last call or a look is due by itself."""
+        changed = False
+        for board in self._boards:
+            changed |= board.take_output_change()
+        due_counts = self.next_counts
+        return changed or (due_counts is not None and due_counts <= now_counts)
+
+    def look(self, now_counts: int) -> list[tuple[int, SetInput]]:
+        """Look; return the boards' inputs that change, with the numbers of the boards."""
+        self.look_now(now_counts)
+        return list(self._sensor_changes())
+
+    def look_now(self, now_counts: int) -> None:
+        """Look whatever has changed, as at the end of a run; no input changes."""
+        self._rested, self._looked_counts = not self._moving, now_counts
+        wiring = self._wiring
+        self.shelf.look(
+            now_counts, wiring.tip_at(self._rotors()), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet)
+        )
+
+    def _on(self, wire: OutputWire) -> bool:
+        return bool(self._boards[wire.board].output_level(wire.axis, wire.pin))
+
+    def _sensor_changes(self) -> Iterator[tuple[int, SetInput]]:
+        before, self._seen = self._seen, self.shelf.sensed
+        for name, wire in self._wiring.sensors.items():
+            level = getattr(self._seen, name)
+            if level != getattr(before, name):
+                yield wire.board, SetInput(wire.axis, wire.input, level)

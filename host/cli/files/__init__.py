@@ -1,0 +1,1 @@
+"""The commands of the group "Files and tools": a file a command."""

@@ -1,0 +1,70 @@
+"""`steptwin animate DIR`: show a stored run as a moving picture."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, Replace, keep_files, naming_options
+from steptwin.host.cli.output import print_json, say, warn
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.run.verify import PlanDir, RunDir
+
+
+@command("out/drawer-pull --out arm.gif", "out/drawer-pull --out arm.html --camera 30,20 --speed 0.5")
+def animate(
+    folder: RunDir,
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="arm.gif; arm.html, a page that plays and turns in any browser; or arm.mp4, which needs ffmpeg.",
+        ),
+    ],
+    camera: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|AZIMUTH,ELEVATION", help="iso, top, front, side, or two angles in degrees, such as -60,30."
+        ),
+    ] = "iso",
+    speed: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="1 is real time; by default the motion takes some seconds, 10 at most."),
+    ] = None,
+    from_s: Annotated[float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion.")] = None,
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None,
+    magnify: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Magnify the path's error so many times; by default until it shows."),
+    ] = None,
+    fps: Annotated[float, typer.Option(metavar="N", help="Frames a second.")] = 20.0,
+    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of a gif or mp4.")] = 720,
+    plan: PlanDir = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show a stored run as a moving picture: the arm, its planned path and the counted one with its error magnified."""
+    from steptwin.host.record.animation import Camera, Shot, check_kind, write_animation
+    from steptwin.host.record.folder import read_run
+
+    with naming_options("out", "camera", "speed", "fps", "width", from_s="--from", to_s="--to", gain="--magnify"):
+        check_kind(out)
+        keep_files([out], replace=replace)
+        seen_from = Camera.named(camera)
+        with naming_options(plan_folder="--plan"):
+            stored = read_run(folder, plan, counts_suffice=True)
+        if stored.interruption:
+            warn(f"{folder}: {stored.interruption}")
+        if stored.no_plan:
+            warn(f"{folder}: has no plan: {stored.no_plan}; this shows what the drivers have counted")
+        shot = Shot(fps, speed, from_s, to_s, magnify)
+        with progress_bar(out.name) as progress:
+            film = write_animation(out, stored, seen_from, shot, width, progress)
+    frames, lasts_s = len(film.times_s), (len(film.times_s) - 1) / film.fps
+    if as_json:
+        print_json(
+            {"file": str(out), "frames": frames, "duration_s": lasts_s, "speed": film.speed, "magnified": film.gain}
+        )
+    else:
+        say(f"{out}: {frames} frames, {lasts_s:.1f} s at {film.speed:g} x, path's error magnified {film.gain:g} times")

@@ -1,0 +1,232 @@
+"""`steptwin motors DIR|ROBOT`: turn the motors by a stored run, or tell which motors would do for a robot."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, Replace, RobotFile, finite_number, naming_options, one_robot
+from steptwin.host.cli.output import print_json, print_table, say, warn
+from steptwin.host.cli.run.motor_report import (
+    check_motors,
+    keep_pictures,
+    margins_of,
+    motors_of,
+    print_margins,
+    print_motors,
+    warn_of_payloads,
+    with_load,
+    write_pictures,
+)
+from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.studies.motors.fitting import Fit, JointFit
+    from steptwin.host.twin.motors.ramps import JointRamp
+
+
+def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
+    """Print how a robot's motors, and those of the catalogue, would do at the limits of its joints."""
+    from steptwin.host.studies.motors.fitting import fits_of
+    from steptwin.host.twin.motors import check_described
+    from steptwin.host.twin.motors.driving import check_current
+    from steptwin.host.twin.motors.verdict import MARGIN_MIN
+
+    dynamics = check_described(robot)
+    current_a = None if current is None else finite_number(current, "--current")
+    if current_a is not None:
+        with naming_options(current_a="--current"):
+            check_current(current_a)
+    fits = fits_of(robot, current_a)
+    if as_json:
+        head: dict[str, Any] = {"payload_kg": dynamics.payload_kg, "supply_v": dynamics.supply_v}
+        print_json({"robot": robot.name, **head, "assumed": ["masses"], "joints": [fit.to_dict() for fit in fits]})
+        return
+    _print_own(fits)
+    say("")
+    _print_ramps(fits)
+    say("")
+    _print_pull_out(fits)
+    say("")
+    _print_others(fits)
+    say(
+        f"A motor of the catalogue would do where {100 * MARGIN_MIN:.0f} % is left; where not, the speed at which its"
+        " torque is short follows",
+    )
+    for fit in fits:
+        if not fit.own.would_do:
+            warn(f"{fit.name}: {fit.own.motor}: {_shortage(fit.own)}")
+    warn_of_steep_homings(fits)
+    say(f"motors: with {dynamics.payload_kg:g} kg at the tool and {dynamics.supply_v:g} V ([A] masses)")
+
+
+def _print_own(fits: "tuple[JointFit, ...]") -> None:
+    heads = ["joint", "motor", "A", "needs Nm", "has Nm", "margin %", "at rpm", "top rpm", "inertia gcm2", "f0 Hz"]
+    rows = [
+        [
+            fit.name,
+            fit.own.motor,
+            f"{fit.own.current_a:.2f}",
+            f"{fit.own.torque_needed_nm:.3f}",
+            f"{fit.own.torque_available_nm:.3f}",
+            f"{100 * fit.own.margin:.0f}",
+            f"{fit.own.rpm:.0f}",
+            f"{fit.rpm_max:.0f}",
+            f"{1e7 * fit.inertia_kgm2:.0f}",
+            f"{fit.natural_hz:.1f}",
+        ]
+        for fit in fits
+    ]
+    print_table(heads, rows, text_columns=2)
+
+
+def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
+    """Warn of each joint whose homing accelerates it harder than the motors manage."""
+    from steptwin.host.twin.motors.steep_homings import steep_homing
+
+    for fit in fits:
+        if fit.homing is not None and fit.homing.too_steep:
+            warn(steep_homing(fit.name, fit.unit, fit.homing))
+
+
+def _print_ramps(fits: "tuple[JointFit, ...]") -> None:
+    heads = ["joint", "unit", "acceleration_max", "motors manage", "homing", "motors manage"]
+    rows = [
+        [
+            fit.name,
+            f"{fit.unit}/s2",
+            *_asked_and_managed(fit.moving, fit.name),
+            *(("-", "-") if fit.homing is None else _asked_and_managed(fit.homing, fit.name)),
+        ]
+        for fit in fits
+    ]
+    print_table(heads, rows, text_columns=2)
+
+
+def _asked_and_managed(ramp: "JointRamp", name: str) -> tuple[str, str]:
+    """Return both in words, with the joint whose motor manages no more if it is another one."""
+    weakest = "" if ramp.weakest == name else f"{ramp.weakest}: "
+    return f"{ramp.asked:g}", f"{weakest}{ramp.managed:.0f}"
+
+
+def _print_pull_out(fits: "tuple[JointFit, ...]") -> None:
+    from steptwin.host.studies.motors.fitting import TABLE_RPM
+
+    heads = ["Nm at rpm", *(f"{rpm:g}" for rpm in TABLE_RPM)]
+    print_table(heads, [[fit.name, *(f"{torque:.3f}" for torque in fit.pull_out_nm)] for fit in fits])
+
+
+def _print_others(fits: "tuple[JointFit, ...]") -> None:
+    heads = ["margin %", "A", *(fit.name for fit in fits)]
+    rows = [
+        [motor.motor, f"{motor.current_a:.2f}", *(_cell(fit.others[row]) for fit in fits)]
+        for row, motor in enumerate(fits[0].others)
+    ]
+    print_table(heads, rows)
+
+
+def _cell(fit: "Fit") -> str:
+    """Return the margin; with the speed at which it is short if the motor would not do."""
+    percent = f"{100 * fit.margin:.0f}" if fit.margin > -1.0 else "none"
+    return percent if fit.would_do else f"{percent} at {fit.rpm:.0f}"
+
+
+def _shortage(fit: "Fit") -> str:
+    return f"needs {fit.torque_needed_nm:.3f} of {fit.torque_available_nm:.3f} Nm at {fit.rpm:.0f} turns a minute"
+
+
+@command("out/store --payload 1.5 --margin", "lab-scara --supply 12")
+def motors(
+    subject: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="DIR|ROBOT", help="Folder written by `steptwin run --out`, or a robot or its .toml file."
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
+    payload: Annotated[
+        str | None, typer.Option(metavar="KG", help="Mass at the tool instead of the robot file's.")
+    ] = None,
+    supply: Annotated[
+        str | None, typer.Option(metavar="V", help="Supply of the drivers instead of the robot file's.")
+    ] = None,
+    current: Annotated[
+        str | None, typer.Option(metavar="A", help="Phase current at full torque instead of the run's or the robot's.")
+    ] = None,
+    margin: Annotated[
+        bool,
+        typer.Option(
+            "--margin", help="Search the lowest current, the largest payload and the fastest motion that keep step."
+        ),
+    ] = False,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for pictures of a run's motors.")] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Turn the rotors of a stored run by its phase currents, with the arm's masses; exit code 1 if one slips.
+
+    The drivers count steps whether a rotor follows or not: this tells what the motors would really do. Of a robot it
+    tells, without a run, the motors' pull-out torques, and which motors would do at the joints' limits.
+    """
+    if robot_file is not None or subject is None or _is_robot(subject):
+        for option, given in (("--margin", margin), ("--out", out is not None)):
+            if given:
+                raise InputError(f"{option}: is for the folder of a run, not for a robot")
+        tell_fits(_described(one_robot(subject, robot_file), payload, supply), current, as_json=as_json)
+        return
+    if out is not None:
+        keep_pictures(out, replace=replace)
+    _tell_run(Path(subject), payload, supply, current, out, margin=margin, as_json=as_json)
+
+
+def _is_robot(subject: str) -> bool:
+    """Return whether a word means a robot; raise InputError if it is nothing at all."""
+    from steptwin.host.robots import robot_names
+
+    if subject in robot_names() or subject.endswith(".toml"):
+        return True
+    if not Path(subject).exists() and Path(subject).name == subject:
+        raise unknown("robot or folder of a run", subject, robot_names())
+    return False
+
+
+def _described(robot: "Robot", payload: str | None, supply: str | None) -> "Robot":
+    check_motors(robot)
+    return with_load(robot, payload, supply)
+
+
+def _tell_run(
+    folder: Path,
+    payload: str | None,
+    supply: str | None,
+    current: str | None,
+    out: Path | None,
+    *,
+    margin: bool,
+    as_json: bool,
+) -> None:
+    from steptwin.host.record.folder import read_run
+
+    run = read_run(folder)
+    with prefixed(f"{folder}: "):
+        check_motors(run.robot)
+    robot = with_load(run.robot, payload, supply)
+    ran = motors_of(robot, run.comparison, current)
+    margins = margins_of(ran, run.comparison) if margin else None
+    if as_json:
+        found = {"motors": ran.verdict.to_dict()} | ({} if margins is None else {"margins": margins.to_dict()})
+        print_json({"robot": robot.name, "job": run.report.document["job"], **found})
+    else:
+        print_motors(ran.verdict)
+        warn_of_payloads(run.report.document, ran.verdict.payload_kg)
+        if margins is not None:
+            print_margins(margins)
+    if out is not None:
+        write_pictures(out, ran, run.report.run)
+        say(f"pictures of the motors are in {out}/", err=as_json)
+    if not ran.verdict.kept_step:
+        raise typer.Exit(EXIT_NOT_VERIFIED)

@@ -1,0 +1,180 @@
+"""`steptwin replay LOG ROBOT`: play a recorded bus into the board again, and compare what it does."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import (
+    AsJson,
+    DipMicrosteps,
+    DriverProfileName,
+    LockedDrawer,
+    RobotFile,
+    RobotName,
+    ShelfStock,
+    dip_settings,
+    joint_values,
+    name_value_pairs,
+    naming_options,
+    one_robot,
+    run_folder,
+)
+from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, StoredMachine
+
+
+@command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
+def replay(
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG", help="Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder."),
+    ],
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the run that was recorded: where it began, and its edges."),
+    ] = None,
+    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to write the replay in, like a run's.")] = None,
+    stand_at: Annotated[
+        str | None,
+        typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stood; by default the run's, or its home."),
+    ] = None,
+    new_board: Annotated[
+        bool, typer.Option("--new-board", help="The board had never stored the robot's settings, as `run`'s have not.")
+    ] = False,
+    boards: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,...", help="Axes on each board, in the joints' order; by default the run's."),
+    ] = None,
+    bitrate: Annotated[
+        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="Bit rate; by default the robot file's.")
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option("--channel", "-c", metavar="NAME", help="Channel of a recording with several.")
+    ] = None,
+    driver_profile: DriverProfileName = None,
+    dip_microsteps: DipMicrosteps = None,
+    stock: ShelfStock = None,
+    locked_drawer: LockedDrawer = None,
+    as_json: AsJson = False,
+) -> None:
+    """Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.
+
+    Exit code 0 if the board's frames are the recorded ones, and its edges those of the run; 1 if not: the first
+    difference is told. A log of StepTwin's own is compared to the microsecond; one of a computer's clock by what each
+    node says, and by the drivers' steps.
+    """
+    from steptwin.host.record.recorded_bus import read_bus
+    from steptwin.host.twin.replay import replay as replayed
+
+    bus_file, folder = _recording(log, against)
+    loaded = _robot(robot, robot_file, folder)
+    stored = None if folder is None else _stored(folder, loaded)
+    power_up = _power_up(loaded, stored, boards, bitrate)
+    power_up = replace(
+        power_up,
+        joints=power_up.joints
+        if stand_at is None
+        else joint_values(stand_at.split(), loaded.joint_names, "--stand-at"),
+        commissioned=power_up.commissioned and not new_board,
+        driver_profile=driver_profile or power_up.driver_profile,
+        dip_microsteps=dip_settings(dip_microsteps) or power_up.dip_microsteps,
+        stock=name_value_pairs(stock) if stock else power_up.stock,
+        locked_drawers=locked_drawer or power_up.locked_drawers,
+    )
+    to = run_folder(out)
+    with naming_options("channel", "dip_microsteps", "stock", locked_drawers="--locked-drawer"):
+        bus = read_bus(bus_file, channel)
+        result = replayed(bus, loaded, power_up, against=stored)
+    if to is not None:
+        with naming_options("out"):
+            result.machine.run.save(to)
+    if as_json:
+        print_json(result.to_dict())
+    else:
+        say_result(result)
+    if to is not None:
+        say(f"the replay's report, edges and bus log are in {to}/", err=as_json)
+    if not result.equal:
+        raise typer.Exit(EXIT_NOT_VERIFIED)
+
+
+def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
+    """Return the file of the recording and the folder of its run: that of --against, or the one that holds the log."""
+    from steptwin.host.record.folder import BUS_LOG, ROBOT
+
+    if log.is_dir():
+        return log / BUS_LOG, against or log
+    in_a_run = log.name == BUS_LOG and (log.parent / ROBOT).is_file()
+    return log, against or (log.parent if in_a_run else None)
+
+
+def _robot(name: str | None, robot_file: str | None, folder: Path | None) -> "Robot":
+    """Return the robot that is named, else that of the run's folder."""
+    from steptwin.host.record.folder import read_robot
+
+    if folder is not None and name is None and robot_file is None:
+        return read_robot(folder)
+    return one_robot(name, robot_file)
+
+
+def _stored(folder: Path, robot: "Robot") -> "StoredMachine":
+    from steptwin.host.twin.replay import stored_machine
+
+    return stored_machine(folder, robot)
+
+
+def _power_up(
+    robot: "Robot", stored: "StoredMachine | None", boards: str | None, bitrate: int | None
+) -> "MachineAtPowerUp":
+    """Return how the machine stood at power-up: as in the run, or at home."""
+    from steptwin.host.twin.axes_per_board import check_axes_per_board, read_axes_per_board
+    from steptwin.host.twin.replay import MachineAtPowerUp
+    from steptwin.protocol.frame import BITRATES
+
+    power_up = stored.power_up if stored else MachineAtPowerUp(robot.home, (len(robot.joints),), robot.board.bitrate)
+    if bitrate is not None:
+        if bitrate not in BITRATES:
+            raise InputError(f"--bitrate {bitrate}: is not one of {', '.join(map(str, BITRATES))}")
+        power_up = replace(power_up, bitrate=bitrate)
+    if boards is not None:
+        with naming_options(axes_per_board="--boards"):
+            counts = read_axes_per_board(boards, len(robot.joints))
+            check_axes_per_board(counts, len(robot.joints))
+        power_up = replace(power_up, axes_per_board=counts)
+    return power_up
+
+
+def say_result(result: "Replayed") -> None:
+    """Print what a replay has found, in some lines."""
+    bus = result.bus
+    clock = "on the board's clock" if bus.on_board_clock else "by a computer's clock"
+    say(f"{bus.path}: {len(bus.frames)} frames {clock}, {result.played} of them played to {result.robot.name}")
+    if result.left_out:
+        say("left out: " + ", ".join(f"{count} {kind}" for kind, count in result.left_out.items()))
+    if result.bus_faults:
+        differ = "" if result.equal else ": what differs may differ for that"
+        say(f"not repeated, because no log shows them: {', '.join(result.bus_faults)}{differ}")
+    if bus.cut:
+        say("the recording is cut off within a frame: it is compared up to there")
+    same = "the same, to the microsecond" if bus.on_board_clock else "the nodes say the same"
+    say(f"frames: {same if result.frames is None else f'first difference {result.frames}'}")
+    if result.against is not None:
+        say(f"edges: {_edges(result)}")
+
+
+def _edges(result: "Replayed") -> str:
+    if result.edges is not None:
+        return f"first difference from {result.against}: {result.edges}"
+    if result.shift_us is None:
+        return f"all those of {result.against}, to the count"
+    return f"the drivers make the steps of {result.against}, those of the last motion within {result.shift_us:.1f} us"

@@ -1,0 +1,135 @@
+"""`steptwin trace DIR`: write the waveform of a stored run, for logic analysers, viewers and tables."""
+
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, Replace, chosen_names, keep_files
+from steptwin.host.cli.output import print_json, say, warn
+from steptwin.host.cli.run.verify import RunDir
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.record.waveforms import Format, Signal, Window
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.verify import Evidence
+
+
+_FormatName = Literal["vcd", "vcd-full", "csv", "npz", "mcap"]
+"""The formats of `steptwin.host.record.waveforms`, listed again: importing that would slow down `--help`."""
+
+_SCALED: Final = ("vcd", "vcd-full")
+"""Formats with a time unit."""
+
+
+@command("out/drawer-pull", "out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
+def trace(
+    folder: RunDir,
+    form: Annotated[
+        _FormatName,
+        typer.Option(
+            "--format",
+            metavar="FORMAT",
+            help="vcd: 1-bit wires, for sigrok; vcd-full: with positions, states and currents, for GTKWave; csv, npz:"
+            " the wires as a table, as arrays; mcap: everything, for Foxglove.",
+        ),
+    ] = "vcd",
+    timescale: Annotated[
+        Literal["1us", "100ns", "10ns"] | None,
+        typer.Option(
+            metavar="UNIT",
+            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest in which no wire changes twice."
+            " A finer one slows sigrok.",
+        ),
+    ] = None,
+    from_s: Annotated[
+        float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion; by default all.")
+    ] = None,
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None,
+    axes: Annotated[
+        list[str] | None,
+        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; repeatable."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File to write; by default in the folder: trace.vcd, trace-full.vcd, ..., or trace-part.vcd, ... for a"
+            " part.",
+        ),
+    ] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the waveform of a stored run: every edge of every pin, or a part of it."""
+    from steptwin.host.record.folder import EDGES, RECORDING, check_axes, read_evidence, read_recording, read_robot
+    from steptwin.host.record.waveforms import SCALES, Format, write_waveform
+
+    if timescale is not None and form not in _SCALED:
+        raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
+    if out is not None:
+        keep_files([out], replace=replace)
+    evidence, robot, recording = read_evidence(folder), read_robot(folder), read_recording(folder)
+    check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
+    if recording:
+        warn(f"{folder}: {recording.interruption}")
+    frames = recording.mark.frames if recording else None
+    window = _window(evidence, from_s, to_s)
+    signals = _chosen(_signals(folder, evidence, robot, Format(form), frames), evidence, axes)
+    whole = from_s is None and to_s is None and not axes
+    path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
+    write_waveform(path, signals, window, Format(form), robot.name, SCALES[timescale] if timescale else None)
+    ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+    if as_json:
+        names = [signal.name for signal in signals]
+        print_json({"file": str(path), "format": form, "signals": names, "from_s": ends_s[0], "to_s": ends_s[1]})
+    else:
+        say(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
+
+
+def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format", frames: int | None) -> "list[Signal]":
+    from steptwin.host.record.folder.layout import BUS_LOG, existing_file
+    from steptwin.host.record.waveforms import drive_states, everything, wires
+
+    if form.wires_only:
+        return wires(evidence)
+    states = drive_states(existing_file(folder, BUS_LOG), len(evidence.axes), frames)
+    return everything(evidence, robot, states)
+
+
+def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | None) -> "list[Signal]":
+    """Return the signals of the named axes, in their own order; all of them when no axis is named."""
+    if not axes:
+        return signals
+    chosen = chosen_names("--axis", axes, (axis.name for axis in evidence.axes))
+    return [signal for signal in signals if signal.axis in chosen]
+
+
+def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "Window":
+    """Return the part of the record between two times of the motion."""
+    from steptwin.host.record.waveforms import whole_record
+
+    whole = whole_record(evidence)
+    if whole.from_counts == whole.to_counts:
+        raise InputError("no pin has changed since power-up: there is no waveform")
+    window = replace(
+        whole,
+        from_counts=whole.from_counts if from_s is None else _counts(whole, "--from", from_s),
+        to_counts=whole.to_counts if to_s is None else _counts(whole, "--to", to_s),
+    )
+    if window.from_counts >= window.to_counts:
+        first_s, last_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+        raise InputError(f"--from {first_s:g} s: is not before --to, {last_s:g} s")
+    return window
+
+
+def _counts(whole: "Window", option: str, t_s: float) -> int:
+    counts = whole.counts(t_s) if isfinite(t_s) else -1
+    if not whole.from_counts <= counts <= whole.to_counts:
+        first_s, last_s = whole.time_s(whole.from_counts), whole.time_s(whole.to_counts)
+        raise InputError(f"{option} {t_s:g} s: the record goes from {first_s:.6f} to {last_s:.6f} s of the motion")
+    return counts

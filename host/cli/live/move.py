@@ -1,0 +1,131 @@
+"""`steptwin move ROBOT Q1 Q2 ... --connect ...`: move a live board's joints, or its tool, to a position."""
+
+from dataclasses import asdict
+from math import nan
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import (
+    AsJson,
+    PositionsFile,
+    RobotFile,
+    check_percent,
+    finite_number,
+    joint_values,
+    name_value_pairs,
+    robot_and_rest,
+    saved_position,
+)
+from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
+from steptwin.host.cli.output import fixed, pose_text, print_json, say
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.operate.moving import Moved
+    from steptwin.host.operate.session import Session
+    from steptwin.host.robots.robot import Robot
+
+
+def print_moved(robot: "Robot", moved: "Moved", pose: dict[str, float] | None, *, as_json: bool) -> None:
+    """Print the joints at the end, and the tool's pose if it is known; with JSON also start, goal and duration."""
+    names = robot.joint_names
+    if as_json:
+        figures = {
+            key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
+            for key, value in asdict(moved).items()
+        }
+        print_json({"robot": robot.name, **figures, "pose": pose})
+        return
+    say(", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True)))
+    if pose is not None:
+        say(pose_text(pose))
+
+
+@command(
+    "lab-scara th2=30 --connect 127.0.0.1",
+    "lab-scara --z 120 --speed 50 --connect 127.0.0.1",
+    negatives=True,
+)
+def move(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ROBOT [Q1 Q2 ... | JOINT=Q ...]",
+            help="The robot, and targets of all joints, or of some by name, in mm and degrees.",
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
+    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None,
+    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None,
+    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None,
+    phi: Annotated[
+        str | None,
+        typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
+    ] = None,
+    to: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Saved position to move to (`steptwin positions`).")
+    ] = None,
+    file: PositionsFile = None,
+    speed: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
+    ] = 100.0,
+    board: BoardAddress = NOT_CONNECTED,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Move joints, or the tool by the branch that is reached soonest; all axes arrive together.
+
+    The path is straight in joint space, not for the tool. Ctrl-C stops all axes.
+    """
+    from steptwin.host.operate.moving import goal_by_name, joints_at, move, nearest_joints, standing_joints
+    from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
+
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    pose = {
+        key: finite_number(text, f"--{option}")
+        for key, option, text in (("x_mm", "x", x), ("y_mm", "y", y), ("z_mm", "z", z), ("attitude_deg", "phi", phi))
+        if text is not None
+    }
+    joints = _joints(loaded, rest)
+    if [bool(pose), bool(joints), to is not None].count(True) != 1:
+        raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to")
+    check_percent(speed, "--speed")
+    if not 0 < speed <= 100:
+        raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
+    saved = saved_position(loaded, to, file)
+    with prefixed(f"--to {to}: " if saved else ""):
+        goal = goal_by_name(loaded, saved.joints if isinstance(saved, JointPosition) else joints)
+    with opened_session(loaded, board, force=force) as session, session.alone():
+        if pose:
+            standing = standing_joints(session)
+            goal = [*nearest_joints(loaded, _whole_pose(session, standing, pose), standing)]
+        elif isinstance(saved, ToolPosition):
+            with prefixed(f"--to {to}: "):
+                goal = [*joints_at(loaded, saved, standing_joints(session))]
+        with progress_bar(f"{loaded.name} move") as progress:
+            moved = move(session, goal, speed_percent=speed, progress=progress)
+        reached = session.known_pose(moved.end)
+    print_moved(loaded, moved, reached, as_json=as_json)
+
+
+def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
+    names = robot.joint_names
+    if not any("=" in word for word in words):
+        values = joint_values(words, names, f"joints of {robot.name}") if words else []
+        return dict(zip(names, values, strict=False))
+    return {name: finite_number(text, name) for name, text in name_value_pairs(words).items()}
+
+
+def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:
+    from steptwin.host.robots.kinematics import make_kinematics
+
+    present = session.pose(standing)
+    if present is None:
+        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled at the axes' positions")
+    if make_kinematics(session.robot).attitude_follows:
+        present["attitude_deg"] = nan
+    return list((present | wanted).values())

@@ -1,0 +1,84 @@
+"""`steptwin panel ROBOT --connect ...`: the machine in a browser."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, naming_options, one_robot, positions_path
+from steptwin.host.cli.live.axis_states import require_extra
+from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, host_and_port, required
+from steptwin.host.cli.output import say, warn
+from steptwin.host.common.control import EXAMPLE_PORT
+
+if TYPE_CHECKING:
+    from steptwin.host.client.links.bus_link import Connection
+    from steptwin.host.panel.page.server import Address
+    from steptwin.host.robots.robot import Robot
+
+
+@command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
+def panel(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    board: BoardAddress = NOT_CONNECTED,
+    control: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Control port of a served board, for the tab that operates its machine."
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address of this machine at which the page is.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
+    ] = None,
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
+    ] = False,
+    file: PositionsFile = None,
+    force: Force = False,
+) -> None:
+    """Show a live machine in a browser, and operate it there, until Ctrl-C.
+
+    The command prints the page's address. Any number of browsers may watch, one of them operates, and all can stop.
+    The emergency stop of the page is no safety function: it needs this computer, the network and the bus.
+    """
+    loaded = one_robot(robot, robot_file)
+    found = required(board.connection(loaded))
+    served = None if control is None else host_and_port("--control", control, EXAMPLE_PORT)
+    require_extra()
+    from steptwin.host.panel.page.server import Address
+
+    with naming_options("host", "port", "allow_remote"):
+        address = Address(host, port, allow_remote)
+        _serve(loaded, found, served, address, positions_path(loaded, file), force=force)
+
+
+def _serve(
+    robot: "Robot",
+    found: "Connection",
+    control: tuple[str, int] | None,
+    address: "Address",
+    positions_file: str,
+    *,
+    force: bool,
+) -> None:
+    from steptwin.host.client.control_client import ControlClient
+    from steptwin.host.panel.desk import Desk
+    from steptwin.host.panel.page.hub import Hub
+    from steptwin.host.panel.page.server import open_port, serve_page
+
+    with open_port(address) as listener:  # bad input is reported before the machine is spoken to
+        if address.allow_remote:
+            warn("other machines can move this one; its page asks them for the token in the address")
+        desk = Desk(found, robot, control=control, force=force)
+        try:
+            hub = Hub(desk, positions_file, None if control is None else ControlClient(*control))
+            hub.start()
+            serve_page(
+                hub.build, listener, f"{robot.name} – StepTwin", lambda url: say(f"panel: {url}", "Ctrl-C ends it")
+            )
+        finally:
+            desk.close()

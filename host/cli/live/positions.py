@@ -1,0 +1,133 @@
+"""`steptwin positions save|list|delete ...`: save positions of a live board by name, list and delete them."""
+
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, PositionsFile, RobotFile, positions_path, robot_and_rest
+from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
+from steptwin.host.cli.output import pose_text, print_json, print_table, say
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from steptwin.host.operate.session import Session
+    from steptwin.host.planning.programs.positions import Position
+    from steptwin.host.robots.robot import Robot
+
+
+_NAMED: Final = {"save": True, "list": False, "delete": True}
+"""What the command can do, and whether it takes a position's name."""
+
+
+@command("save pick lab-scara --connect 127.0.0.1", "list lab-scara --file bench.toml")
+def positions(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="ACTION [NAME] ROBOT",
+            help="save NAME, list or delete NAME; and the robot whose positions they are.",
+        ),
+    ] = None,
+    robot_file: RobotFile = None,
+    file: PositionsFile = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Save in place of a position of the same name.")] = False,
+    board: BoardAddress = NOT_CONNECTED,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Save under a name where a live board stands; list the saved positions, or delete one.
+
+    `steptwin move ROBOT --to NAME` goes there. The file has the form of a program's [positions]. Only save needs a
+    board.
+    """
+    action, name, rest = _split(words or [])
+    robot, rest = robot_and_rest(rest, robot_file)
+    if rest:
+        raise InputError(f"{rest[0]!r} is one word too many: {action}{' NAME' if _NAMED[action] else ''} ROBOT")
+    path = positions_path(robot, file)
+    if action == "save":
+        from steptwin.host.planning.programs.positions import check_saving
+
+        check_saving(path, robot, name, replace=replace)
+        with opened_session(robot, board, force=force) as session:
+            _save(session, path, name, replace=replace, as_json=as_json)
+        return
+    if replace or force or board.connection(robot):
+        raise InputError(f"{action}: needs no board and takes no --replace; they are for save")
+    if action == "list":
+        _list(robot, path, as_json=as_json)
+    else:
+        _delete(robot, path, name, as_json=as_json)
+
+
+def _split(words: list[str]) -> tuple[str, str, list[str]]:
+    """Return the action, the position's name or an empty text, and the words after them."""
+    if not words:
+        raise InputError(f"what? {', '.join(_NAMED)}")
+    action, *rest = words
+    if action not in _NAMED:
+        raise unknown("action", action, _NAMED)
+    if not _NAMED[action]:
+        return action, "", rest
+    if not rest:
+        raise InputError(f"{action}: NAME is missing: {action} NAME ROBOT")
+    return action, rest[0], rest[1:]
+
+
+def _save(session: "Session", path: str, name: str, *, replace: bool, as_json: bool) -> None:
+    from steptwin.host.operate.moving import standing_joints
+    from steptwin.host.planning.programs.positions import find_position, read_positions, save_position
+
+    joints = standing_joints(session, "positions save")
+    pose = session.pose(joints)
+    save_position(path, session.robot, name, joints, "" if pose is None else pose_text(pose), replace=replace)
+    position = find_position(read_positions(path, session.robot), name, path)
+    if as_json:
+        print_json({"robot": session.robot.name, "file": path, "name": name, **_document(position)})
+    else:
+        say(f"{path}: {name} = {_words(position)}")
+
+
+def _list(robot: "Robot", path: str, *, as_json: bool) -> None:
+    from steptwin.host.planning.programs.positions import read_positions
+
+    found = read_positions(path, robot)
+    if as_json:
+        documents = {name: _document(position) for name, position in found.items()}
+        print_json({"robot": robot.name, "file": path, "positions": documents})
+        return
+    print_table(["name", "position"], [[name, _words(position)] for name, position in found.items()], text_columns=2)
+
+
+def _delete(robot: "Robot", path: str, name: str, *, as_json: bool) -> None:
+    from steptwin.host.planning.programs.positions import delete_position
+
+    delete_position(path, robot, name)
+    if as_json:
+        print_json({"robot": robot.name, "file": path, "deleted": name})
+    else:
+        say(f"{path}: {name} deleted")
+
+
+def _document(position: "Position") -> dict[str, Any]:
+    from steptwin.host.planning.programs.positions import JointPosition
+
+    if isinstance(position, JointPosition):
+        return {"joints": dict(position.joints)}
+    return {"tool": dict(position.coordinates), "branch": position.branch}
+
+
+def _words(position: "Position") -> str:
+    from steptwin.host.planning.programs.positions import JointPosition
+
+    if isinstance(position, JointPosition):
+        return _numbers(position.joints)
+    return f"tool: {_numbers(position.coordinates)}" + (f" ({position.branch})" if position.branch else "")
+
+
+def _numbers(values: "Mapping[str, float]") -> str:
+    return ", ".join(f"{name} {value:.10g}" for name, value in values.items())

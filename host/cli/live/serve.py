@@ -1,0 +1,268 @@
+"""`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import (
+    AsJson,
+    DipMicrosteps,
+    DriverProfileName,
+    LockedDrawer,
+    RobotFile,
+    RobotName,
+    ShelfStock,
+    joint_values,
+    one_robot,
+)
+from steptwin.host.cli.live.axis_states import require_extra
+from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_free
+from steptwin.host.cli.live.served_words import banner, print_served, status_line
+from steptwin.host.cli.output import print_json, say, warn
+from steptwin.host.cli.run.emulated_machine import machine_keywords, naming_machine_options
+from steptwin.host.cli.run.faults_on_purpose import Faults, raise_unless_struck
+from steptwin.host.common import listening as socketcand
+from steptwin.host.common.errors import BusError, InputError, RecordingError
+from steptwin.host.common.processes import ClockStood, Slowness, collecting_often, on_signals
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.live_board import LiveBoard
+    from steptwin.host.twin.motors.figures import RotorFigures
+    from steptwin.host.twin.served_board import ServedBoard
+
+_PARAMETERS: Final = (
+    *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
+    *("out", "log", "replace", "motors"),
+)
+"""Parameters of a served board whose options have their names."""
+_STATUS_EVERY_S = 0.5
+
+
+@command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
+def serve(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    host: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help=f"Address to listen at; {socketcand.LOOPBACK} by default.")
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
+    ] = None,
+    control_port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
+    ] = None,
+    panel: Annotated[
+        bool, typer.Option("--panel", help="Show the machine in a browser, too; with a control port for its hardware.")
+    ] = False,
+    panel_port: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            help="Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free.",
+        ),
+    ] = None,
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
+    ] = False,
+    interface: Annotated[
+        str | None,
+        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on an interface of python-can instead."),
+    ] = None,
+    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel.")] = None,
+    bitrate: Annotated[
+        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="Bit rate; by default the robot file's.")
+    ] = None,
+    boards: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,...", help="Axes on each board, in the joints' order; by default one board has all."),
+    ] = None,
+    speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second.")] = 1.0,
+    stand_at: Annotated[
+        str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stands; by default its home.")
+    ] = None,
+    driver_profile: DriverProfileName = None,
+    dip_microsteps: DipMicrosteps = None,
+    stock: ShelfStock = None,
+    locked_drawer: LockedDrawer = None,
+    motors: Annotated[
+        bool,
+        typer.Option(
+            "--motors",
+            help="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
+        ),
+    ] = False,
+    faults: Faults = None,
+    crystal: Annotated[
+        str | None,
+        typer.Option(metavar="PPM,...", help="How fast each board's crystal is, from -1000 to 1000 parts per million."),
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
+    ] = None,
+    log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Let --out and --log replace what the folder or the file holds.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a robot's board, or several, in real time until Ctrl-C.
+
+    Any number of python-can programs connect to it through a socketcand server; they see each other's frames. With -i
+    the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
+    """
+    from steptwin.host.twin.served_board import ServedBoard
+
+    loaded = one_robot(robot, robot_file)
+    panel = panel or panel_port is not None
+    if panel:
+        require_extra()
+        control_port = control_port or 0
+        require_free(panel_port)
+    standing = None if stand_at is None else _standing(loaded, stand_at)
+    machine = machine_keywords(  # bad input is reported before a port is opened
+        loaded,
+        driver_profile=driver_profile,
+        dip_microsteps=dip_microsteps,
+        stock=stock,
+        locked_drawers=locked_drawer,
+        faults=faults,
+        motors=motors,
+        crystal=0 if crystal is None else crystal,
+        boards=boards,
+    )
+    if motors:
+        _warn_of_steep_homings(loaded, driver_profile)
+    with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
+        with naming_machine_options(*_PARAMETERS):
+            served = ServedBoard(
+                loaded,
+                stand_at=standing,
+                host=host,
+                port=port,
+                control_port=control_port,
+                allow_remote=allow_remote,
+                interface=interface,
+                channel=channel,
+                bitrate=bitrate,
+                speed=speed,
+                out=out,
+                log=log,
+                replace=replace,
+                **machine,
+            )
+        if served.endpoint.remote:
+            warn(f"{served.title}: other machines can drive this board")
+        name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
+
+        def announce() -> None:
+            say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
+            open_panel(panel_words(served, name, host, interface, channel, panel_port))
+
+        document, failure = _serve(served, announce, out, as_json=as_json)
+    if failure:
+        raise failure
+    raise_unless_struck(document)
+
+
+def _standing(robot: "Robot", stand_at: str) -> list[float]:
+    """Return where the machine stands; warn of joints outside their limits."""
+    standing = joint_values(stand_at.split(), robot.joint_names, "--stand-at")
+    _warn_outside(robot, standing)
+    return standing
+
+
+def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
+    """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
+    from steptwin.host.twin.drivers import driver_profile
+    from steptwin.host.twin.motors.steep_homings import steep_homings
+
+    for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):
+        warn(line)
+
+
+def _serve(
+    served: "ServedBoard", announce: Callable[[], None], out: str | None, *, as_json: bool
+) -> tuple[dict[str, Any], BusError | RecordingError | None]:
+    """Run the board until a signal ends it and print its report; return this, and what went wrong."""
+    # A second signal changes nothing: the files are being completed then.
+    with on_signals(lambda _number, _frame: served.stop()):
+        failure = _run(served, announce)
+        document = served.report()
+        if as_json:
+            print_json(document)
+        else:
+            print_served(document, None if out is None or served.board.failures else Path(out))
+    return document, failure
+
+
+def _warn_outside(robot: "Robot", standing: list[float]) -> None:
+    """Warn of joints outside their limits: a machine may stand on a limit switch, but a typing error is likelier."""
+    from steptwin.host.operate.moving import check_goal
+
+    try:
+        check_goal(robot, standing)
+    except InputError as error:
+        warn(f"--stand-at: {error}")
+
+
+def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | RecordingError | None:
+    """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong."""
+    with status_line(served) as update:
+        announce()
+        served.call_every(_STATUS_EVERY_S, update)
+        served.call_every(_STATUS_EVERY_S, _warning_of_slowness(served.board))
+        served.call_every(_STATUS_EVERY_S, _warning_of_failures(served))
+        if served.board.rotors:
+            served.call_every(_STATUS_EVERY_S, _warning_of_slips(served.board.rotors))
+        try:
+            with collecting_often():
+                served.serve_forever()
+        except (BusError, RecordingError) as error:
+            return error
+    return None
+
+
+def _warning_of_slowness(board: "LiveBoard") -> Callable[[], None]:
+    """Return a function that warns if the computer is too slow for the board."""
+    slowness = Slowness()
+
+    def tell() -> None:
+        stood = ClockStood(**board.stalls())
+        if slowness.worth_telling(stood):
+            warn(str(stood))
+
+    return tell
+
+
+def _warning_of_failures(served: "ServedBoard") -> Callable[[], None]:
+    """Return a function that warns of each recording that has ended, once."""
+    told: list[RecordingError] = []
+
+    def tell() -> None:
+        for failure in served.board.failures:
+            if failure not in told:
+                told.append(failure)
+                warn(f"{failure}; the board runs on")
+
+    return tell
+
+
+def _warning_of_slips(rotors: "RotorFigures") -> Callable[[], None]:
+    """Return a function that warns of each joint whose rotor has slipped, once."""
+    told: set[str] = set()
+
+    def tell() -> None:
+        for name, slipped_s in rotors.slips_s().items():
+            if name not in told:
+                told.add(name)
+                warn(
+                    f"{name}: its rotor has slipped, {slipped_s:.3f} s after power-up; homing finds the position again"
+                )
+
+    return tell

@@ -1,0 +1,133 @@
+"""`steptwin status ROBOT --connect ...`: show the state of a live board."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
+from steptwin.host.cli.output import fixed, pose_text, print_json, print_json_line, say, text_console, text_table
+from steptwin.host.common.bad_input import printable
+from steptwin.host.common.errors import DeviceFaultError
+
+if TYPE_CHECKING:
+    from typing import NoReturn
+
+    from rich.console import Group
+
+    from steptwin.host.operate.session import Session
+    from steptwin.host.operate.status import AxisStatus, MachineStatus
+
+_WATCH_EVERY_S = 0.5
+
+
+@command("lab-scara --connect 127.0.0.1", "lab-scara --watch -i socketcan -c can0")
+def status(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    board: BoardAddress = NOT_CONNECTED,
+    force: Force = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Refresh twice a second, until Ctrl-C; with --json, a line each time.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show drives, positions, errors and queues. Exit code 3: a drive is in fault."""
+    from steptwin.host.operate.status import read_status
+
+    loaded = one_robot(robot, robot_file)
+    with opened_session(loaded, board, force=force) as session:
+        if watch:
+            _watch(session, as_json=as_json)
+        seen = read_status(session)
+    if as_json:
+        print_json(seen.to_dict())
+    else:
+        _print(seen)
+    faulty = [axis for axis in seen.axes if axis.in_fault]
+    if faulty:
+        raise DeviceFaultError(f"{faulty[0].name}: the drive is in {faulty[0].state}: {faulty[0].error or 'no reason'}")
+
+
+def _watch(session: "Session", *, as_json: bool) -> "NoReturn":
+    """Show the state twice a second: in place on a terminal, else one below the other."""
+    from rich.live import Live
+
+    from steptwin.host.operate.status import read_status
+
+    console = text_console()
+    if as_json or not console.is_terminal or console.is_dumb_terminal:
+        while True:
+            seen = read_status(session)
+            if as_json:
+                print_json_line(seen.to_dict())
+            else:
+                _print(seen)
+                say("")
+            session.link.wait(_WATCH_EVERY_S)
+    with Live(console=console, auto_refresh=False) as place:
+        while True:
+            place.update(_shown(read_status(session), console.width), refresh=True)
+            session.link.wait(_WATCH_EVERY_S)
+
+
+def _print(seen: "MachineStatus") -> None:
+    console = text_console()
+    console.print(_shown(seen, console.width), soft_wrap=not console.is_terminal)
+
+
+def _shown(seen: "MachineStatus", width: int) -> "Group":
+    """Return a table of this width, and below it what does not fit into it."""
+    from rich.console import Group
+    from rich.text import Text
+
+    columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
+    table, _ = text_table(width, columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
+    lines = [pose_text(seen.pose) if seen.pose else "tool: unknown, since not every axis knows where it is"]
+    lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
+    if seen.inputs:
+        levels = (f"{name} {'on' if on else 'off'}" for name, on in seen.inputs.items())
+        lines.append(f"inputs: {', '.join(levels)}")
+    if seen.streaming:
+        lines.append("a trajectory is running: no questions are asked, so that its host is not disturbed")
+    return Group(table, *(Text(printable(line)) for line in lines))
+
+
+def _row(axis: "AxisStatus") -> list[str]:
+    return [
+        axis.name,
+        axis.unit,
+        axis.state,
+        axis.mode,
+        "yes" if axis.moving else "no",
+        axis.error or "-",
+        "yes" if axis.position_known else "no",
+        fixed(axis.position),
+    ]
+
+
+def _health(axis: "AxisStatus") -> str:
+    from steptwin.host.operate.joint_positions import HELD
+
+    said = [HELD] if axis.emergency_stopped else []
+    said.append("process data" if axis.operational else "no process data: the node is not OPERATIONAL")
+    queue = axis.queue
+    if queue is not None:
+        closed = queue.free == 0 and "empty" in queue.flags  # after a stop or a profile move, until the host clears it
+        places = "queue closed" if closed else f"queue {queue.free} free"
+        said.append(places + (f" ({', '.join(queue.flags)})" if queue.flags else ""))
+    if queue is not None and queue.gaps is not None:
+        said.append(f"{queue.gaps} gaps, {queue.overflows} overflows, {queue.underruns} underruns")
+        said.append(f"{queue.delayed_steps} delayed steps")
+    if axis.frames_lost:
+        said.append(f"{axis.frames_lost} frames of the board lost, the bus was too busy")
+    if axis.emergencies_lost:
+        said.append(f"{axis.emergencies_lost} EMCYs lost, the inhibit time 0x1015 was too long")
+    if axis.supply_v is not None:
+        said.append(f"{axis.supply_v:.2f} V, {axis.temperature_degc:.1f} degC")
+    if axis.inputs:
+        said.append(f"active: {', '.join(axis.inputs)}")
+    if axis.history:
+        said.append(f"earlier: {', '.join(axis.history)}")
+    return "; ".join(said)

@@ -1,0 +1,1 @@
+"""The commands of the group "Robots and maths": a file a command."""

@@ -1,0 +1,138 @@
+"""`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
+
+from math import hypot, isfinite, isnan, nan
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
+from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from steptwin.host.robots.kinematics import Branch, Kinematics
+    from steptwin.host.robots.workspace.nearest_pose import Pose
+
+
+_OUT_OF_REACH: Final = 1
+"""Exit code if no branch reaches the pose."""
+
+
+@command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
+def ik(
+    x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
+    y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
+    z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
+    phi: Annotated[
+        str | None,
+        typer.Option("--phi", metavar="DEG", help="Tool attitude; may be left out if it follows from the arm."),
+    ] = None,
+    near: Annotated[
+        str | None,
+        typer.Option(metavar="'Q1 Q2 ...'", help="Present joints: those that the pose leaves free stay there."),
+    ] = None,
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.
+
+    Exit code 1: no branch reaches the pose.
+    """
+    import numpy as np
+
+    from steptwin.host.robots.kinematics import make_kinematics
+    from steptwin.host.robots.workspace.nearest_pose import nearest_pose, passing_words
+
+    loaded = one_robot(robot, robot_file)
+    kinematics = make_kinematics(loaded)
+    if phi is None and not kinematics.attitude_follows:
+        raise InputError(f"--phi is missing: the tool of {loaded.name} turns")
+    place = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"))]
+    attitude_deg = nan if phi is None else finite_number(phi, "--phi")
+    standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
+    pose = (place[0], place[1], place[2], attitude_deg)
+    branches = kinematics.inverse(np.array([pose]), standing)
+    reached = any(branch.reachable[0] for branch in branches)
+    slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
+    nearest = None if reached else nearest_pose(loaded, pose, slides_at)
+    off = [_round_trip(kinematics, branch, pose) for branch in branches]
+    if as_json:
+        listed = [_document(branch, loaded.joint_names, trip) for branch, trip in zip(branches, off, strict=True)]
+        document = {"robot": loaded.name, "branches": listed}
+        print_json(document | ({} if reached else {"nearest": nearest and _pose_document(nearest)}))
+    else:
+        _print_branches(branches, loaded.joint_names)
+        _print_round_trips(
+            {branch.name: trip for branch, trip in zip(branches, off, strict=True) if branch.reachable[0]}
+        )
+        if nearest:
+            say(f"the nearest pose in reach: {passing_words(pose, nearest)}")
+    if not reached:
+        raise typer.Exit(_OUT_OF_REACH)
+
+
+def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> None:
+    rows = [
+        [branch.name, "yes" if branch.reachable[0] else "no", *map(_figure, branch.joints[0].tolist())]
+        for branch in branches
+    ]
+    print_table(["branch", "reachable", *names], rows, text_columns=2)
+    for branch in branches:
+        if not branch.reachable[0]:
+            say(f"{branch.name}: {branch.reason(0)}")
+
+
+class _RoundTrip(NamedTuple):
+    """The distance of the forward kinematics of a branch from the pose asked for; NaN where there are no joints."""
+
+    position_mm: float
+    attitude_deg: float
+
+
+def _round_trip(kinematics: "Kinematics", branch: "Branch", pose: "Pose") -> _RoundTrip:
+    """Return a branch's round trip; the attitude of a tool that does not turn by itself is its own."""
+    import numpy as np
+
+    from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+
+    *off_mm, turned_deg = (kinematics.forward(branch.joints)[0] - np.array(pose)).tolist()
+    off_deg = 0.0 if isnan(pose[3]) else abs(float(wrapped_deg(np.array(turned_deg))))
+    return _RoundTrip(hypot(*off_mm), off_deg)
+
+
+def _print_round_trips(trips: dict[str, _RoundTrip]) -> None:
+    if trips:
+        texts = (
+            f"{name} {fixed(off.position_mm, 9)} mm {fixed(off.attitude_deg, 9)} deg" for name, off in trips.items()
+        )
+        say(f"round trip, forward kinematics minus the pose: {', '.join(texts)}")
+
+
+def _document(branch: "Branch", names: tuple[str, ...], off: _RoundTrip) -> dict[str, Any]:
+    return {
+        "name": branch.name,
+        "reachable": bool(branch.reachable[0]),
+        "reason": branch.reason(0),
+        "joints": dict(zip(names, map(_finite, branch.joints[0].tolist()), strict=True)),
+        "round_trip": {"position_error_mm": _finite(off.position_mm), "attitude_error_deg": _finite(off.attitude_deg)},
+    }
+
+
+def _pose_document(pose: "Pose") -> dict[str, float | None]:
+    from steptwin.host.robots.kinematics.base import POSE_KEYS
+
+    return dict(zip(POSE_KEYS, map(_finite, pose), strict=True))
+
+
+def _figure(value: float) -> str:
+    """Return four decimals; a dash where no joint position reaches the pose."""
+    return fixed(value) if isfinite(value) else "-"
+
+
+def _finite(value: float) -> float | None:
+    """Return None for the joints of a pose out of reach: JSON has no NaN."""
+    return value if isfinite(value) else None

@@ -1,0 +1,151 @@
+"""`steptwin workspace ROBOT`: compute where the tool can be, as figures and as a picture."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import (
+    AsJson,
+    Replace,
+    RobotFile,
+    RobotName,
+    finite_number,
+    keep_files,
+    one_robot,
+    out_folder,
+)
+from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.robots.workspace import MonteCarlo, Scan
+
+
+@command("lab-scara", "hybrid-arm --phi -30 --z 700 --out out/workspace")
+def workspace(
+    robot: RobotName = None,
+    robot_file: RobotFile = None,
+    samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random joint positions.")] = 1,
+    phi: Annotated[
+        str | None, typer.Option("--phi", metavar="DEG", help="Attitude of the tool in the sections; by default any.")
+    ] = None,
+    z: Annotated[
+        str | None, typer.Option("--z", metavar="MM", help="Height of the horizontal section; by default home's.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder to write figures, cloud and pictures into.")
+    ] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
+    from steptwin.host.robots.workspace import monte_carlo, scan
+
+    loaded = one_robot(robot, robot_file)
+    attitude_deg = None if phi is None else finite_number(phi, "--phi")
+    z_mm = None if z is None else finite_number(z, "--z")
+    if out is not None:
+        keep_files((Path(out) / name for name in _FILES), replace=replace)
+    cloud = monte_carlo(loaded, samples, seed)
+    folder = out_folder(out, _FILES)
+    scanned = scan(loaded, attitude_deg, z_mm)
+    document = _document(loaded.name, cloud, scanned)
+    pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
+    if as_json:
+        print_json(document)
+    else:
+        _print_figures(document)
+    if folder is not None:
+        _say_where(folder, pictures=pictures, to_stderr=as_json)
+
+
+def _document(robot: str, cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
+    plan, profile = scanned.plan, scanned.profile
+    section = {
+        "attitude_deg": scanned.attitude_deg, "slides": dict(scanned.slides), "axis_x_mm": scanned.axis_x_mm
+    }  # fmt: skip
+    return {
+        "robot": robot,
+        "monte_carlo": {
+            "samples": cloud.samples,
+            "seed": cloud.seed,
+            "counted": cloud.counted,
+            "left_out": cloud.left_out,
+            **_span("radius", cloud.radius_mm),
+            **_span("z", cloud.z_mm),
+        },
+        "plan": {"z_mm": plan.z_mm, **section, **_span("radius", plan.radius_mm), "area_mm2": plan.area_mm2},
+        "profile": {
+            "azimuth_deg": profile.azimuth_deg,
+            **section,
+            **_span("radius", profile.radius_mm),
+            **_span("z", profile.z_mm),
+            "area_mm2": profile.area_mm2,
+        },
+    }
+
+
+def _span(quantity: str, span_mm: tuple[float, float] | None) -> dict[str, float | None]:
+    least_mm, greatest_mm = span_mm or (None, None)
+    return {f"{quantity}_min_mm": least_mm, f"{quantity}_max_mm": greatest_mm}
+
+
+_FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.png")
+
+
+def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
+    """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
+    figures, points, *pictures = (folder / name for name in _FILES)
+    with whole_file(figures) as file:
+        file.write((json.dumps(document, indent=2) + "\n").encode())
+    with whole_file(points) as file:
+        file.write(b"x_mm,y_mm,z_mm\n")
+        file.writelines(f"{x!r},{y!r},{z!r}\n".encode() for x, y, z in cloud.cloud_mm.tolist())
+    if not find_spec("matplotlib"):
+        return False
+    from steptwin.host.record.plots.workspace import write_workspace, write_workspace_3d
+
+    write_workspace(pictures[0], robot, cloud, scanned)
+    write_workspace_3d(pictures[1], robot, cloud)
+    return True
+
+
+_KEYS = ("radius_min_mm", "radius_max_mm", "z_min_mm", "z_max_mm", "area_mm2")
+
+
+def _print_figures(document: dict[str, Any]) -> None:
+    cloud, plan, profile = document["monte_carlo"], document["plan"], document["profile"]
+    rows = {
+        "Monte Carlo": cloud,
+        f"plan at z = {plan['z_mm']:.6g} mm": plan,
+        f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
+    }
+    columns = ["", "r min mm", "r max mm", "z min mm", "z max mm", "area mm2"]
+    print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
+    left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
+    say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
+    attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
+    slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
+    say(f"sections: {attitude}{slides}, r about the arm's axis")
+    say("plan: horizontal; profile: upright, from the arm's axis to its azimuth, 0 deg along x")
+
+
+def _figure(figures: dict[str, Any], key: str) -> str:
+    """Return a length to the micrometre, an area to the mm2: further digits would only show how fine the scan is."""
+    value = figures.get(key)
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if key == "area_mm2" else f"{value:.3f}"
+
+
+def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
+    what = "figures, cloud and pictures are" if pictures else "figures and cloud are"
+    say(f"{what} in {folder}/", err=to_stderr)
+    if not pictures:
+        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)

@@ -1,0 +1,53 @@
+"""`steptwin bench [ROBOT [JOB]]`: compare the kernel's pulse timing with other ways of making step pulses."""
+
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
+from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.errors import InputError
+
+ROBOT_AND_JOB = "[ROBOT] [JOB]"
+
+
+@command("", "teaching-scara carry --json")
+def bench(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar=ROBOT_AND_JOB, help="A job, or all jobs of a robot; by default five motions."),
+    ] = None,
+    robot_file: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
+    from steptwin.host.planning.jobs import job_names
+    from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
+    from steptwin.host.studies.step_methods.cortex_m3 import core_rows
+    from steptwin.host.studies.step_methods.motions import all_motions, motion_of_job
+    from steptwin.host.studies.step_methods.table import COLUMNS, document, measured, table_rows
+    from steptwin.host.twin.kernels import fastest_kernel
+
+    if not find_spec("numba"):
+        say("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
+    if words or robot_file is not None:
+        robot, rest = robot_and_rest(words or [], robot_file)
+        if len(rest) > 1:
+            raise InputError(f"unexpected argument '{rest[1]}': give {ROBOT_AND_JOB}")
+        motions = [motion_of_job(robot, job) for job in rest or job_names(robot)]
+    else:
+        motions = all_motions()
+    kernel = fastest_kernel()
+    figures, on_core = measured(motions, kernel)
+    if as_json:
+        print_json(document(figures, on_core, kernel))
+        return
+    print_table(list(COLUMNS), table_rows(figures), text_columns=2)
+    if on_core:
+        flash = f"{on_core[0].text_bytes} bytes of flash"
+        say(f"The kernel on an emulated Cortex-M3, in each motion's busiest 100 ms; {flash}:")
+        print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
+    else:
+        say("no Cortex-M3: it needs numba, unicorn (pip install 'steptwin[fast,m3]') and arm-none-eabi-gcc", err=True)

@@ -1,0 +1,167 @@
+"""`steptwin check my-arm.toml`: what a robot file amounts to."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+from steptwin.host.cli.output import print_table, say, warn
+from steptwin.host.cli.run.checked_file import CheckedFile
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.joint import Joint
+    from steptwin.host.robots.robot import Robot
+
+
+_SMALL_MM: Final = 5.0
+"""Reach below which the dimensions are probably in metres."""
+_SAMPLES: Final = 2000
+"""Random joint positions at which the tool's error is computed."""
+_NARROW_DEG: Final = 6.3
+"""Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
+
+
+def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a robot file: joints, ranges, steps, highest speeds, and the tool's reach with the slides at home."""
+    from steptwin.host.robots import read_robot
+
+    with findings.collecting():
+        if robot_name is not None:
+            raise InputError(f"is a robot itself: leave {robot_name} out")
+    with findings.collecting():
+        robot = read_robot(text)
+        document = _document(robot)
+        return CheckedFile(document, lambda: _print(robot, document))
+    return CheckedFile({})
+
+
+def _document(robot: "Robot") -> dict[str, Any]:
+    from steptwin.host.planning.jobs.shelf_jobs import missed_places
+    from steptwin.host.robots.workspace import scan
+
+    scanned = scan(robot)
+    return {
+        "robot": robot.name,
+        "mechanism": robot.kinematics,
+        "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
+        "coupling": _equations(robot),
+        **_dh_errors_document(robot),
+        "shelf_missed": missed_places(robot),
+        "reach": {
+            "slides": dict(scanned.slides),
+            "radius_mm": scanned.plan.radius_mm,
+            "z_mm": scanned.profile.z_mm,
+            "area_mm2": scanned.plan.area_mm2,
+            "area_at_z_mm": scanned.plan.z_mm,
+        },
+    }
+
+
+def _dh_errors_document(robot: "Robot") -> dict[str, Any]:
+    """Return the errors of the DH parameters, and how far they take the tool away: at home, and at random joints."""
+    import numpy as np
+
+    from steptwin.host.robots.kinematics.chain import actual_chain
+    from steptwin.host.studies.calibration.measurements import random_joints
+
+    chain = actual_chain(robot)
+    if chain is None:
+        return {}
+    joints = np.vstack([[robot.home], random_joints(robot, _SAMPLES, np.random.default_rng(1))])
+    nominal = chain.with_errors(np.zeros_like(chain.errors))
+    distances_mm = np.linalg.norm((chain.poses(joints) - nominal.poses(joints))[:, :3], axis=1)
+    return {
+        "dh_errors": {
+            "links": {link: asdict(errors) for link, errors in chain.link_errors.items()},
+            "at_home_mm": float(distances_mm[0]),
+            "rms_mm": float(np.sqrt(np.mean(distances_mm[1:] ** 2))),
+            "max_mm": float(distances_mm.max()),
+        }
+    }
+
+
+def _equations(robot: "Robot") -> list[str]:
+    """Return the equation of each axis that does not follow its own joint alone, as in `axis th2 = th2 + th1`."""
+    equations = []
+    for axis, row in enumerate(robot.coupling.matrix):
+        others = [joint for joint, element in enumerate(row) if element and joint != axis]
+        if others or row[axis] != 1:
+            first = _term(row[axis], robot.joint_names[axis])
+            rest = (
+                f" {'-' if row[joint] < 0 else '+'} {_term(abs(row[joint]), robot.joint_names[joint])}"
+                for joint in others
+            )
+            equations.append(f"axis {robot.joint_names[axis]} = {first}{''.join(rest)}")
+    return equations
+
+
+def _term(element: float, joint: str) -> str:
+    return joint if element == 1 else f"{element:g} {joint}"
+
+
+def _units_in_doubt(document: dict[str, Any]) -> list[str]:
+    """Return warnings of dimensions that are probably in metres and limits that are probably in radians."""
+    warnings = []
+    radius_mm = document["reach"]["radius_mm"]
+    if radius_mm is not None and radius_mm[1] < _SMALL_MM:
+        told = "are the dimensions in metres? They are read in mm"
+        warnings.append(f"kinematics: the tool reaches no further than {radius_mm[1]:.3g} mm: {told}")
+    for joint in document["joints"]:
+        width = joint["upper"] - joint["lower"]
+        if joint["unit"] == "deg" and width < _NARROW_DEG:
+            told = "are its limits in radians? They are read in degrees"
+            warnings.append(f"joints.{joint['name']}: its range is {width:.3g} deg: {told}")
+    return warnings
+
+
+def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "unit": joint.unit.value,
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "steps_per_unit": joint.transmission.steps_per_unit,
+        "speed_max": joint.speed_max,
+        "acceleration_max": joint.acceleration_max,
+        "step_rate_max_hz": joint.step_rate_max_hz,
+        "step_rate_percent": 100.0 * joint.step_rate_max_hz / driver_rate_max_hz,
+        "homing_method": joint.homing.method if joint.homing else None,
+    }
+
+
+def _print(robot: "Robot", document: dict[str, Any]) -> None:
+    say(f"{robot.name}: {robot.title} ({robot.kinematics})")
+    columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
+    print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
+    say(*document["coupling"])
+    if errors := document.get("dh_errors"):
+        say(
+            f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"
+            f" {errors['rms_mm']:.3f} mm rms and up to {errors['max_mm']:.3f} mm elsewhere"
+        )
+    for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
+        warn(warning)
+    reach = document["reach"]
+    at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())
+    if reach["radius_mm"] is None or reach["z_mm"] is None:
+        say(f"the tool reaches nothing at the home position's height{at}")
+        return
+    (nearest_mm, farthest_mm), (lowest_mm, highest_mm) = reach["radius_mm"], reach["z_mm"]
+    say(
+        f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm at z = {reach['area_at_z_mm']:g} mm,"
+        f" an area of {reach['area_mm2'] / 100:.0f} cm2; z = {lowest_mm:.1f}..{highest_mm:.1f} mm{at}"
+    )
+
+
+def _row(joint: dict[str, Any]) -> list[str]:
+    return [
+        joint["name"],
+        joint["unit"],
+        f"{joint['lower']:g}",
+        f"{joint['upper']:g}",
+        f"{joint['steps_per_unit']:.6g}",
+        f"{joint['speed_max']:g}",
+        f"{joint['step_rate_max_hz']:.0f}",
+        f"{joint['step_rate_percent']:.0f} %",
+        "none" if joint["homing_method"] is None else str(joint["homing_method"]),
+    ]

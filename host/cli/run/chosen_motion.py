@@ -1,0 +1,233 @@
+"""Choose the motion of `steptwin run`: a job, a program or a trajectory file, as fast as the options ask for."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+from steptwin.host.cli.arguments import check_percent, naming_options, positive_number, with_options
+from steptwin.host.cli.output import say, warn
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.plan import Plan
+    from steptwin.host.planning.polygon import Departure
+    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.planning.trajectory_file import FileMotion
+    from steptwin.host.robots.robot import Robot
+
+
+InterpolationName = Literal["spline", "linear", "stop"]
+"""The values of `steptwin.host.planning.trajectory_file.Interpolation`, which is imported only when it is needed."""
+
+_SHOWN: Final = 0.0005
+"""Smallest departure that three decimals show."""
+
+_KINDS: Final = {
+    "spline": "a spline",
+    "linear": "straight lines with blends",
+    "stop": "straight lines with stops",
+    None: "cubics between velocities",
+}
+_REMEDIES: Final = {
+    "spline": "--interpolate linear or stop keeps closer, and so do more points",
+    "linear": "--interpolate stop keeps closer, and so does more time",
+}
+_REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep closer"
+"""Between the poses of a file the tool follows the joints, whatever the interpolation."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileOptions:
+    """The options that only a trajectory file takes; None where one is not given."""
+
+    interpolate: InterpolationName | None = None
+    ramps: str | None = None
+    units: str | None = None
+
+    def refuse(self) -> None:
+        """Raise InputError for an option that is given, beside a job or a program."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None:
+                raise InputError(f"--{field.name} {value}: is for a trajectory file")
+
+    def read(self, robot: "Robot", path: str, options: dict[str, str]) -> "FileMotion":
+        """Return the motion in a file; raise InputError as `read_trajectory` does, or for a job's options."""
+        from steptwin.host.planning.trajectory_file import read_file_motion
+
+        for name in options:
+            if name != "elbow":
+                raise InputError(f"option {name}: a trajectory from a file has no options")
+        ramps_s = 0.0 if self.ramps is None else positive_number(self.ramps, "--ramps")
+        elbow = options.get("elbow")
+        with naming_options("interpolate", "elbow", "units", ramps_s="--ramps"):
+            return read_file_motion(
+                path, robot, interpolate=self.interpolate, ramps_s=ramps_s, elbow=elbow, units=self.units
+            )
+
+
+def say_file_motion(path: str, file: "FileMotion", plan: "Plan", doubted: str | None, *, to_stderr: bool) -> None:
+    """Print what the file amounts to, how far the motion leaves the lines between its points, and warnings."""
+    departures = file.departures()
+    lines = [f"{path}: {_summary(file, plan)}"]
+    if any(departure.distance >= _SHOWN for departure in departures):
+        sizes = ", ".join(f"{departure.what} {departure.distance:.3f} {departure.unit}" for departure in departures)
+        lines.append(f"{path}: off the lines between the points by {sizes}")
+    if unread := file.points.unread:
+        many = f"{unread[0]} to {unread[-1]} are" if len(unread) > 1 else f"{unread[0]} {_is(unread[0])}"
+        lines.append(f"{path}: {many} not read: positions and velocities alone make the motion")
+    if file.points.rounded_s:
+        lines.append(f"{path}: times are rounded to whole milliseconds, by up to {1e3 * file.points.rounded_s:.2g} ms")
+    say(*lines, err=to_stderr)
+    if large := [departure for departure in departures if departure.is_large]:
+        warn(f"{path}: {_warning(file, large)}")
+    if doubted:
+        warn(f"{path}: {with_options(doubted, 'units')}")
+
+
+def _is(what: str) -> str:
+    return "are" if what.endswith("s") else "is"
+
+
+def _summary(file: "FileMotion", plan: "Plan") -> str:
+    from steptwin.host.planning.peaks import Quantity
+
+    peak = plan.highest(Quantity.SPEED)
+    branch = "" if file.points.branch is None else f" on the branch {file.points.branch!r}"
+    ramps = f" and ramps of {file.ramps_s:g} s" if file.ramps_s else ""
+    return (
+        f"{len(file.points.times_s)} points{branch} in {plan.trajectory.duration_s:.3f} s,"
+        f" {_KINDS[file.interpolation]}{ramps}, peak speed {peak.percent:.3g} % of the limit ({peak.joint})"
+    )
+
+
+def _warning(file: "FileMotion", large: "list[Departure]") -> str:
+    """Return where the motion is farthest off, measured by what is allowed, and what keeps closer."""
+    worst = max(large, key=lambda departure: departure.distance / departure.allowed)
+    remedy = _REMEDIES[file.interpolation or "spline"] if file.points.tool_mm is None else _REMEDY_FOR_THE_TOOL
+    size = f"{worst.what} {worst.distance:.3g} {worst.unit} at t = {worst.t_s:.3f} s"
+    return f"far off the lines between the points: {size} (limit {worst.allowed:.3g} {worst.unit}); {remedy}"
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenMotion:
+    """The motion that a command line names, planned.
+
+    Attributes:
+        job: name of the job, the program or the file.
+        plan: the motion, checked.
+        file: the motion with its file's points; None for a job or a program.
+        doubted: what is to be asked about the file's units; None if nothing is.
+    """
+
+    job: str
+    plan: "Plan"
+    file: "FileMotion | None"
+    doubted: str | None = None
+
+    def say_summary(self, *, to_stderr: bool) -> None:
+        """Print what a trajectory file amounts to; nothing of a job or a program."""
+        if self.file is not None:
+            say_file_motion(self.job, self.file, self.plan, self.doubted, to_stderr=to_stderr)
+
+
+def choose_motion(
+    robot: "Robot",
+    job: str,
+    options: dict[str, str],
+    file_options: FileOptions,
+    *,
+    stretch: str | None,
+    speed: str | None,
+) -> ChosenMotion:
+    """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
+    trajectory, file, explained = _motion(robot, job, options, file_options)
+    plan = _planned(robot, trajectory, stretch, speed, explained)
+    if file is None or file_options.units:
+        return ChosenMotion(job, plan, file)
+    from steptwin.host.planning.trajectory_file import doubt
+
+    return ChosenMotion(
+        job, plan, file, doubt(file, plan, lambda units: replace(file_options, units=units).read(robot, job, options))
+    )
+
+
+_Explained = Callable[[float], AbstractContextManager[None]]
+"""Says more about the refusal of a motion that was stretched by a factor."""
+
+
+def _motion(
+    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions
+) -> "tuple[Trajectory, FileMotion | None, _Explained]":
+    """Return a motion, with its points if a trajectory file has them, and what explains its refusal."""
+    from steptwin.host.planning.jobs import job_names, make_job
+    from steptwin.host.planning.programs import SUFFIX
+    from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
+
+    if is_trajectory_file(job):
+        file = file_options.read(robot, job, options)
+        return file.trajectory, file, file.explained
+    file_options.refuse()
+    if job.endswith(SUFFIX):
+        return _program(robot, job, options)
+    if Path(job).is_file():
+        raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
+    here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
+    if here and job not in job_names(robot):
+        raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")
+    return make_job(robot, job, options), None, lambda _: nullcontext()
+
+
+def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Trajectory, None, _Explained]":
+    from steptwin.host.planning.programs import compile_program, read_program
+
+    if options:
+        raise InputError(f"option {next(iter(options))}: a program has no options")
+    try:
+        program = read_program(path)
+        with prefixed(f"{path}: "):
+            compiled = compile_program(program, robot)
+    except InputError as error:
+        if len(error.messages) == 1:
+            raise
+        raise InputError(f"{error}; more is wrong, `steptwin check` tells it all") from error
+
+    @contextmanager
+    def explained(stretch: float) -> Iterator[None]:
+        with prefixed(f"{path}: "), compiled.explained(stretch):
+            yield
+
+    return compiled.trajectory, None, explained
+
+
+def _planned(
+    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, explained: _Explained
+) -> "Plan":
+    """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
+    from steptwin.host.planning.planner import plan, plan_stretched
+
+    factor = _stretch_factor(stretch, speed)
+    with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained(factor or 1.0):
+        if stretch is None and speed is None:
+            return plan(robot, trajectory)
+        planned = plan_stretched(robot, trajectory, factor)
+    new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
+    if planned.trajectory is trajectory:
+        say("not stretched: it is slow enough", err=True)
+    else:
+        say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
+    return planned
+
+
+def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
+    """Return the factor that --stretch or --speed gives; None without them, and for `auto`."""
+    if stretch is not None and speed is not None:
+        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
+    if speed is not None:
+        percent = positive_number(speed, "--speed")
+        check_percent(percent, "--speed")
+        return 100.0 / percent
+    return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")

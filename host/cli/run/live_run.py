@@ -1,0 +1,61 @@
+"""Run a job or a trajectory file on a live board: `steptwin run` with --connect or -i."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from steptwin.host.cli.arguments import naming_options
+from steptwin.host.cli.live.connection import session_at
+from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.run.verdict_text import print_waits
+
+if TYPE_CHECKING:
+    from steptwin.host.client.links.bus_link import Connection
+    from steptwin.host.operate.running import LiveOutcome
+    from steptwin.host.planning.plan import Plan
+
+EXIT_ELSEWHERE = 1
+"""Exit code of a run that did not end where the plan ends; the same as of a run that is not verified."""
+
+
+def run_live(
+    found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, force: bool, as_json: bool
+) -> None:
+    """Run a plan on the board behind a connection and print how it ended; raises as `execute_live` does."""
+    from steptwin.host.operate.running import check_repeatable, execute_live
+
+    with naming_options("repeat"):
+        check_repeatable(plan, repeat)
+    with (
+        session_at(found, plan.robot, force=force) as session,
+        progress_bar(f"{plan.robot.name} {job}") as progress,
+        naming_options("approach"),
+    ):
+        outcome = execute_live(
+            session,
+            plan,
+            job,
+            repeat=repeat,
+            approach=approach,
+            progress=progress,
+        )
+    if as_json:
+        print_json(outcome.to_dict())
+    else:
+        _print(outcome)
+    if not outcome.passed:
+        raise typer.Exit(EXIT_ELSEWHERE)
+
+
+def _print(outcome: "LiveOutcome") -> None:
+    joints = outcome.plan.robot.joints
+    rows = [
+        [axis.name, joint.unit, fixed(position), f"{axis.error_steps:.4f}"]
+        for axis, joint, position in zip(outcome.axes, joints, outcome.end, strict=True)
+    ]
+    print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)
+    print_waits(outcome.to_dict())
+    times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
+    verdict = "ended where planned" if outcome.passed else "ENDED ELSEWHERE"
+    say(f"{outcome.plan.robot.name} {outcome.job}{times}: {verdict}")

@@ -1,0 +1,219 @@
+"""What `run --motors` and `motors` say of a robot's motors."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final
+
+from steptwin.host.cli.arguments import finite_number, keep_files, naming_options
+from steptwin.host.cli.output import print_table, say, warn
+from steptwin.host.cli.progress import progress_bar
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from steptwin.host.client import Progress
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.studies.motors.margins import Border, MotorMargins
+    from steptwin.host.twin.motors import MotorRun, MotorVerdict
+    from steptwin.host.twin.motors.after_run import RotorTrace
+    from steptwin.host.verify import Comparison, RunInfo
+
+MOTORS: Final = "motors.json"
+"""The file in a run's folder that holds the motors' verdict."""
+_SURE_AFTER_S: Final = 1.0
+"""Time after which an estimate is good enough to tell."""
+_LONG_S: Final = 10.0
+"""Duration from which on it is told."""
+
+
+def check_motors(robot: "Robot") -> None:
+    """Raise InputError, with the missing key, unless a robot's file describes its motors and masses."""
+    from steptwin.host.twin.motors import check_described
+
+    check_described(robot)
+
+
+def motors_of(
+    robot: "Robot", comparison: "Comparison", current: str | None = None, trace: "RotorTrace | None" = None
+) -> "MotorRun":
+    """Turn the rotors by a run's record and judge what they did; `current` is what --current says.
+
+    With a `trace` they have turned with the run already.
+    """
+    from steptwin.host.twin.motors import motors_of_run
+
+    current_a = None if current is None else finite_number(current, "--current")
+    title = f"motors of {robot.name}"
+    with naming_options(current_a="--current"), progress_bar(title) as bar:
+        return motors_of_run(robot, comparison, current_a=current_a, trace=trace, progress=telling_time(bar, title))
+
+
+def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
+    """Search how far a run is from losing steps."""
+    from steptwin.host.studies.motors.margins import margins_of_run, searches_of
+
+    searches = searches_of(ran.driving, comparison)
+    trials = sum(search.trials_max for search in searches)
+    title = f"margins of {ran.driving.robot.name}"
+    if trials * ran.wall_s > _LONG_S:
+        say(f"{title}: at most {trials * ran.wall_s:.0f} s, for {trials} trials", err=True)
+    with progress_bar(title) as bar:
+        return margins_of_run(searches, ran.slip, bar)
+
+
+def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
+    """Draw all pictures of a run's motors into a folder."""
+    from steptwin.host.studies.motors.pictures import PICTURES, write_motor_pictures
+
+    write_motor_pictures(folder, ran, run, PICTURES)
+
+
+def keep_pictures(folder: "Path", *, replace: bool) -> None:
+    """Raise InputError if `write_pictures` would replace a picture unasked, or could draw none."""
+    if not find_spec("matplotlib"):
+        raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+    from steptwin.host.studies.motors.pictures import PICTURES
+
+    keep_files((folder / f"{name}.png" for name in PICTURES), replace=replace)
+
+
+def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
+    """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
+    with whole_file(folder / MOTORS) as file:
+        file.write((json.dumps(ran.verdict.to_dict(), indent=2) + "\n").encode())
+    if pictures:
+        from steptwin.host.studies.motors.pictures import write_motor_pictures
+
+        write_motor_pictures(folder, ran, run)
+
+
+def telling_time(progress: "Progress", what: str) -> "Progress":
+    """Return a progress that says once, on stderr, how long the whole will take, if that is long."""
+    first: tuple[float, float] | None = None
+    told = False
+
+    def report(fraction: float) -> None:
+        nonlocal first, told
+        now_s = time.monotonic()
+        if first is None:
+            first = now_s, fraction  # until here functions may have been compiled
+        elif not told and now_s - first[0] > _SURE_AFTER_S:
+            told = True
+            whole_s = (now_s - first[0]) / (fraction - first[1])
+            if whole_s > _LONG_S:
+                say(f"{what}: about {whole_s:.0f} s{_remedy()}", err=True)
+        progress(fraction)
+
+    return report
+
+
+def _remedy() -> str:
+    return "" if find_spec("numba") else "; numba makes it some hundred times faster (pip install 'steptwin[fast]')"
+
+
+def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[str, Any]:
+    """Return a run's document with the motors' verdict: a loss fails the run."""
+    reasons = [*document["reasons"], *verdict.reasons]
+    return {**document, "passed": document["passed"] and verdict.kept_step, "reasons": reasons} | {
+        "motors": verdict.to_dict()
+    }
+
+
+def with_load(robot: "Robot", payload: str | None, supply: str | None) -> "Robot":
+    """Return a robot with another payload or supply; raise InputError for one that cannot be."""
+    if robot.dynamics is None:
+        return robot
+    changes: dict[str, Any] = {}
+    if payload is not None:
+        changes["payload_kg"] = finite_number(payload, "--payload")
+    if supply is not None:
+        changes["supply_v"] = finite_number(supply, "--supply")
+    try:
+        return replace(robot, dynamics=replace(robot.dynamics, **changes))
+    except InputError as error:
+        raise InputError(str(error).replace("payload_kg:", "--payload:").replace("supply_v:", "--supply:")) from error
+
+
+def print_motors(verdict: "MotorVerdict") -> None:
+    """Print a row for each joint, what is short, and the verdict."""
+    rows = [
+        [
+            joint.name,
+            joint.motor,
+            f"{joint.load_angle_deg:.1f}",
+            f"{joint.torque_needed_nm:.3f}",
+            f"{joint.torque_available_nm:.3f}",
+            f"{100 * joint.margin:.0f}",
+            f"{joint.margin_rpm:.0f}",
+            f"{joint.lost_full_steps:g}",
+            f"{joint.winding_celsius:.1f}",
+            f"{joint.winding_celsius_steady:.0f}",
+        ]
+        for joint in verdict.joints
+    ]
+    heads = [
+        "joint",
+        "motor",
+        "load angle deg",
+        "needs Nm",
+        "has Nm",
+        "margin %",
+        "at rpm",
+        "lost steps",
+        "winding degC",
+        "repeated degC",
+    ]
+    print_table(heads, rows, text_columns=2)
+    for line in verdict.warnings:
+        warn(line)
+    tool = verdict.tool
+    say(
+        f"tool really reached: {tool.position_mm_max:.3f} mm from the counted pose at {tool.position_max_at_s:.3f} s,"
+        f" {tool.attitude_deg_max:.3f} deg at most; at the end {tool.position_mm_end:.3f} mm,"
+        f" {abs(tool.attitude_deg_end):.3f} deg",
+        f"supply: {verdict.supply_v_min:.1f} to {verdict.supply_v_max:.1f} V",
+    )
+    said = "keep step" if verdict.kept_step else "LOSE STEPS"
+    others = "".join(f", then {payload_kg:g} kg" for payload_kg in verdict.other_payloads_kg)
+    say(
+        f"motors: {said}, with {verdict.payload_kg:g} kg{others} at the tool and {verdict.supply_v:g} V ([A] masses)",
+        *(f"  {reason}" for reason in verdict.reasons),
+    )
+
+
+def warn_of_payloads(document: Mapping[str, Any], payload_kg: float) -> None:
+    """Warn if the scenario of a stored run has changed the payload, of which motors after the run know nothing."""
+    requests = [fault.get("do", {}) for fault in document.get("faults", ()) if fault.get("strikes")]
+    given = [request["payload_kg"] for request in requests if request.get("do") == "payload"]
+    if given:
+        told = ", then ".join(f"{each:g} kg" for each in given)
+        warn(f"the run's scenario has changed the payload to {told}: these motors turn {payload_kg:g} kg all along")
+
+
+_UNITS: Final = {"current_a": " A", "payload_kg": " kg", "stretch": ""}
+_SAID: Final = {
+    "current_a": "lowest current",
+    "payload_kg": "largest payload",
+    "stretch": "shortest stretch",
+}
+
+
+def print_margins(margins: "MotorMargins") -> None:
+    """Print a line for each border."""
+    say(*(f"{_SAID[border.quantity]}: {_border(border)}" for border in margins.borders))
+
+
+def _border(border: "Border") -> str:
+    unit = _UNITS[border.quantity]
+    run = "the motion as it is" if border.quantity == "stretch" else f"the run has {border.run:.3g}{unit}"
+    slips = f"{border.joint} slips at {border.slips_at_s:.3f} s" if border.slips_at_s is not None else ""
+    if border.keeps is None:
+        return f"none keeps step, up to {border.limit:.3g}{unit} ({run}; there {slips})"
+    if border.slips is None:
+        return f"{border.keeps:.3g}{unit} still keeps step, the end of the range ({run})"
+    return f"{border.keeps:.3g}{unit} ({run}; at {border.slips:.3g}{unit} {slips})"

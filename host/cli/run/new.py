@@ -1,0 +1,150 @@
+"""`steptwin new my-arm.toml`: write the file of a robot of your own."""
+
+import sys
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import AsJson, Replace, keep_files, name_value_pairs
+from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from steptwin.host.robots.robot import Dimension
+
+
+@command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200")
+def new(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="File to write; the robot gets its name, without .toml.")],
+    kind: Annotated[
+        str | None, typer.Option("--kind", metavar="KIND", help="Kind of the mechanism; asked for on a terminal.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A dimension or a joint's value; may be repeated."),
+    ] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the file of a robot of your own, with comments: kind, dimensions, ranges and transmissions.
+
+    Without --kind, on a terminal, it asks for all of them. With it, what --set does not say is as usual for the kind.
+    Speeds, switches and homing follow; change what you like and let `steptwin check` look at the file.
+
+    Kinds and their dimensions, drawn in docs/robot-files.md:
+
+    scara: l1_mm l2_mm lift lift_positive tool_rotation tool heading_deg base_mm offset_mm drop_mm tool_mm
+
+    teaching-scara: l1_mm l2_mm d4_mm
+
+    lab-scara: a2_mm a3_mm d5_mm
+
+    calibration-scara: L1_mm L2_mm d1_mm alpha3_deg
+
+    warehouse-scara: L2_mm L3_mm L4_mm L5_mm
+
+    hybrid-arm: h_mm L_mm l1_mm l2_mm l3_mm l4_mm z2_max_mm
+
+    A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps, JOINT.home.
+    """
+    from steptwin.host.robots import SUFFIX
+    from steptwin.host.robots.kinematics.kinds import KINDS
+    from steptwin.host.robots.new_file import robot_text, with_settings
+
+    path = Path(file)
+    if path.suffix != SUFFIX:
+        named = quote(f"{path.stem or 'robot'}{SUFFIX}")
+        raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {named}")
+    keep_files([path], replace=replace)
+    given = name_value_pairs(settings or [])
+    if kind is None:
+        kind = _asked_kind()
+        given = _asked(path.stem, kind, given)
+    elif kind not in KINDS:
+        raise unknown("--kind", kind, KINDS)
+    with prefixed("--set "):
+        geometry, joints = with_settings(kind, given)
+    text = robot_text(path.stem, kind, geometry, joints)
+    with whole_file(path) as written:
+        written.write(text.encode())
+    names = [joint.name for joint in joints]
+    if as_json:
+        print_json({"file": file, "kind": kind, "dimensions": geometry, "joints": names})
+    else:
+        say(f"{file}: a robot of the kind {kind} with the joints {' '.join(names)}")
+        say(f"look at it with: steptwin check {quote(file)}")
+
+
+def _asked_kind() -> str:
+    from steptwin.host.robots.kinematics.kinds import KINDS
+
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise InputError(f"--kind is missing: {', '.join(KINDS)}")
+    print_table(["kind", "what it is"], [[name, kind.summary] for name, kind in KINDS.items()], text_columns=2)
+
+    def check(name: str) -> None:
+        if name not in KINDS:
+            raise unknown("kind", name, KINDS)
+
+    return _answer("kind", next(iter(KINDS)), check)
+
+
+def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:
+    """Ask for every dimension and every value of a joint that is not given, until they make a robot."""
+    from steptwin.host.robots.new_file import robot_text, with_settings
+
+    usual: dict[str, str] = {}
+    while True:
+        answers = _asked_once(kind, given, usual)
+        try:
+            robot_text(name, kind, *with_settings(kind, answers))
+        except InputError as error:
+            say(*error.messages, "once more, each with your last answer:")
+            usual = answers
+        else:
+            return answers
+
+
+def _asked_once(kind: str, given: dict[str, str], usual: dict[str, str]) -> dict[str, str]:
+    from steptwin.host.robots.kinematics.base import dimensions, meaning
+    from steptwin.host.robots.kinematics.kinds import kind_named
+    from steptwin.host.robots.new_file import with_settings
+
+    def ask(key: str, what: str, value: "Dimension") -> None:
+        def check(text: str) -> None:
+            with_settings(kind, answers | {key: text})
+
+        if key not in answers:
+            answers[key] = _answer(f"{key}, {what}", usual.get(key, _text(value)), check)
+
+    answers = {key: text for key, text in given.items() if "." not in key}
+    for key, field in dimensions(kind_named(kind).geometry).items():
+        ask(key, meaning(field), field.metadata["usual"])
+    answers |= given
+    for joint in with_settings(kind, answers)[1]:
+        for key, (what, value) in joint.questions.items():
+            ask(f"{joint.name}.{key}", f"{joint.what}: {what}", value)
+    return answers
+
+
+def _answer(question: str, usual: str, check: "Callable[[str], None]") -> str:
+    """Ask until the answer passes the check; an empty answer is the usual one."""
+    while True:
+        text = str(typer.prompt(question, default=usual)).strip()
+        try:
+            check(text)
+        except InputError as error:
+            say(str(error))
+        else:
+            return text
+
+
+def _text(value: "Dimension") -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,141 @@
+"""Run homings from the host: write the settings, start, wait for success or failure."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from typing import Final, NamedTuple
+
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.client.links.link import Link
+from steptwin.host.client.stopping import await_rest
+from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until
+from steptwin.host.client.words import state_text, state_words
+from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
+
+_TEXTS: Final[dict[int, str]] = {
+    HomingError.NOT_FOUND: "the switch was not found on the whole way",
+    HomingError.STUCK: "the switch did not change where its edge should be, before a limit switch",
+    HomingError.WRONG_SWITCH: "a limit switch closed that should not: are the two exchanged?",
+    HomingError.TIMEOUT: "it took longer than allowed",
+    HomingError.NO_SPEED: "the axis' speed limit leaves no motion",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class HomingSettings:
+    """The settings of an axis' homing, in the units of its dictionary entries."""
+
+    method: int
+    search_units_per_s: int
+    """Speed during the search for the switch."""
+    zero_units_per_s: int
+    """Speed at which the switch's edge is crossed."""
+    acceleration_units_per_s2: int
+    offset_units: int
+    """Position of the edge."""
+    timeout_ms: int
+    """Longest duration; 0 sets no limit."""
+
+    def objects(self) -> list[tuple[int, int]]:
+        """Return the entries that hold these settings, as (address, value)."""
+        return [
+            (od.HOMING_METHOD, self.method),
+            (od.HOMING_SEARCH_SPEED, self.search_units_per_s),
+            (od.HOMING_ZERO_SPEED, self.zero_units_per_s),
+            (od.HOMING_ACCELERATION, self.acceleration_units_per_s2),
+            (od.HOME_OFFSET, self.offset_units),
+            (od.HOMING_TIMEOUT_MS, self.timeout_ms),
+        ]
+
+
+class AxisHoming(NamedTuple):
+    """One axis to home, with its settings."""
+
+    axis: AxisClient
+    settings: HomingSettings
+
+
+def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
+    """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
+
+    `one_homed` is called whenever one of the axes is homed.
+
+    Raises:
+        DeviceFaultError: a homing failed, or a drive is in fault or was switched off; the message says why.
+        BusError: a node does not answer, or a homing neither ends nor fails.
+    """
+    for axis, settings in homings:
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+        axis.write(od.MODE_OF_OPERATION, Mode.HOMING)
+        for address, value in settings.objects():
+            axis.write(address, value)
+    for axis, _ in homings:
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
+    axes = [axis for axis, _ in homings]
+    try:
+        _await_all(link, homings, one_homed)
+    except BaseException:
+        with suppress(StepTwinError):  # the first error is the one to report
+            _release(link, axes)
+        raise
+    _release(link, axes)
+
+
+def _await_all(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
+    waiting = [axis for axis, _ in homings]
+
+    def all_homed() -> bool:
+        for axis in list(waiting):
+            if _homed(link, axis):
+                waiting.remove(axis)
+                one_homed()
+        return not waiting
+
+    if not wait_until(link, all_homed, max(_timeout_s(settings) for _, settings in homings)):
+        raise BusError(f"{waiting[0].name}: homing neither ends nor fails")
+
+
+def _timeout_s(settings: HomingSettings) -> float:
+    """Return a time longer than the axis' own limit, which does not count the ramp behind the edge."""
+    return settings.timeout_ms / 1000 + REST_TIMEOUT_S if settings.timeout_ms else inf
+
+
+def _homed(link: Link, axis: AxisClient) -> bool:
+    """Return whether an axis is homed and at rest; raise DeviceFaultError if its homing has failed."""
+    statusword = axis.read(od.STATUSWORD)
+    state = State.of(statusword)
+    if state in FAULT_STATES:
+        link.wait(POLL_S)  # until the node has reported its error
+        raise axis.fault()
+    if axis.restarted:
+        raise axis.restart()
+    if state is not State.OPERATION_ENABLED:
+        raise DeviceFaultError(f"{axis.name}: homing was cut short, the drive is in {state_text(state)}").plainly(
+            f"{axis.name}: homing was cut short, it is {state_words(state)}"
+        )
+    if statusword & Status.HOMING_ERROR:
+        raise failure(axis)
+    if not statusword & Status.TARGET_REACHED:
+        return False
+    if not statusword & Status.HOMING_ATTAINED:
+        raise DeviceFaultError(f"{axis.name}: homing was interrupted")
+    return True
+
+
+def failure(axis: AxisClient) -> DeviceFaultError:
+    """Return the error that says why an axis' last homing has failed."""
+    reason = _TEXTS.get(axis.read(od.HOMING_ERROR), "for an unknown reason")
+    text = f"{axis.name}: homing failed: {reason}"
+    return DeviceFaultError(f"{text} (EMCY 0x{ErrorCode.HOMING_FAILED:04X})").plainly(text)
+
+
+def _release(link: Link, axes: Sequence[AxisClient]) -> None:
+    """Clear the start bits, which aborts homings in progress, and wait until the axes rest."""
+    for axis in axes:
+        if axis.state() is State.OPERATION_ENABLED:
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+    await_rest(link, axes)

@@ -1,0 +1,140 @@
+"""The hybrid arm draws a helix of four turns in 80 s and 240 steps, its joints on Akima splines through the samples.
+
+    X = 350 + 80 cos w        Y = 150 + 80 sin w        Z = 500 + 60 w / (2 pi)        w from 0 to 8 pi
+
+Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is lost;
+this one is assumed.
+
+Source: H. Zhou, four-DOF hybrid handling robot. Its five poses are lost; since it compares them with the simulation of
+the helix, they lie on the helix here: after every fifth of its way.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import whole_ms
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.jobs.job import Job, hybrid_scale
+from steptwin.host.planning.jobs.options import number, parse_options
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.following import follow
+from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+
+OPERATING_MODE: Final = "(+,+)"
+"""The working mode of the machine: both sliders below the platform."""
+
+SAMPLES: Final = 241
+TURNS: Final = 4
+RADIUS_MM: Final = 80.0
+RISE_MM_PER_TURN: Final = 60.0
+CENTRE_MM: Final = (350.0, 150.0, 500.0)
+
+
+def _radius_mm(robot: Robot) -> float:
+    grown, radial, _, _ = hybrid_scale(robot)
+    return RADIUS_MM * grown * radial
+
+
+def _rise_mm(robot: Robot) -> float:
+    return RISE_MM_PER_TURN * hybrid_scale(robot)[2]
+
+
+def _bottom_mm(robot: Robot) -> float:
+    """The helix keeps its middle, 120 mm above its bottom, at the same part of the sliders' stroke."""
+    _, _, vertical, rise_mm = hybrid_scale(robot)
+    return CENTRE_MM[2] + rise_mm + (1.0 - vertical) * RISE_MM_PER_TURN * TURNS / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class HelixCurve:
+    """The helix itself: centre, height of its start, radius, pitch and number of turns.
+
+    By default its place and size grow and move with the arm's dimensions.
+    """
+
+    x_mm: float = number(CENTRE_MM[0], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[0] * hybrid_scale(robot)[0])
+    y_mm: float = number(CENTRE_MM[1], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[1] * hybrid_scale(robot)[0])
+    z_mm: float = number(CENTRE_MM[2], -5000.0, 5000.0, "mm", _bottom_mm)
+    radius_mm: float = number(RADIUS_MM, 1.0, 1000.0, "mm", _radius_mm)
+    rise_mm: float = number(RISE_MM_PER_TURN, 0.0, 500.0, "mm per turn", _rise_mm)
+    turns: int = number(TURNS, 1, 100, "turns")
+
+
+@dataclass(frozen=True, slots=True)
+class HelixOptions(HelixCurve):
+    """The options of the helix: the curve, its duration and the number of its samples."""
+
+    duration_s: float = number(80.0, 1.0, 3600.0, "s")
+    samples: int = number(SAMPLES, 3, 10001, "samples")
+
+
+def helix(robot: Robot, options: HelixOptions) -> Trajectory:
+    """Return the helix as Akima's splines in the joints, from rest to rest.
+
+    PVT points are at whole milliseconds, but a step lasts 80 s / 240. So each sample is taken at the nearest whole
+    millisecond and holds the helix's pose of that time.
+
+    Raises:
+        InputError: the mechanism does not reach the helix, or there are more samples than milliseconds.
+    """
+    end_ms, steps = whole_ms("duration_s", options.duration_s), options.samples - 1
+    if steps > end_ms:
+        raise InputError(
+            f"option samples: {options.samples} in {end_ms} ms are more than one each ms; {end_ms + 1} passes"
+        )
+    t_s = np.round(np.arange(steps + 1) * end_ms / steps) / 1000
+    joints = follow(robot, helix_poses(t_s / t_s[-1], options), t_s, OPERATING_MODE, np.array(robot.home))
+    return Sampled.akima(robot.joint_names, t_s, joints)
+
+
+def helix_poses(part: FloatArray, curve: HelixCurve) -> FloatArray:
+    """Return poses, of shape (n, 4), at parts of the way, of shape (n,), from 0 to 1."""
+    w = 2.0 * np.pi * curve.turns * part
+    return np.column_stack(
+        [
+            curve.x_mm + curve.radius_mm * np.cos(w),
+            curve.y_mm + curve.radius_mm * np.sin(w),
+            curve.z_mm + curve.rise_mm * curve.turns * part,
+            np.zeros(len(part)),
+        ]
+    )
+
+
+HELIX: Final = Job("helix", "a helix on Akima splines through samples, four turns by default", HelixOptions, helix)
+
+
+POINTS: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class FivePointsOptions(HelixCurve):
+    """The options: the helix and the pause at each pose."""
+
+    pause_s: float = number(0.5, 0.001, 60.0, "s")
+
+
+def five_points(robot: Robot, options: FivePointsOptions) -> Trajectory:
+    """Return joint moves from the first pose to the fifth; raise InputError if a pose is out of reach."""
+    order = np.arange(POINTS, dtype=np.float64)
+    first, *others = follow(robot, five_poses(robot, options), order, OPERATING_MODE, np.array(robot.home))
+    moves = Composer(robot, first)
+    moves.pause(options.pause_s)
+    for joints in others:
+        moves.go(joints)
+        moves.pause(options.pause_s)
+    return moves.sequence()
+
+
+def five_poses(robot: Robot, options: FivePointsOptions | None = None) -> FloatArray:
+    """Return the poses, of shape (5, 4), by default those of the robot's default options."""
+    return helix_poses(np.arange(POINTS) / POINTS, options or parse_options(FivePointsOptions, {}, robot))
+
+
+FIVE_POINTS: Final = Job(
+    "five-points", "visit five tool poses on the helix with a pause at each", FivePointsOptions, five_points
+)

@@ -1,0 +1,302 @@
+"""The warehouse robot at its shelf: `store` puts a box into a slot's drawer, `fetch` takes one out.
+
+The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, the hand pushes the
+drawer shut and unlocks. The slides move while the arm is drawn back and before it reaches out, and outputs change while
+all joints stand still.
+
+Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
+2019, DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.errand import Carry
+from steptwin.host.planning.jobs.drawer_pull import LOCKED_DEG, REACH_MM, TRAVEL_MM
+from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
+from steptwin.host.planning.jobs.options import number, place
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.paths import OutOfReachError
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import Elbow, make_kinematics
+from steptwin.host.robots.robot import Robot
+
+KIND: Final = "warehouse-scara"
+"""The kind of mechanism that has these jobs."""
+HAND_OVER: Final = "hand-over"
+APPROACH_MM: Final = 60.0
+"""Distance from in front of the shelf to the drawer's striker."""
+LOWERING_MM: Final = 30.0
+"""Distance from above a box down to its lid; less if the lift ends above that."""
+PULL_S: Final = 10.0
+RAMP_PART: Final = 0.2
+"""Duration of a drawer's whole way, the paper's, and the part of it that each ramp takes."""
+SENSOR_TIMEOUT_S: Final = 2.0
+"""Time within which a sensor must see what the hand has just done."""
+_SLIDES: Final = 2
+"""The first joints, sx and sz, are the slides."""
+
+
+class Sensors(Enum):
+    """Whether a job waits until the shelf's sensors see what it has done."""
+
+    IGNORE = "ignore"
+    WAIT = "wait"
+
+
+def _slots(robot: Robot) -> Iterable[str]:
+    return robot.shelf.slots if robot.shelf else (name for name in robot.places if name != HAND_OVER)
+
+
+def _spots(robot: Robot) -> Iterable[str]:
+    return robot.shelf.spots if robot.shelf else (HAND_OVER,)
+
+
+@dataclass(frozen=True, slots=True)
+class _AtShelf:
+    """The options of all jobs.
+
+    These are the elbow's side, the drawer's way, the way from in front of it to its striker, the duration of a pull or
+    push, and whether to wait for the sensors.
+    """
+
+    elbow: Elbow = Elbow.RIGHT
+    travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
+    approach_mm: float = number(APPROACH_MM, 1.0, 1000.0, "mm", in_reach_at_most(APPROACH_MM, REACH_MM))
+    pull_s: float = number(PULL_S, 1.0, 600.0, "s")
+    sensors: Sensors = Sensors.IGNORE
+
+
+@dataclass(frozen=True, slots=True)
+class StoreOptions(_AtShelf):
+    """The options of `store`: also the slot, and the spot where the box is."""
+
+    slot: str = place("A1", _slots)
+    pick_up: str = place(HAND_OVER, _spots)
+
+
+@dataclass(frozen=True, slots=True)
+class FetchOptions(_AtShelf):
+    """The options of `fetch`: also the slot, and the spot where the box goes."""
+
+    slot: str = place("A1", _slots)
+    output: str = place(HAND_OVER, _spots)
+
+
+@dataclass(frozen=True, slots=True)
+class EverySlotOptions(_AtShelf):
+    """The options of `every-slot`: also the spots where boxes are and where they go."""
+
+    pick_up: str = place(HAND_OVER, _spots)
+    output: str = place(HAND_OVER, _spots)
+
+
+class _Shelf:
+    """The robot's moves between spots and slots."""
+
+    def __init__(self, robot: Robot, options: _AtShelf) -> None:
+        self._robot = robot
+        self._elbow = options.elbow
+        self._travel_mm, self._approach_mm = options.travel_mm, options.approach_mm
+        self._pull_s = options.pull_s
+        self._waits = options.sensors is Sensors.WAIT
+
+    def above(self, spot: str) -> FloatArray:
+        """Return the joints above a spot, whose place must name every joint, with the chosen elbow."""
+        position = self._robot.places.get(spot, {})
+        missing = [joint for joint in self._robot.joint_names if joint not in position]
+        if missing:
+            raise InputError(f"places.{spot}.{missing[0]}: is missing in the robot's file")
+        joints = np.array([position[joint] for joint in self._robot.joint_names])
+        return with_elbow(self._robot, joints, self._elbow)
+
+    def drawn_back(self, spot: str, slot: str) -> FloatArray:
+        """Return the joints with the arm drawn back as in front of a slot, and the slides at a spot."""
+        lift_mm = self._robot.places[slot].get("L1", self._robot.home[self._robot.joint_names.index("L1")])
+        locked = np.array([*self.above(spot)[:_SLIDES], lift_mm, *LOCKED_DEG])
+        kinematics = make_kinematics(self._robot)
+        pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, self._approach_mm, 0.0, 0.0])
+        solved = kinematics.solve(pose, self._elbow.value, locked)
+        if not solved.reachable[0]:
+            raise OutOfReachError(f"in front of the shelf: {solved.reason(0)}")
+        joints: FloatArray = solved.joints[0]
+        return joints
+
+    def to_slot(self, moves: Composer, spot: str, slot: str) -> None:
+        """Draw the arm back from a spot, then move the slides to a slot."""
+        moves.go(self.drawn_back(spot, slot))
+        moves.go_some({name: at for name, at in self._robot.places[slot].items() if name != "L1"})
+
+    def to_spot(self, moves: Composer, slot: str, spot: str) -> None:
+        """Move the slides from a slot to a spot, then the arm."""
+        _slides_first(moves, self.drawn_back(spot, slot))
+        moves.go(self.above(spot))
+
+    def to_other_spot(self, moves: Composer, spot: str, other: str, slot: str) -> None:
+        """Draw the arm back, move the slides to another spot, then the arm."""
+        if spot != other:
+            moves.go(self.drawn_back(spot, slot))
+            self.to_spot(moves, slot, other)
+
+    def at_box(self, moves: Composer, spot: str, *, take: bool) -> None:
+        """Go down onto the box, switch the magnet, go up again."""
+        lift_mm = moves.joints[self._robot.joint_names.index("L1")]
+        lowest_mm = self._robot.joint("L1").lower
+        if not lift_mm > lowest_mm:
+            raise InputError(f"places.{spot}.L1: {lift_mm:g} mm is the lift's lower end: it cannot go down to a box")
+        moves.go_some({"L1": max(lift_mm - LOWERING_MM, lowest_mm)})
+        self._magnet(moves, spot, on=take)
+        moves.go_some({"L1": lift_mm})
+
+    def at_drawer(self, moves: Composer, slot: str, *, take: bool) -> None:
+        """Lock, pull the drawer out, take or release a box, push the drawer shut, unlock."""
+        branch = self._elbow.value
+        approach = Trapezoid.fastest(self._approach_mm, speed_max=40.0, acceleration_max=80.0)
+        pull = Trapezoid(self._travel_mm, self._pull_s, round(self._pull_s * RAMP_PART, 3))
+        moves.line(branch, (0.0, self._approach_mm, 0.0), approach)
+        moves.switch("lock", on=True)
+        self._wait(moves, "lock_engaged", slot, on=True)
+        moves.line(branch, (0.0, -self._travel_mm, 0.0), pull)
+        if self._robot.shelf and self._travel_mm >= self._robot.shelf.travel_mm:
+            self._wait(moves, "drawer_end", slot, on=True)
+        self._magnet(moves, slot, on=take)
+        moves.line(branch, (0.0, self._travel_mm, 0.0), pull)
+        moves.switch("lock", on=False)
+        self._wait(moves, "lock_engaged", slot, on=False)
+        moves.line(branch, (0.0, -self._approach_mm, 0.0), approach)
+
+    def _magnet(self, moves: Composer, where: str, *, on: bool) -> None:
+        moves.switch("magnet", on=on)
+        self._wait(moves, "box_present", where, on=on)
+
+    def _wait(self, moves: Composer, sensor: str, where: str, *, on: bool) -> None:
+        """Wait for a sensor, if the job is to do so."""
+        if not self._waits:
+            return
+        wired = self._robot.shelf.sensors if self._robot.shelf else {}
+        if sensor not in wired:
+            raise InputError(f"shelf.{sensor}: is missing in the robot's file: sensors=ignore does without it").plainly(
+                f"the robot's file names no sensor {sensor}: choose to ignore the sensors"
+            )
+        moves.wait(wired[sensor], on=on, timeout_s=SENSOR_TIMEOUT_S, place=where)
+
+    def lid(self, spot: str) -> FloatArray:
+        """Return the joints at which the magnet meets the lid of a box at a spot."""
+        joints = self.above(spot)
+        lift = self._robot.joint_names.index("L1")
+        joints[lift] = max(joints[lift] - LOWERING_MM, self._robot.joints[lift].lower)
+        return joints
+
+    def locked(self, slot: str) -> FloatArray:
+        """Return the joints at which the hand locks onto a slot's drawer, with the elbow on the right."""
+        place, home = self._robot.places[slot], dict(zip(self._robot.joint_names, self._robot.home, strict=True))
+        return np.array([*({**home, **place}[name] for name in ("sx", "sz", "L1")), *LOCKED_DEG])
+
+
+def missed_places(robot: Robot) -> list[str]:
+    """Return a line for each slot and spot of a robot's shelf at which the jobs' hand reaches no striker or lid."""
+    shelf = robot.shelf
+    if shelf is None or robot.kinematics != KIND:
+        return []
+    moves, forward = _Shelf(robot, StoreOptions()), make_kinematics(robot).forward
+    goals = {f"slots.{slot}": (moves.locked(slot), shelf.striker_mm(slot, robot.boxes)) for slot in shelf.slots}
+    for name, spot in shelf.spots.items():
+        if set(robot.places[name]) >= set(robot.joint_names):
+            goals[f"spots.{name}"] = (moves.lid(name), spot.lid_mm)
+    lines = []
+    for key, (joints, goal_mm) in goals.items():
+        tip_mm = forward(joints[np.newaxis])[0, :3]
+        away_mm = float(np.linalg.norm(tip_mm - np.array(goal_mm)))
+        if away_mm > shelf.capture_mm:
+            x_mm, y_mm, z_mm = tip_mm.tolist()
+            lines.append(
+                f"shelf.{key}: the jobs bring the hand to x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm,"
+                f" {away_mm:.1f} mm away; it reaches {shelf.capture_mm:g} mm"
+            )
+    return lines
+
+
+def _slides_first(moves: Composer, goal: FloatArray) -> None:
+    """Move the slides to a position of all joints, then the arm."""
+    slides = moves.joints.copy()
+    slides[:_SLIDES] = goal[:_SLIDES]
+    moves.go(slides)
+    moves.go(goal)
+
+
+def store(robot: Robot, options: StoreOptions) -> Trajectory:
+    """Return the motion that brings a box from a spot to the slot.
+
+    Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
+    """
+    shelf = _Shelf(robot, options)
+    moves = Composer(robot, shelf.above(options.pick_up))
+    _bring(shelf, moves, options.pick_up, options.slot)
+    return moves.sequence()
+
+
+def fetch(robot: Robot, options: FetchOptions) -> Trajectory:
+    """Return the motion that brings the box from the slot to a spot; raise InputError as `store` does."""
+    shelf = _Shelf(robot, options)
+    moves = Composer(robot, shelf.drawn_back(options.output, options.slot))
+    shelf.to_slot(moves, options.output, options.slot)
+    _take_out(shelf, moves, options.slot, options.output)
+    return moves.sequence()
+
+
+def every_slot(robot: Robot, options: EverySlotOptions) -> Trajectory:
+    """Return the motion that stores a box in each slot in turn and fetches it; raise InputError as `store` does."""
+    shelf = _Shelf(robot, options)
+    moves = Composer(robot, shelf.above(options.pick_up))
+    slots = list(_slots(robot))
+    for slot in slots:
+        _bring(shelf, moves, options.pick_up, slot)
+        _take_out(shelf, moves, slot, options.output)
+        if slot != slots[-1]:
+            shelf.to_other_spot(moves, options.output, options.pick_up, slot)
+    return moves.sequence()
+
+
+def _bring(shelf: _Shelf, moves: Composer, spot: str, slot: str) -> None:
+    shelf.at_box(moves, spot, take=True)
+    shelf.to_slot(moves, spot, slot)
+    shelf.at_drawer(moves, slot, take=False)
+
+
+def _take_out(shelf: _Shelf, moves: Composer, slot: str, spot: str) -> None:
+    shelf.at_drawer(moves, slot, take=True)
+    shelf.to_spot(moves, slot, spot)
+    shelf.at_box(moves, spot, take=False)
+
+
+def _stored(_: Robot, options: StoreOptions) -> tuple[Carry, ...]:
+    return (Carry(options.pick_up, options.slot),)
+
+
+def _fetched(_: Robot, options: FetchOptions) -> tuple[Carry, ...]:
+    return (Carry(options.slot, options.output),)
+
+
+def _carried_everywhere(robot: Robot, options: EverySlotOptions) -> tuple[Carry, ...]:
+    there_and_back = ((Carry(options.pick_up, slot), Carry(slot, options.output)) for slot in _slots(robot))
+    return tuple(carry for pair in there_and_back for carry in pair)
+
+
+STORE: Final = Job("store", "take a box at the hand-over and put it into a slot's drawer", StoreOptions, store, _stored)
+FETCH: Final = Job(
+    "fetch", "take a box out of a slot's drawer and bring it to the hand-over", FetchOptions, fetch, _fetched
+)
+EVERY_SLOT: Final = Job(
+    "every-slot",
+    "put a box into each slot in turn and take it out again",
+    EverySlotOptions,
+    every_slot,
+    _carried_everywhere,
+)

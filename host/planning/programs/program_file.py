@@ -1,0 +1,327 @@
+"""Read programs from TOML. Every error begins with the file and the place, as in `step 3: speed_mm_s: is missing`."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from steptwin.host.common.bad_input import nearest, prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
+from steptwin.host.common.findings import Findings
+from steptwin.host.common.own_files import read_text
+from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.planning.paths import Smoothing
+from steptwin.host.planning.programs import steps
+from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.positions import (
+    JointPosition,
+    Position,
+    ToolPosition,
+    read_any_positions,
+    read_position,
+    read_target,
+)
+from steptwin.host.planning.programs.program import STEPS_MAX, AnyStep, Call, Place, Program, Repeat, WrongStep
+from steptwin.host.planning.programs.steps import Step
+
+
+class Complaints:
+    """What is wrong with the steps of a program, by their numbers, in the order that they are made."""
+
+    def __init__(self) -> None:
+        self._judged: Counter[str] = Counter()
+        """How many times a step was judged."""
+        self._wrong: dict[str, dict[Place, list[str]]] = {}
+        """What is wrong with a step, at each place that has its number."""
+        self._texts: dict[str, str] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._wrong)
+
+    def judge(self, place: Place) -> None:
+        """Note that a step is judged once more."""
+        self._judged[place.number] += 1
+
+    def add(self, place: Place, step: Step, error: InputError) -> None:
+        """Add what is wrong with a step."""
+        self._wrong.setdefault(place.number, {}).setdefault(place, []).extend(error.messages)
+        self._texts[place.number] = str(step)
+
+    def messages(self) -> Iterator[str]:
+        """Yield the messages of the first pass of each step; later ones only repeat them."""
+        for number, wrong in self._wrong.items():
+            first, messages = next(iter(wrong.items()))
+            where = pass_words(first, len(wrong), self._judged[number])
+            for message in messages:
+                yield f"step {number} ({self._texts[number]}{where}): {message}"
+
+
+def pass_words(first: Place, wrong: int, judged: int) -> str:
+    """Return the passes in which a step is wrong: `, in every pass`, the first one, or nothing without repetition."""
+    if not first.passes:
+        return ""
+    return ", in every pass" if judged > 1 and wrong == judged else f", in pass {first.pass_text}"
+
+
+SUFFIX: Final = ".toml"
+
+_REPEAT_MAX: Final = 10_000
+_FULL_TURN_DEG: Final = 360.0
+
+
+def read_program(path: str) -> Program:
+    """Return the program in a file; raise InputError, with file and place, for the first thing that is wrong."""
+    findings = Findings()
+    with prefixed(f"{path}: "):
+        program = parse_program(read_text(path, PROGRAM_BYTES_MAX), findings, Path(path).parent)
+        findings.raise_first()
+    return program
+
+
+def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Program:
+    """Return the program of a TOML text, without the parts that are wrong: these are added to the findings.
+
+    The files that it names are looked for from `folder` on. Raises InputError only for a text that is not
+    TOML.
+    """
+    title, robot, start = "", None, None
+    table = toml_table(text)
+    with findings.collecting():
+        title = table.optional("title", table.text) or ""
+    with findings.collecting():
+        robot = table.optional("robot", table.text)
+    with findings.collecting():
+        start = read_target(table, "start") if "start" in table else None
+    starts = start is not None or "start" not in table
+    names = Findings()
+    positions = _positions(table, findings, names)
+    saved_for = _add_saved(positions, table, folder, names)
+    sequences = _sequences(table, findings, names)
+    findings.messages.extend(names.messages)
+    program = Program(
+        title=title,
+        robot=robot,
+        start=start,
+        positions=positions,
+        positions_for=saved_for,
+        sequences=sequences,
+        steps=_steps(_list(table, "step", findings), "step ", findings),
+        folder=folder,
+        starts=starts,
+        has_all_names=not names.messages,
+    )
+    with findings.collecting():
+        table.check_keys(("title", "robot", "start", "positions_file", "positions", "sequences", "step"))
+    with findings.collecting():
+        if not table.values.get("step"):
+            raise InputError("step: is missing: a program has at least one [[step]]")
+    return program
+
+
+def _positions(table: Table, findings: Findings, names: Findings) -> dict[str, Position | None]:
+    """Return the positions by name, None for one that is wrong; without the names these are added to `names`."""
+    positions: dict[str, Position | None] = {}
+    with names.collecting():
+        if "positions" in table:
+            with table.section("positions") as named:
+                for name in named:
+                    positions[name] = None
+                    with findings.collecting(f"positions.{name}: "):
+                        positions[name] = read_position(Table(named.values[name], "table"))
+    return positions
+
+
+def _add_saved(positions: dict[str, Position | None], table: Table, folder: Path, findings: Findings) -> str | None:
+    """Add the positions of the file that a program names; return the name of the robot for which they were saved."""
+    owner: str | None = None
+    with findings.collecting():
+        if "positions_file" in table:
+            name = table.text("positions_file", empty=False)
+            with prefixed("positions_file: "):
+                owner, saved = read_any_positions(str(folder / name))
+                for twice in saved.keys() & positions.keys():
+                    raise InputError(f"{twice!r} is in {name} and in this program: rename one of them")
+            positions |= saved
+    return owner
+
+
+def _sequences(table: Table, findings: Findings, names: Findings) -> dict[str, tuple[AnyStep, ...]]:
+    sequences: dict[str, tuple[AnyStep, ...]] = {}
+    with names.collecting():
+        if "sequences" in table:
+            with table.section("sequences") as named:
+                for name in named:
+                    sequences[name] = ()
+                    with findings.collecting("sequences."):
+                        sequences[name] = _steps(
+                            _some(named, name, f"sequences.{name}"), f"sequences.{name} step ", findings
+                        )
+    return sequences
+
+
+def _some(table: Table, key: str, header: str = "") -> list[object]:
+    """Return the values of a list that has at least one."""
+    elements = _elements(table, key, header)
+    if not elements:
+        raise InputError(f"{key}: has no steps")
+    return elements
+
+
+def _list(table: Table, key: str, findings: Findings) -> list[object]:
+    with findings.collecting():
+        return _elements(table, key, key) if key in table else []
+    return []
+
+
+def _elements(table: Table, key: str, header: str) -> list[object]:
+    """Return the values of a list; the InputError for a table says how to begin a list of tables under a header."""
+    if header and isinstance(table.values.get(key), dict):
+        raise InputError(f"{key}: is a table, not a list: begin each step with [[{header}]], in two pairs of brackets")
+    elements = table.elements(key)
+    if len(elements) > STEPS_MAX:
+        raise InputError(f"{key}: has {len(elements)} steps; a program has at most {STEPS_MAX}")
+    return elements
+
+
+def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
+    made: list[AnyStep] = []
+    for number, element in enumerate(elements, 1):
+        step: AnyStep = WrongStep(moves=not (isinstance(element, dict) and any(verb in element for verb in _STANDING)))
+        with findings.collecting(f"{place}{number}: "):
+            step = _step(Table(element, "table"), f"{place}{number}.", findings)
+        made.append(step)
+    return tuple(made)
+
+
+def _step(table: Table, place: str, findings: Findings) -> AnyStep:
+    verbs = [key for key in table if key in _VERBS or key == "repeat"]
+    if len(verbs) != 1:
+        meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
+        if meant and not verbs:
+            raise InputError(meant[0])
+        given = " and ".join(verbs) or "none"
+        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, 'repeat'))}, not {given}")
+    verb = verbs[0]
+    if verb == "repeat":
+        table.check_keys(("repeat", "steps"))
+        return _repeat(table, place, findings)
+    read, keys = _VERBS[verb]
+    table.check_keys((verb, *keys))
+    return read(table)
+
+
+def _meant(key: str) -> str | None:
+    """Return the verb that an unknown key may stand for: other programs' words for it, or the nearest name."""
+    near = nearest(key, (*_VERBS, "repeat"))
+    return _OTHER_WORDS.get(key) or (near[0] if near else None)
+
+
+def _repeat(table: Table, place: str, findings: Findings) -> Repeat:
+    times = table.integer("repeat")
+    if not 1 <= times <= _REPEAT_MAX:
+        raise InputError(f"repeat: {times} is not from 1 to {_REPEAT_MAX}")
+    return Repeat(times, _steps(_some(table, "steps"), place, findings))
+
+
+# --- the verbs
+
+
+def _go(table: Table) -> AnyStep:
+    return steps.GoStep(read_target(table, "go"), _joint_pace(table))
+
+
+def _line(table: Table) -> AnyStep:
+    return steps.LineStep(read_target(table, "line"), _tool_pace(table))
+
+
+def _arc(table: Table) -> AnyStep:
+    with table.section("arc") as arc:
+        arc.check_keys(("via", "to"))
+        via, to = read_target(arc, "via"), read_target(arc, "to")
+    return steps.ArcStep(via, to, _tool_pace(table))
+
+
+def _circle(table: Table) -> AnyStep:
+    with table.section("circle") as centre:
+        centre.check_keys(("x", "y"))
+        x_mm, y_mm = centre.number("x"), centre.number("y")
+    sweep_deg = table.number("sweep_deg") if "sweep_deg" in table else _FULL_TURN_DEG
+    turned = table.truth("turned") if "turned" in table else False
+    return steps.CircleStep(x_mm, y_mm, sweep_deg, turned, _tool_pace(table))
+
+
+def _through(table: Table) -> AnyStep:
+    targets = [read_target(Table({"through": element}, "table"), "through") for element in table.elements("through")]
+    smoothing = table.choice("smoothing", Smoothing) if "smoothing" in table else Smoothing.C2_SPLINE
+    return steps.ThroughStep(tuple(targets), smoothing, _tool_pace(table))
+
+
+def _by(table: Table) -> AnyStep:
+    with prefixed("by: "):
+        position = read_position(Table(table.values["by"], "table"))
+    match position:
+        case JointPosition(joints):
+            table.check_keys(("by", *_JOINT_PACE))
+            return steps.JointsBy(joints, _joint_pace(table))
+        case ToolPosition(coordinates, None):
+            table.check_keys(("by", *_TOOL_PACE))
+            return steps.ToolBy(coordinates, _tool_pace(table))
+        case _:
+            raise InputError("by.branch: a relative move keeps the branch")
+
+
+def _output(table: Table) -> AnyStep:
+    return steps.OutputStep(table.text("output", empty=False), table.truth("on"))
+
+
+def _wait(table: Table) -> AnyStep:
+    time_s = table.values.get("wait")
+    if isinstance(time_s, int | float) and not isinstance(time_s, bool):
+        raise InputError(f"wait: {time_s:g} names no input; a time to stand is `pause = {time_s:g}`, in seconds")
+    return steps.WaitStep(table.text("wait", empty=False), table.truth("on"), table.number("timeout_s"))
+
+
+def _pause(table: Table) -> AnyStep:
+    return steps.PauseStep(table.number("pause"))
+
+
+def _call(table: Table) -> AnyStep:
+    return Call(table.text("call", empty=False))
+
+
+_JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
+_TOOL_PACE: Final = ("speed_mm_s", "ramp_s")
+
+_STANDING: Final = ("output", "wait", "pause")
+"""The verbs of steps in which the robot stands."""
+
+_OTHER_WORDS: Final = dict.fromkeys(("wait_s", "pause_s", "sleep", "delay", "dwell"), "pause")
+"""What authors write for a verb."""
+
+_VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
+    "go": (_go, _JOINT_PACE),
+    "line": (_line, _TOOL_PACE),
+    "arc": (_arc, _TOOL_PACE),
+    "circle": (_circle, ("sweep_deg", "turned", *_TOOL_PACE)),
+    "through": (_through, ("smoothing", *_TOOL_PACE)),
+    "by": (_by, (*_JOINT_PACE, *_TOOL_PACE)),
+    "output": (_output, ("on",)),
+    "wait": (_wait, ("on", "timeout_s")),
+    "pause": (_pause, ()),
+    "call": (_call, ()),
+}
+"""The verbs, each with its reader and the other keys that a step with it may have."""
+
+
+def _joint_pace(table: Table) -> JointPace:
+    speed_percent = table.optional("speed_percent", table.number)
+    duration_s = table.optional("duration_s", table.number)
+    if speed_percent is not None and duration_s is not None:
+        raise InputError("speed_percent: beside duration_s; a joint move takes one of them")
+    law = table.choice("law", LawName) if "law" in table else LawName.S_CURVE
+    return JointPace(law, SPEED_PERCENT if speed_percent is None else speed_percent, duration_s)
+
+
+def _tool_pace(table: Table) -> ToolPace:
+    return ToolPace(table.number("speed_mm_s"), table.number("ramp_s") if "ramp_s" in table else RAMP_S)

@@ -1,0 +1,261 @@
+"""Plan one step of the tool by hand: straight along the world's axes, or turning on the spot, as fast as is allowed.
+
+Along the path the joints move by q'(s) for each mm or degree s of the tool. So the tool may have at most the speed
+
+    v(s) = min(speed_max / |q'|, sqrt(acceleration_max / |q''|))
+
+over all joints and axes, at a constant speed; ramps are the planner's. The way ends where the speed asked for would be
+too high. A way that would end soon is made at half the speed, or half of that, since near a singularity v(s) falls.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import at_most, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import SCurve
+from steptwin.host.planning.motions.following import present_branch
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints
+from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, StraightLine, ToolPath, Turn
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan_stretched
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.robot import Robot
+
+SPEED_MAX_MM_S: Final = 250.0
+"""Highest speed of a tool that is moved by hand: the reduced speed of ISO 10218-1:2011, clause 5.6.2."""
+TURN_SPEED_MAX_DEG_S: Final = 90.0
+"""Highest speed at which a tool turns on the spot by hand."""
+TURN_MAX_DEG: Final = 360.0
+
+COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), strict=True))
+
+_QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
+_RAMP_S: Final = 0.3
+"""Time that the tool takes to its speed."""
+_PER_UNIT: Final = 10
+"""What would pass is found in tenths of a mm or degree."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolStep:
+    """A step of the tool: distances in mm and degrees by coordinate, and the part of the highest speeds to use."""
+
+    distances: Mapping[str, float]
+    speed_percent: float
+
+    def __post_init__(self) -> None:
+        for name in self.distances:
+            if name not in COORDINATES:
+                raise unknown("coordinate", name, COORDINATES)
+        if not any(self.distances.values()):
+            raise InputError(f"a step of 0 moves nothing: {self}")
+        if abs(self.distances.get("phi", 0.0)) > TURN_MAX_DEG:
+            raise InputError(f"{self}: a step turns the tool by at most {TURN_MAX_DEG:g} deg")
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {value:+g} {COORDINATE_UNITS[name]}" for name, value in self.distances.items())
+
+    def part(self, fraction: float) -> "ToolStep":
+        """Return a part of the step, in the same direction."""
+        return ToolStep({name: fraction * value for name, value in self.distances.items()}, self.speed_percent)
+
+
+def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
+    """Plan a step from a joint position on the branch on which the arm is; joints' limits make it slower.
+
+    Raises InputError, with the reason and the part of the step that would pass, if the path leaves the mechanism's
+    reach or a joint's limits or comes near a singularity.
+    """
+    if "phi" in step.distances and make_kinematics(robot).attitude_follows:
+        raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
+    try:
+        return _plan(robot, standing, step)
+    except InputError as error:
+        raise InputError(f"{step}: {error}; {_passing_text(robot, standing, step)}") from error
+
+
+def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolStep | None:
+    """Return the largest part of a step that passes, in tenths of a mm or degree; None if not even the first does."""
+    tenths = int(_PER_UNIT * max(map(abs, step.distances.values())))
+    passing, failing = 0, tenths + 1
+    while failing - passing > 1:  # a way that passes has no part that fails
+        middle = (passing + failing) // 2
+        try:
+            _plan(robot, standing, step.part(middle / tenths))
+        except InputError:
+            failing = middle
+        else:
+            passing = middle
+    return step.part(passing / tenths) if passing else None
+
+
+def _passing_text(robot: Robot, standing: list[float], step: ToolStep) -> str:
+    passing = farthest_part(robot, standing, step)
+    if passing is None:
+        return f"not even {1 / _PER_UNIT:g} passes in this direction: jog a joint first"
+    return f"{passing} passes"
+
+
+def _plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
+    return plan_stretched(robot, _motion(robot, within_limits(robot, standing), step))
+
+
+def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
+    """Return the tool's path of a step from the joints `start`, of shape (joints,)."""
+    kinematics = make_kinematics(robot)
+    here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
+    path = _path(here, step)
+    return FreeAttitude(path) if kinematics.attitude_follows else path
+
+
+def within_limits(robot: Robot, standing: list[float]) -> FloatArray:
+    """Return a joint position without what only the rounding to wire units puts beyond limits."""
+    within = np.array(standing)
+    units = robot.to_units(within)
+    for i, joint in enumerate(robot.joints):
+        clipped = within.copy()
+        clipped[i] = min(max(within[i], joint.lower), joint.upper)
+        if np.array_equal(robot.to_units(clipped), units):
+            within = clipped
+    return within
+
+
+def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
+    kinematics = make_kinematics(robot)
+    branch = present_branch(robot, start)
+    path = step_path(robot, start, step)
+    goal = _goal(kinematics, path, branch, start)
+    speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
+    if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
+        return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
+    return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
+
+
+def _goal(kinematics: Kinematics, path: ToolPath, branch: str, start: FloatArray) -> FloatArray:
+    """Return the joints at a path's end, in the turns that they reach on the way; InputError if it is out of reach."""
+    _solve(kinematics, path, 1.0, branch, start)  # whose reason says more than that of a place on the way
+    goal = start
+    for share in _QUARTERS:  # of a circle at most, so that the nearest turn is the next one
+        goal = _solve(kinematics, path, share, branch, goal)
+    return goal
+
+
+def _solve(kinematics: Kinematics, path: ToolPath, share: float, branch: str, near: FloatArray) -> FloatArray:
+    solved = kinematics.solve(path.poses(np.array([share * path.length_mm])), branch, near)
+    if not solved.reachable[0]:
+        raise InputError(str(solved.reason(0)))
+    joints: FloatArray = solved.joints[0]
+    return joints
+
+
+def _path(here: Pose, step: ToolStep) -> ToolPath:
+    dx, dy, dz, dphi = (step.distances.get(name, 0.0) for name in COORDINATES)
+    if not (dx or dy or dz):
+        return Turn(here, dphi)
+    return StraightLine(here, (here[0] + dx, here[1] + dy, here[2] + dz, here[3] + dphi))
+
+
+def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
+    """Return the law that covers a distance while the tool moves along its path at a speed."""
+    return SCurve.at_speed(distance, speed * distance / path.length_mm, _RAMP_S)
+
+
+WAY_MAX_MM: Final = 2000.0
+"""Longest way of one jog; a turn is one of a full circle."""
+_PLACES_PER_UNIT: Final = 2
+"""Places in a mm or degree at which reach and speeds are looked at."""
+_HALVINGS: Final = 5
+_SOON_S: Final = 1.0
+"""A way that is over sooner is made more slowly."""
+_SHORTER: Final = 0.98
+_SHORTENINGS: Final = 4
+"""Number of times that a way which the planner refuses is shortened: it looks closer, and at the ramps."""
+
+
+def tool_speed_max(coordinate: str) -> float:
+    """Return the highest speed of a jog along a coordinate, in mm/s or deg/s; InputError if there is no such one."""
+    if coordinate not in COORDINATES:
+        raise unknown("coordinate", coordinate, COORDINATES)
+    return TURN_SPEED_MAX_DEG_S if coordinate == "phi" else SPEED_MAX_MM_S
+
+
+def check_tool_jog(coordinate: str, speed: float) -> None:
+    """Raise InputError unless the coordinate exists and the speed, in mm/s or deg/s, is within its limit."""
+    speed_max = tool_speed_max(coordinate)
+    if not 0 < abs(speed) <= speed_max:
+        unit = COORDINATE_UNITS[coordinate]
+        limit = f"above 0 and up to {at_most(speed_max)} {unit}/s, with a sign"
+        raise InputError(f"{coordinate}: a speed of {speed:g} {unit}/s is not {limit}")
+
+
+def plan_tool_jog(robot: Robot, standing: list[float], coordinate: str, speed: float) -> Plan:
+    """Plan a straight way of the tool, or a turn on the spot, from a joint position at a speed with a sign.
+
+    Raises:
+        InputError: as `check_tool_jog`, or nothing passes in this direction; the message says why.
+    """
+    check_tool_jog(coordinate, speed)
+    longest = TURN_MAX_DEG if coordinate == "phi" else WAY_MAX_MM
+    percent = 100.0 * abs(speed) / tool_speed_max(coordinate)
+    whole = ToolStep({coordinate: longest if speed > 0 else -longest}, percent)
+    way, fraction = _farthest(_speeds_along(robot, within_limits(robot, standing), whole), abs(speed))
+    for _ in range(_SHORTENINGS if way else 0):
+        with suppress(InputError):
+            distances = whole.part(way / longest).distances
+            return plan_tool_step(robot, standing, ToolStep(distances, fraction * percent))
+        way *= _SHORTER
+    part = farthest_part(robot, standing, whole)
+    return plan_tool_step(robot, standing, whole if part is None else part)  # the whole way says why nothing passes
+
+
+def _speeds_along(robot: Robot, start: FloatArray, step: ToolStep) -> FloatArray:
+    """Return the highest speed of the tool, in mm/s or deg/s, at places of its path up to the first out of reach."""
+    path, kinematics = step_path(robot, start, step), make_kinematics(robot)
+    way = max(map(abs, step.distances.values()))
+    count = round(way * _PLACES_PER_UNIT) + 1
+    places = np.linspace(0.0, path.length_mm, count)
+    solved = kinematics.solve(path.poses(places), present_branch(robot, start), start)
+    kept = solved.reachable & np.logical_and.reduce([each.kept for each in kinematics.singularities(solved.joints)])
+    reached = count if kept.all() else int(np.argmin(kept))
+    if reached == 0:
+        return np.zeros(1)
+    joints, scale = solved.joints[:reached], path.length_mm / way
+    slopes = kinematics.joint_velocities(joints, path.derivatives(places[:reached])) * scale
+    return _highest(robot, slopes)
+
+
+def _highest(robot: Robot, slopes: FloatArray) -> FloatArray:
+    """Return v(s) of this module's first lines, shape (n,), from q'(s), of shape (n, joints)."""
+    bends = np.gradient(slopes, 1 / _PLACES_PER_UNIT, axis=0) if len(slopes) > 1 else np.zeros_like(slopes)
+    to_axes = robot.coupling.to_axes
+    joints = robot.joints
+    with np.errstate(divide="ignore"):
+        speeds = [
+            np.array([joint.speed_max for joint in joints]) / np.abs(slopes),
+            robot.axis_speeds_max / np.abs(to_axes(slopes)),
+            np.sqrt(np.array([joint.acceleration_max for joint in joints]) / np.abs(bends)),
+            np.sqrt(robot.axis_accelerations_max / np.abs(to_axes(bends))),
+        ]
+    return np.asarray(np.min([each.min(axis=1) for each in speeds], axis=0))
+
+
+def _farthest(speeds: FloatArray, asked: float) -> tuple[float, float]:
+    """Return the way that is passed, in mm or degrees, and with which part of the speed asked for."""
+    ways = []
+    for halving in range(_HALVINGS + 1):
+        fraction = 0.5**halving
+        passing = speeds >= fraction * asked
+        places = len(speeds) if passing.all() else int(np.argmin(passing))
+        way = max(places - 1, 0) / _PLACES_PER_UNIT
+        if way >= fraction * asked * _SOON_S:
+            return way, fraction
+        ways.append((way, fraction))
+    return max(ways)

@@ -1,0 +1,272 @@
+"""Write and read edges.npz: every edge of every pin and every accepted step, in counts of the timer since power-up."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.host.common.arrays import Int64Array
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.record.folder.layout import (
+    EDGES,
+    FOLDER_VERSION,
+    VERSION_KEY,
+    ContradictionError,
+    check_version,
+    existing_file,
+)
+from steptwin.host.record.folder.npz_file import Arrays, opened_npz
+from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.host.robots.robot import AXES_MAX
+from steptwin.host.verify import (
+    NO_SLIPS,
+    AxisEvidence,
+    DriverLimit,
+    DriverViolations,
+    Evidence,
+    LevelEdges,
+    Phases,
+    Slips,
+)
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+def evidence_until(evidence: Evidence, until_counts: int) -> Evidence:
+    """Return the evidence before an instant; a pulse that has begun before it is whole."""
+    return replace(
+        evidence,
+        axes=tuple(_axis_until(axis, until_counts) for axis in evidence.axes),
+        outputs=tuple(change for change in evidence.outputs if change.counts < until_counts),
+    )
+
+
+def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
+    def before(counts: Int64Array) -> slice:
+        return slice(int(np.searchsorted(counts, until_counts)))
+
+    pulses, turns, steps = before(axis.clk_rise_counts), before(axis.dir_edge_counts), before(axis.step_counts)
+    changes: dict[str, Any] = {
+        "clk_rise_counts": axis.clk_rise_counts[pulses],
+        "clk_fall_counts": axis.clk_fall_counts[pulses],
+        "dir_edge_counts": axis.dir_edge_counts[turns],
+        "dir_levels": axis.dir_levels[turns],
+        "step_counts": axis.step_counts[steps],
+        "step_signs": axis.step_signs[steps],
+    }
+    violations, phases, slips = axis.violations, axis.phases, axis.slips
+    broken, set_at, slipped = before(violations.counts), before(phases.counts), before(slips.counts)
+    return replace(
+        axis,
+        **changes,
+        violations=DriverViolations(
+            violations.limits, violations.counts[broken], violations.which[broken], violations.values[broken]
+        ),
+        phases=Phases(phases.counts[set_at], phases.sixteenths[set_at], phases.a_ma[set_at], phases.b_ma[set_at]),
+        pins={pin: _level_until(edges, until_counts) for pin, edges in axis.pins.items()},
+        slips=Slips(slips.counts[slipped], slips.full_steps[slipped]),
+    )
+
+
+def _level_until(edges: LevelEdges, until_counts: int) -> LevelEdges:
+    kept = slice(int(np.searchsorted(edges.counts, until_counts)))
+    return LevelEdges(edges.counts[kept], edges.levels[kept])
+
+
+PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
+"""Pins of an axis that are held at a level."""
+
+Array = NDArray[Any]
+
+EDGE_TYPES: Final = (
+    {"clk_rise_counts": "<i8", "clk_fall_counts": "<i8", "dir_edge_counts": "<i8", "dir_levels": "|i1"}
+    | {"step_counts": "<i8", "step_signs": "|i1"}
+    | {"violation_counts": "<i8", "violation_which": "|i1", "violation_values": "<f8"}
+    | {"phase_counts": "<i8", "phase_sixteenths": "|i1", "phase_a_ma": "<i2", "phase_b_ma": "<i2"}
+    | {f"{pin}_{column}": code for pin in PINS for column, code in (("counts", "<i8"), ("levels", "|i1"))}
+)
+"""Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name."""
+
+SLIP_TYPES: Final = {"slip_counts": "<i8", "slip_full_steps": "<i4"}
+"""The same for the arrays that only axes have whose motors slipped."""
+ARRAY_TYPES: Final = EDGE_TYPES | SLIP_TYPES
+
+_INT16: Final = (-(1 << 15), (1 << 15) - 1)
+_INT32: Final = (-(1 << 31), (1 << 31) - 1)
+_INT64: Final = (-(1 << 63), (1 << 63) - 1)
+
+
+class AxisTotals(NamedTuple):
+    """Facts of an axis whose size does not depend on its edges."""
+
+    name: str
+    start_steps: int
+    active_edge: ActiveEdge
+    limits: tuple[DriverLimit, ...]
+
+
+def write_edges(path: Path, evidence: Evidence) -> None:
+    """Write the evidence without the outputs' names, which robot.toml has."""
+    totals = [
+        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
+    ]
+    arrays: dict[str, Any] = {**header_arrays(evidence.start_counts, totals)}
+    for axis in evidence.axes:
+        arrays |= edge_arrays(axis)
+    with whole_file(path) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Array | np.int64]:
+    """Return all arrays, by key, except those of `edge_arrays`."""
+    values: dict[str, Array | np.int64] = {
+        VERSION_KEY: np.int64(FOLDER_VERSION),
+        "counts_per_second": np.int64(COUNTS_PER_SECOND),
+        "start_counts": np.int64(start_counts),
+        "axes": np.array([axis.name for axis in axes], dtype=np.str_),
+    }
+    for axis in axes:
+        values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
+        values[f"{axis.name}_active_edge"] = np.array(axis.active_edge.value, np.str_)
+        values |= _limit_arrays(axis.name, axis.limits)
+    return values
+
+
+def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
+    """Return the arrays, by key, whose length depends on an axis' edges."""
+    name, violations, phases = axis.name, axis.violations, axis.phases
+    arrays: dict[str, Array] = {
+        f"{name}_clk_rise_counts": axis.clk_rise_counts,
+        f"{name}_clk_fall_counts": axis.clk_fall_counts,
+        f"{name}_dir_edge_counts": axis.dir_edge_counts,
+        f"{name}_dir_levels": axis.dir_levels,
+        f"{name}_step_counts": axis.step_counts,
+        f"{name}_step_signs": axis.step_signs,
+        f"{name}_violation_counts": violations.counts,
+        f"{name}_violation_which": violations.which,
+        f"{name}_violation_values": violations.values,
+        f"{name}_phase_counts": phases.counts,
+        f"{name}_phase_sixteenths": phases.sixteenths,
+        f"{name}_phase_a_ma": phases.a_ma,
+        f"{name}_phase_b_ma": phases.b_ma,
+    }
+    for pin in PINS:
+        arrays[f"{name}_{pin}_counts"] = axis.pins[pin].counts
+        arrays[f"{name}_{pin}_levels"] = axis.pins[pin].levels
+    if axis.slips.counts.size:
+        arrays[f"{name}_slip_counts"] = axis.slips.counts
+        arrays[f"{name}_slip_full_steps"] = axis.slips.full_steps.astype(SLIP_TYPES["slip_full_steps"])
+    return arrays
+
+
+def _limit_arrays(name: str, limits: tuple[DriverLimit, ...]) -> dict[str, Array]:
+    """Return an array for each column of the table of limits; a violation holds the row of its limit."""
+    return {
+        f"{name}_limit_rules": np.array([limit.rule for limit in limits], np.str_),
+        f"{name}_limit_broken": np.array([limit.broken for limit in limits], np.str_),
+        f"{name}_limit_values": np.array([limit.limit for limit in limits], np.float64),
+        f"{name}_limit_units": np.array([limit.unit for limit in limits], np.str_),
+        f"{name}_limit_sources": np.array([limit.source for limit in limits], np.str_),
+    }
+
+
+def read_edges(folder: Path) -> Evidence:
+    """Return the evidence in edges.npz without the outputs' names.
+
+    Raises:
+        InputError: the file or a key is missing, a value has another kind, or the file has another version.
+        ContradictionError: arrays do not fit each other.
+    """
+    path = existing_file(folder, EDGES)
+    with prefixed(f"{path}: "), opened_npz(path) as stored:
+        return evidence_of(Arrays(stored))
+
+
+def evidence_of(arrays: Arrays) -> Evidence:
+    """Return the evidence in arrays with the keys of edges.npz; raises as `read_edges` does, without the path."""
+    check_version(arrays.integer(VERSION_KEY, _INT64))
+    counts_per_second = arrays.integer("counts_per_second", _INT64)
+    if counts_per_second != COUNTS_PER_SECOND:
+        raise InputError(f"counts_per_second: {counts_per_second} is not {COUNTS_PER_SECOND}")
+    names = arrays.names("axes")
+    if not 1 <= len(names) <= AXES_MAX or len(set(names)) < len(names):
+        raise ContradictionError(f"axes: has {len(names)} names, not 1 to {AXES_MAX} different ones")
+    return Evidence(arrays.instant("start_counts"), tuple(_axis(arrays, name) for name in names))
+
+
+def _axis(arrays: Arrays, name: str) -> AxisEvidence:
+    rises, falls = _pulses(arrays, name)
+    turns = arrays.instants(f"{name}_dir_edge_counts")
+    steps = arrays.instants(f"{name}_step_counts")
+    return AxisEvidence(
+        name=name,
+        start_steps=arrays.integer(f"{name}_start_steps", _INT32),
+        clk_rise_counts=rises,
+        clk_fall_counts=falls,
+        active_edge=arrays.choice(f"{name}_active_edge", ActiveEdge),
+        dir_edge_counts=turns,
+        dir_levels=arrays.one_of_two(f"{name}_dir_levels", (0, 1), f"{name}_dir_edge_counts", turns.size),
+        step_counts=steps,
+        step_signs=arrays.one_of_two(f"{name}_step_signs", (-1, 1), f"{name}_step_counts", steps.size),
+        violations=_violations(arrays, name),
+        phases=_phases(arrays, name),
+        pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
+        slips=_slips(arrays, name),
+    )
+
+
+def _slips(arrays: Arrays, name: str) -> Slips:
+    key = f"{name}_slip_counts"
+    if key not in arrays:
+        return NO_SLIPS
+    counts = arrays.instants(key)
+    return Slips(counts, arrays.integers(f"{name}_slip_full_steps", key, counts.size))
+
+
+def _pulses(arrays: Arrays, name: str) -> tuple[Int64Array, Int64Array]:
+    """Return rises and falls, which must alternate."""
+    rise_key, fall_key = f"{name}_clk_rise_counts", f"{name}_clk_fall_counts"
+    rises, falls = arrays.instants(rise_key), arrays.instants(fall_key)
+    if rises.size != falls.size:
+        raise ContradictionError(f"{rise_key}: {rises.size} values, but {fall_key} has {falls.size}")
+    if (falls <= rises).any() or (rises[1:] <= falls[:-1]).any():
+        raise ContradictionError(f"{rise_key}: the instants do not alternate with {fall_key}")
+    return rises, falls
+
+
+def _pin(arrays: Arrays, key: str) -> LevelEdges:
+    counts = arrays.instants(f"{key}_counts")
+    return LevelEdges(counts, arrays.one_of_two(f"{key}_levels", (0, 1), f"{key}_counts", counts.size))
+
+
+def _violations(arrays: Arrays, name: str) -> DriverViolations:
+    limits = _limits(arrays, name)
+    key = f"{name}_violation_counts"
+    counts = arrays.instants(key)
+    which = arrays.bounded(f"{name}_violation_which", (0, len(limits) - 1), key, counts.size).astype(np.int8)
+    return DriverViolations(limits, counts, which, arrays.numbers(f"{name}_violation_values", key, counts.size))
+
+
+def _limits(arrays: Arrays, name: str) -> tuple[DriverLimit, ...]:
+    rules, broken, units, sources = (
+        arrays.names(f"{name}_limit_{column}") for column in ("rules", "broken", "units", "sources")
+    )
+    values = arrays.numbers(f"{name}_limit_values", f"{name}_limit_rules", len(rules)).tolist()
+    if not len(rules) == len(broken) == len(units) == len(sources):
+        raise ContradictionError(f"{name}_limit_rules: {len(rules)} values, but the texts or units have another number")
+    return tuple(map(DriverLimit, rules, broken, values, units, sources))
+
+
+def _phases(arrays: Arrays, name: str) -> Phases:
+    key = f"{name}_phase_counts"
+    counts = arrays.instants(key)
+    return Phases(
+        counts,
+        arrays.bounded(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
+        arrays.bounded(f"{name}_phase_a_ma", _INT16, key, counts.size),
+        arrays.bounded(f"{name}_phase_b_ma", _INT16, key, counts.size),
+    )

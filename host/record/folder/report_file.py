@@ -1,0 +1,139 @@
+"""Write and read report.json: names and traffic of a run, the planned changes of outputs, the figures, a fault."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import REPORT_BYTES_MAX
+from steptwin.host.common.own_files import read_text
+from steptwin.host.common.tables import Table, json_table
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.planning.trajectory import Switching
+from steptwin.host.record.folder.layout import REPORT, VERSION_KEY, check_version, existing_file
+from steptwin.host.record.folder.recording_layout import unfinished
+from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished
+from steptwin.host.verify import BusReport, RunInfo
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+_FRAMES_MAX: Final = 1e15
+"""Largest number of frames in a report: more than any bus carries in a machine's life."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredReport:
+    """A report read from its file.
+
+    Attributes:
+        run: facts of the run that the verifier cannot compute.
+        switchings: planned changes of outputs, in order of time.
+        passed: the verdict; None if the board did not know the plan.
+        driver_profile: name of the drivers on the board.
+        axes: figures of each axis by name.
+        fault: the fault that ended the run; None if the run came to its end.
+        document: the whole document.
+        recording: the recording without an end from which the report was made; None for a report from a file.
+        next_motion_s: when a motion began, since power-up, of which the plan says nothing; None if there was none.
+    """
+
+    run: RunInfo
+    switchings: tuple[Switching, ...]
+    passed: bool | None
+    driver_profile: str
+    axes: tuple[Mapping[str, Any], ...]
+    fault: Mapping[str, Any] | None
+    document: Mapping[str, Any]
+    recording: UnfinishedRecording | None = None
+    next_motion_s: float | None = None
+
+
+def write_report(path: Path, document: Mapping[str, Any]) -> None:
+    """Write the document that `run --json` prints."""
+    with whole_file(path) as file:
+        file.write((json.dumps(document, indent=2) + "\n").encode())
+
+
+def read_report(folder: Path) -> StoredReport:
+    """Return a folder's report; for a recording that has no end, what its report would say.
+
+    Raises:
+        InputError: the file is missing or not JSON, has another version, or a key is missing or has another kind.
+    """
+    if unfinished(folder):
+        return _of_recording(read_unfinished(folder))
+    path = existing_file(folder, REPORT)
+    with prefixed(f"{path}: "):
+        return _report(json_table(read_text(str(path), REPORT_BYTES_MAX)))
+
+
+def _report(table: Table) -> StoredReport:
+    check_version(table.values.get(VERSION_KEY))
+    return StoredReport(
+        run=_run(table),
+        switchings=table.each("outputs", _switching),
+        passed=None if table.is_null("passed") else table.truth("passed"),
+        driver_profile=table.text("driver_profile"),
+        axes=table.each("axes", lambda axis: axis.values),
+        fault=_fault(table),
+        next_motion_s=_next_motion_s(table),
+        document=table.values,
+    )
+
+
+def _of_recording(recording: UnfinishedRecording) -> StoredReport:
+    return StoredReport(
+        run=recording.run_info(),
+        switchings=(),
+        passed=None,
+        driver_profile=recording.header.driver_profile,
+        axes=(),
+        fault=None,
+        next_motion_s=recording.mark.next_counts / COUNTS_PER_SECOND or None,
+        document={"no_plan": recording.mark.no_plan},
+        recording=recording,
+    )
+
+
+def _run(table: Table) -> RunInfo:
+    with table.section("bus") as bus:
+        traffic = BusReport(bus.integer("bitrate"), bus.integer("frames", _FRAMES_MAX), bus.number("load_percent"))
+    return RunInfo(
+        robot=table.text("robot"),
+        job=table.text("job"),
+        duration_s=_duration_s(table, "duration_s"),
+        bus=traffic,
+        simulated_s=_duration_s(table, "simulated_s"),
+        wall_s=_duration_s(table, "wall_s"),
+    )
+
+
+def _duration_s(table: Table, key: str) -> float:
+    value_s = table.number(key)
+    if value_s < 0.0:
+        raise InputError(f"{key}: {value_s:g} s is below 0")
+    return value_s
+
+
+def _switching(table: Table) -> Switching:
+    return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
+
+
+def _next_motion_s(table: Table) -> float | None:
+    key = "next_motion_s"
+    return _duration_s(table, key) if key in table and not table.is_null(key) else None
+
+
+def _fault(table: Table) -> Mapping[str, Any] | None:
+    """Check the keys of the fault that readers use, and return the whole fault; None without a fault."""
+    if "fault" not in table.values:
+        return None
+    with table.section("fault") as fault:
+        fault.text("message")
+        fault.truth("positions_agree")
+        with fault.section("joints") as joints:
+            for name in joints:
+                joints.number(name)
+        return fault.values

@@ -1,0 +1,334 @@
+"""Read a recorded bus through python-can's readers: logs of candump, Vector's ASC and BLF, PEAK's TRC.
+
+The readers trust their files. Here a file has a limit, a text has whole lines of bounded length, and whatever the
+readers raise becomes one line that says where.
+
+Identifiers tell it (CiA 301, section 7.3.5). Hosts may move the identifiers of a board's PDOs and EMCY: what they write
+by SDO is followed. Of identifiers that belong to no service the direction tells it, if the recording program was one of
+both sides.
+"""
+
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple, TextIO, cast
+
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import (
+    RECORDED_BYTES_MAX,
+    RECORDED_FRAMES_MAX,
+    RECORDED_LINE_CHARS_MAX,
+    check_size,
+)
+from steptwin.host.common.own_files import only_files
+from steptwin.host.record.bus_log import CHANNEL
+from steptwin.protocol.frame import (
+    COB_HEARTBEAT,
+    COB_ID_INVALID,
+    COB_ID_MASK,
+    COB_NMT,
+    COB_SDO_REQUEST,
+    COB_SYNC,
+    COB_TPDO,
+    FROM_NODE,
+    NODE_ID_MAX,
+    TO_NODE,
+    Frame,
+)
+
+if TYPE_CHECKING:
+    import can
+
+
+_CANDUMP: Final = ".log"
+_BINARY: Final = ".blf"
+FORMATS: Final = {
+    _CANDUMP: "a log of candump -L",
+    ".asc": "Vector's ASC",
+    _BINARY: "Vector's BLF",
+    ".trc": "PEAK's TRC",
+}
+"""The formats by the end of a file's name, as python-can knows them."""
+
+_DATA_BYTES_MAX: Final = 8
+_LASTS_S_MAX: Final = 86_400
+"""Longest recording, in seconds: a day. A jump of the clock, such as from 0 to the time of day, is longer."""
+
+
+class RecordedFrame(NamedTuple):
+    """A frame of a recording.
+
+    Attributes:
+        us: its time stamp in whole microseconds; no stamp is before the one of the frame before.
+        frame: the frame.
+        sent: True if the recording says that its own program sent the frame, False if that it received it.
+    """
+
+    us: int
+    frame: Frame
+    sent: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedBus:
+    """A recording.
+
+    Attributes:
+        path: its file.
+        frames: the data frames with 11-bit identifiers, in the order of the file.
+        left_out: how many others there are, by their kind in words.
+        cut: True if the file ends within a frame, as when its writer was killed; that frame is missing.
+        on_board_clock: True if a time stamp is the instant since power-up at which the frame became valid, as in the
+            bus logs that StepTwin writes; False if it is some computer's.
+    """
+
+    path: Path
+    frames: list[RecordedFrame]
+    left_out: Counter[str]
+    cut: bool
+    on_board_clock: bool
+
+
+def read_bus(path: Path, channel: str | None = None) -> RecordedBus:
+    """Read a recording, or the frames of one of its channels.
+
+    Raises:
+        InputError: the file cannot be read, is too large, has none of FORMATS or no frame, or its frames are of several
+            channels and none is chosen.
+    """
+    suffix = path.suffix.lower()
+    with prefixed(f"{path}: "):
+        if suffix not in FORMATS:
+            known = ", ".join(f"{end} ({what})" for end, what in FORMATS.items())
+            raise InputError(f"has no known format: a recorded bus is {known}")
+        return _Reading(path, FORMATS[suffix]).read(suffix, channel)
+
+
+class _Lines:
+    """The lines of a text, for python-can's readers; a last line without its end is left out."""
+
+    def __init__(self, file: TextIO) -> None:
+        self.number = 0
+        self.cut = False
+        self._file = file
+
+    def __iter__(self) -> Iterator[str]:
+        while line := self._file.readline(RECORDED_LINE_CHARS_MAX + 1):
+            if not line.endswith("\n"):
+                if len(line) > RECORDED_LINE_CHARS_MAX:
+                    raise InputError(f"line {self.number + 1}: has more than {RECORDED_LINE_CHARS_MAX} characters")
+                self.cut = True
+                return
+            self.number += 1
+            yield line
+
+    def close(self) -> None:
+        """Do nothing: whoever has opened the file closes it."""
+
+
+class _Reading:
+    """The reading of one file."""
+
+    def __init__(self, path: Path, form: str) -> None:
+        self._path = path
+        self._form = form
+        self._frames: list[RecordedFrame] = []
+        self._left_out: Counter[str] = Counter()
+        self._channels: Counter[str] = Counter()
+        self._latest_us: int | None = None
+
+    def read(self, suffix: str, channel: str | None) -> RecordedBus:
+        try:
+            check_size(self._path.stat().st_size, RECORDED_BYTES_MAX)
+            if suffix == _BINARY:
+                cut = self._read_binary(channel)
+            else:
+                with open(self._path, encoding="ascii", errors="replace", newline=None, opener=only_files) as file:
+                    lines = _Lines(file)
+                    with self._saying(lambda: f"line {lines.number}"):
+                        self._take_all(_text_reader(suffix, lines), channel)
+                    cut = lines.cut
+        except OSError as error:
+            raise InputError(error.strerror or "cannot be read") from error
+        if channel is None and len(self._channels) > 1:
+            names = ", ".join(map(str, self._channels))
+            raise InputError(f"has frames of the channels {names}: channel=NAME chooses one")
+        if not self._frames:
+            raise InputError(self._nothing(channel))
+        self._check_length()
+        own = suffix == _CANDUMP and set(self._channels) == {CHANNEL}
+        return RecordedBus(self._path, self._frames, self._left_out, cut, own)
+
+    def _read_binary(self, channel: str | None) -> bool:
+        from can import BLFReader
+
+        with (
+            open(self._path, "rb", opener=only_files) as file,
+            self._saying(lambda: f"after {len(self._frames)} frames"),
+        ):
+            reader = BLFReader(file)
+            said_bytes: int = reader.file_size
+            self._take_all(reader, channel)
+            return self._path.stat().st_size < said_bytes
+
+    @contextmanager
+    def _saying(self, where: Callable[[], str]) -> Iterator[None]:
+        """Turn what python-can's readers raise into one line."""
+        from can.io.blf import BLFParseError
+
+        try:
+            yield
+        except InputError:
+            raise
+        except (*_JUNK, BLFParseError) as error:
+            raise InputError(f"{where()}: is not in the format of {self._form}") from error
+
+    def _take_all(self, messages: "Iterable[can.Message]", channel: str | None) -> None:
+        for message in messages:
+            name = str(message.channel)
+            if kind := _other_kind(message):
+                self._left_out[kind] += 1
+            elif channel is not None and name != channel:
+                self._left_out[f"of channel {name}"] += 1
+            else:
+                self._channels[name] += 1
+                self._take(message)
+
+    def _take(self, message: "can.Message") -> None:
+        frame = Frame(message.arbitration_id, bytes(message.data))
+        if frame.cob_id > COB_ID_MASK or len(frame.data) > _DATA_BYTES_MAX:
+            raise ValueError(frame)
+        if len(self._frames) == RECORDED_FRAMES_MAX:
+            raise InputError(f"has more than {RECORDED_FRAMES_MAX} frames: record or cut out a shorter part")
+        us = round(1e6 * message.timestamp)
+        if self._latest_us is not None and us < self._latest_us:
+            us = self._latest_us
+        self._latest_us = us
+        self._frames.append(RecordedFrame(us, frame, not message.is_rx))
+
+    def _nothing(self, channel: str | None) -> str:
+        if channel is not None and self._left_out:
+            others = ", ".join(f"{count} {kind}" for kind, count in sorted(self._left_out.items()))
+            return f"channel={channel}: has no data frame with an 11-bit identifier; there are {others}"
+        others = "".join(f", but {count} {kind}" for kind, count in self._left_out.items())
+        return f"holds no data frame with an 11-bit identifier{others}"
+
+    def _check_length(self) -> None:
+        lasts_s = (self._frames[-1].us - self._frames[0].us) / 1e6
+        if lasts_s > _LASTS_S_MAX:
+            raise InputError(f"lasts {lasts_s:.0f} s by its time stamps: at most {_LASTS_S_MAX} s are replayed")
+
+
+_JUNK: Final = (
+    *(ValueError, IndexError, KeyError, OverflowError, NotImplementedError, EOFError),
+    *(struct.error, zlib.error),
+)
+"""What python-can's readers raise for files of another format. A TypeError is no file's fault: it has another cause."""
+
+
+def _text_reader(suffix: str, lines: _Lines) -> "Iterable[can.Message]":
+    from can import ASCReader, CanutilsLogReader, TRCReader
+
+    readers: dict[str, Callable[[TextIO], Iterable[can.Message]]] = {
+        _CANDUMP: CanutilsLogReader,
+        ".asc": ASCReader,
+        ".trc": TRCReader,
+    }
+    return readers[suffix](cast(TextIO, lines))
+
+
+def _other_kind(message: "can.Message") -> str | None:
+    """Return the kind of a frame that the board does not hear, in words; None for a data frame that it may hear."""
+    if message.is_error_frame:
+        return "error frames"
+    if message.is_remote_frame:
+        return "remote frames"
+    if message.is_fd:
+        return "CAN FD frames"
+    if message.is_extended_id:
+        return "frames with 29-bit identifiers"
+    return None
+
+
+_COB_TIME: Final = 0x100
+_MOVABLE: Final = {(0x1014, 0), *((0x1800 + i, 1) for i in range(len(COB_TPDO)))}
+"""Objects that hold the identifiers of a node's own frames."""
+_SDO_BYTES: Final = 8
+_EXPEDITED_DOWNLOAD: Final = 0x22
+_SPECIFIER_AND_EXPEDITED: Final = 0xE2
+
+
+class Sender(Enum):
+    """The side of the bus that has sent a frame."""
+
+    BOARD = "board"
+    HOST = "host"
+    """A host, or another station to which a board may listen, such as one whose heartbeat it watches."""
+    OTHER = "other"
+    """A node that is not the board's, or a host that talks to one."""
+
+
+def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> list[Sender]:
+    """Return who has sent each frame of a recording, for a board with these nodes."""
+    by_identifier = list(_by_identifier(frames, node_ids))
+    host_sent = _host_was_recording(frames, by_identifier)
+    return [
+        sender or (Sender.OTHER if host_sent is not None and frame.sent != host_sent else Sender.HOST)
+        for frame, sender in zip(frames, by_identifier, strict=True)
+    ]
+
+
+def _by_identifier(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> Iterable[Sender | None]:
+    """Yield who has sent each frame; None if its identifier belongs to no service."""
+    boards = {base + node for base in FROM_NODE for node in node_ids}
+    known: dict[int, Sender | None] = {}
+    for _, frame, _ in frames:
+        cob_id = frame.cob_id
+        if cob_id not in known:
+            known[cob_id] = Sender.BOARD if cob_id in boards else _of_no_board(cob_id, node_ids)
+        yield known[cob_id]
+        moved = _moved_identifier(frame, node_ids)
+        if moved is not None:
+            known[moved] = Sender.BOARD
+
+
+def _of_no_board(cob_id: int, node_ids: Collection[int]) -> Sender | None:
+    if cob_id in (COB_NMT, COB_SYNC, _COB_TIME):
+        return Sender.HOST
+    base, node_id = cob_id & ~NODE_ID_MAX, cob_id & NODE_ID_MAX
+    if not node_id:
+        return None
+    if base == COB_HEARTBEAT:
+        return Sender.HOST
+    if base in TO_NODE:
+        return Sender.HOST if node_id in node_ids else Sender.OTHER
+    return Sender.OTHER if base in FROM_NODE else None
+
+
+def _moved_identifier(frame: Frame, node_ids: Collection[int]) -> int | None:
+    """Return the identifier that an SDO request gives to a board's PDO or EMCY; None for any other frame."""
+    data = frame.data
+    if frame.cob_id - COB_SDO_REQUEST not in node_ids or len(data) != _SDO_BYTES:
+        return None
+    if data[0] & _SPECIFIER_AND_EXPEDITED != _EXPEDITED_DOWNLOAD:
+        return None
+    if (int.from_bytes(data[1:3], "little"), data[3]) not in _MOVABLE:
+        return None
+    value = int.from_bytes(data[4:], "little")
+    return None if value & COB_ID_INVALID else value & COB_ID_MASK
+
+
+def _host_was_recording(frames: Sequence[RecordedFrame], senders: Sequence[Sender | None]) -> bool | None:
+    """Return whether the hosts' frames are those that the recording program sent; None if directions do not tell."""
+    sides = {
+        side: {frame.sent for frame, sender in zip(frames, senders, strict=True) if sender is side}
+        for side in (Sender.HOST, Sender.BOARD)
+    }
+    hosts, boards = sides[Sender.HOST], sides[Sender.BOARD]
+    return hosts.pop() if len(hosts) == len(boards) == 1 and hosts != boards else None

@@ -1,0 +1,1 @@
+"""Studies use robots, runs and records; only command line, public names, docs/generate and bench import them."""

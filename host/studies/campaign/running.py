@@ -1,0 +1,182 @@
+"""Make one run of a campaign in this process, in virtual time: no files, no pictures, the same row every time."""
+
+import logging
+import time
+import traceback
+from functools import cache
+
+from steptwin.host.common.choices import MotorsTurn
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.operate.session import Session
+from steptwin.host.studies.campaign.campaign import Campaign
+from steptwin.host.studies.campaign.invariants import asked_of, breaches_of
+from steptwin.host.studies.campaign.margins import MARGINS, Claim, Performance
+from steptwin.host.studies.campaign.recovery import recover, steps_off
+from steptwin.host.studies.campaign.row import Breach, Ended, Row, split_parameters
+from steptwin.host.studies.campaign.trial import Trial, draw
+from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.execution import execute
+from steptwin.host.twin.kernels import Kernel, fastest_kernel
+from steptwin.host.twin.motors import MotorVerdict, motors_of_run
+from steptwin.host.twin.outcome import Outcome
+from steptwin.host.verify import Report, verify
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import Status
+
+_SIGNIFICANT_DIGITS = 6
+
+# Runs in which nodes fall silent are no news: a worker's log would be full of these libraries' warnings.
+for library in ("can", "canopen"):
+    logging.getLogger(library).addHandler(logging.NullHandler())
+
+
+def run_seed(campaign: Campaign, seed: int) -> Row:
+    """Draw and make the run of a seed; whatever goes wrong is in its row."""
+    try:
+        trial = draw(campaign, seed)
+    except InputError as error:
+        return Row(seed, "", "", "", Ended.REFUSED, str(error))
+    return run_trial(trial)
+
+
+def run_trial(trial: Trial) -> Row:
+    """Make a run; whatever goes wrong is in its row."""
+    began_s = time.perf_counter()
+    try:
+        return row_of(perform(trial), time.perf_counter() - began_s)
+    except InputError as error:
+        return _bare_row(trial, Ended.REFUSED, str(error), time.perf_counter() - began_s)
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        breach = Breach("program", f"{type(error).__name__} in {place.name}", f"{error} (line {place.lineno})")
+        return _bare_row(trial, Ended.CRASHED, str(error), time.perf_counter() - began_s, breach)
+
+
+def _bare_row(trial: Trial, ended: Ended, message: str, wall_s: float, *breaches: Breach) -> Row:
+    parameters, choices = split_parameters(trial.parameters)
+    return Row(
+        trial.seed,
+        trial.robot_name,
+        trial.motion,
+        trial.scenario,
+        ended,
+        message,
+        asked=tuple(breach.invariant for breach in breaches),
+        breaches=breaches,
+        parameters=parameters,
+        choices=choices,
+        wall_s=wall_s,
+    )
+
+
+def perform(trial: Trial) -> Performance:
+    """Make a run and look at what it did; recover the machine and turn its motors if the campaign wants that.
+
+    Raises:
+        InputError: the robot, as drawn, cannot make the motion, or has not what the scenario harms.
+    """
+    plan = trial.plan()
+    scenario = trial.scenario_in(plan)
+    boards: list[EmbeddedBoard] = []
+    outcome, message = None, ""
+    try:
+        outcome = execute(
+            plan,
+            trial.motion,
+            _kernel(),
+            driver_profile=trial.setup.driver_profile,
+            scenario=scenario,
+            motors=trial.motors is MotorsTurn.IN_LOOP,
+            axes_per_board=trial.setup.axes_per_board,
+            crystal_ppm=trial.setup.crystals_ppm,
+            on_board=boards.append,
+        )
+        message = outcome.fault.message if outcome.fault else ""
+    except (DeviceFaultError, BusError) as error:
+        message = str(error)
+    (board,) = boards
+    board.repair()  # and another host, if the first has died
+    claims, own_time = _claims(board), _by_own_clocks(trial, board, outcome)
+    recovery = recover(board) if trial.recover else None
+    return Performance(
+        trial=trial,
+        ended=Ended.STOPPED if message else Ended.DONE,
+        message=message,
+        outcome=outcome,
+        claims=claims,
+        axes=board.axes_evidence(),
+        recovery=recovery,
+        own_time=own_time,
+        motors=_motors(trial, outcome),
+        simulated_s=board.now_s(),
+    )
+
+
+@cache
+def _kernel() -> Kernel:
+    return fastest_kernel()
+
+
+def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
+    """Ask every drive for its position, as an operator would; return nothing if one does not answer."""
+    axes = Session(board, board.robot).machine.axes
+    try:
+        said = [(axis.read(od.STATUSWORD), axis.read(od.POSITION_ACTUAL)) for axis in axes]
+    except (BusError, DeviceFaultError):
+        return ()
+    off = steps_off(board, [units for _, units in said])
+    return tuple(
+        Claim(axis.name, bool(statusword & Status.POSITION_KNOWN), steps, slipped)
+        for axis, (statusword, _), steps, slipped in zip(axes, said, off, board.rotor_slips(), strict=True)
+    )
+
+
+def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
+    if trial.motors is None or outcome is None:
+        return None
+    return motors_of_run(trial.setup.robot, outcome.comparison, trace=outcome.rotors).verdict
+
+
+def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) -> Report | None:
+    """Verify a run of boards whose crystals are off by their own time; return None if all are exact."""
+    if outcome is None or not any(trial.setup.crystals_ppm):
+        return None
+    return verify(outcome.comparison.expected, board.evidence_by_own_clocks(), outcome.report.run)
+
+
+def row_of(run: Performance, wall_s: float = 0.0) -> Row:
+    """Return the row of a run."""
+    trial, outcome = run.trial, run.outcome
+    parameters, choices = split_parameters(trial.parameters)
+    margins = {name: margin.of(run) for name, margin in MARGINS.items()}
+    return Row(
+        seed=trial.seed,
+        robot=trial.robot_name,
+        motion=trial.motion,
+        scenario=trial.scenario,
+        ended=run.ended,
+        message=run.message,
+        codes=_codes(run),
+        faults=tuple(fault.name for fault in run.faults),
+        struck=tuple(fault.strikes for fault in run.faults),
+        met=tuple(sorted({fault.what for fault in run.faults if fault.struck})),
+        asked=asked_of(run),
+        breaches=breaches_of(run),
+        parameters=parameters,
+        choices=choices,
+        margins={name: _short(margin) for name, margin in margins.items() if margin is not None},
+        duration_s=0.0 if outcome is None else _short(outcome.report.run.duration_s),
+        simulated_s=_short(run.simulated_s),
+        wall_s=wall_s,
+    )
+
+
+def _codes(run: Performance) -> tuple[str, ...]:
+    codes = {told.code for fault in run.faults for told in fault.emcys}
+    if run.outcome is not None and run.outcome.fault is not None:
+        codes |= {code for own in run.outcome.fault.codes.values() for code in own}
+    return tuple(f"0x{code:04X}" for code in sorted(codes))
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{_SIGNIFICANT_DIGITS}g}")

@@ -1,0 +1,211 @@
+"""Which motors would do for a robot, without any run: each joint at its limits, at the pose where that is hardest.
+
+Each joint in turn goes at its highest speed, or at almost none, and accelerates or brakes as hard as it may, with the
+payload, at many poses. What this needs of each motor is held against the motor's pull-out torque at that speed.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from math import inf, pi, sqrt
+from typing import Any, Final
+
+import numpy as np
+
+from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
+from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
+from steptwin.emulator.motors.rotors import Drive
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.drivers import driver_profile, driver_settings
+from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
+from steptwin.host.twin.motors.ramps import ALMOST_NONE, JointRamp, Ramps
+from steptwin.host.twin.motors.torques import Curves, PullOutCurve
+from steptwin.host.twin.motors.verdict import MARGIN_MIN
+
+TABLE_RPM: Final = (0.0, 60.0, 120.0, 240.0, 360.0, 480.0, 600.0, 900.0, 1200.0)
+"""Speeds at which a pull-out curve is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How a motor would do for a joint, where its margin is least.
+
+    Attributes:
+        motor: its name.
+        current_a: amplitude of the phase current.
+        torque_needed_nm: at the motor's shaft.
+        torque_available_nm: its pull-out torque at that speed.
+        rpm: the speed.
+        margin: 1 - needed / available.
+    """
+
+    motor: str
+    current_a: float
+    torque_needed_nm: float
+    torque_available_nm: float
+    rpm: float
+    margin: float
+
+    @property
+    def would_do(self) -> bool:
+        """True if enough torque is left."""
+        return self.margin >= MARGIN_MIN
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return asdict(self) | {"would_do": self.would_do}
+
+
+@dataclass(frozen=True, slots=True)
+class JointFit:
+    """A joint's own motor, and all of the catalogue in its place.
+
+    Attributes:
+        name: the joint.
+        unit: of its positions.
+        own: its motor at the drivers' current.
+        moving: its acceleration_max, at up to the joint's highest speed.
+        homing: the acceleration of its homing, at up to its search speed; None without a homing that moves.
+        rpm_max: the motor's speed at the joint's highest one.
+        inertia_kgm2: of the rotor with all that it moves, at the motor's shaft, where that is greatest.
+        natural_hz: of small oscillations about the field with that inertia, the lowest there is.
+        pose: the joints there, in mm and degrees.
+        pull_out_nm: of its own motor by the speeds of TABLE_RPM.
+        others: motors in its place, each at its rated current as far as a TB6560 gives it.
+    """
+
+    name: str
+    unit: str
+    own: Fit
+    moving: JointRamp
+    homing: JointRamp | None
+    rpm_max: float
+    inertia_kgm2: float
+    natural_hz: float
+    pose: Mapping[str, float]
+    pull_out_nm: tuple[float, ...]
+    others: tuple[Fit, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        curve = [
+            {"rpm": rpm, "torque_nm": torque_nm} for rpm, torque_nm in zip(TABLE_RPM, self.pull_out_nm, strict=True)
+        ]
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "own": self.own.to_dict(),
+            "moving": self.moving.to_dict(),
+            "homing": None if self.homing is None else self.homing.to_dict(),
+            "rpm_max": self.rpm_max,
+            "inertia_kgm2": self.inertia_kgm2,
+            "natural_hz": self.natural_hz,
+            "pose": dict(self.pose),
+            "pull_out": curve,
+            "others": [fit.to_dict() for fit in self.others],
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Demands:
+    """What the arm asks of each rotor at its limits; arrays of shape (n, axes)."""
+
+    carried_nm: FloatArray
+    rad_s: FloatArray
+    rad_s2: FloatArray
+
+
+def fits_of(
+    robot: Robot, current_a: float | None = None, others: Collection[Motor] = tuple(CATALOGUE.values())
+) -> tuple[JointFit, ...]:
+    """Return how the motors of a robot, and others in their place, would do for its joints.
+
+    Args:
+        robot: the robot, with motors and masses.
+        current_a: phase current at full torque of its own motors; by default that of its drivers.
+        others: by default all of the catalogue.
+
+    Raises:
+        InputError: the robot's file does not describe its motors and masses.
+    """
+    at, settings = ArmAtPoses.of(robot), driver_settings(robot.board, driver_profile(robot.board))
+    if current_a is not None:
+        settings = replace(settings, current_a=current_a)
+    own_a = settings.current_a
+    demands = _demands(robot, at)
+    fastest = max(float(np.abs(demands.rad_s).max()), float((robot.axis_speeds_max * rad_per_unit(robot)).max()))
+    curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]), settings.fast_decay_part)
+    ramps = Ramps.of(robot, at, curves, settings)
+    fits = []
+    for axis, joint in enumerate(robot.joints):
+        drive, own_ramps = ramps.drives[axis], ramps.of_axis(axis)
+        widest = int(np.argmax(at.inertias_kgm2[:, axis, axis]))
+        inertia = float(at.inertias_kgm2[widest, axis, axis])
+        curve = ramps.curves[axis]
+        fits.append(
+            JointFit(
+                name=joint.name,
+                unit=joint.unit,
+                own=_fit(drive, own_a, curve, demands, axis),
+                moving=own_ramps.moving,
+                homing=own_ramps.homing,
+                rpm_max=60.0 * (joint.axis_speed_max or joint.speed_max) / joint.transmission.travel_per_rev,
+                inertia_kgm2=inertia + drive.motor.rotor_inertia_kgm2,
+                natural_hz=natural_hz(drive, own_a, inertia),
+                pose=dict(zip(robot.joint_names, at.joints[widest].tolist(), strict=True)),
+                pull_out_nm=tuple(curve.at(np.array(TABLE_RPM)).tolist()),
+                others=tuple(_in_place(drive, motor, curves, demands, axis) for motor in others),
+            )
+        )
+    return tuple(fits)
+
+
+def natural_hz(drive: Drive, current_a: float, inertia_kgm2: float) -> float:
+    """Return the lowest frequency of small oscillations of a rotor, with the inertia that it carries.
+
+    The field holds the rotor by the stiffness Nr (Km I + 4 Td); a belt makes two masses on two springs.
+    """
+    motor, rotor = drive.motor, drive.motor.rotor_inertia_kgm2
+    field = motor.teeth * (motor.torque_constant_nm_a * current_a + 4.0 * motor.detent_torque_nm)
+    belt = drive.stiffness_nm_rad
+    if belt == inf or inertia_kgm2 == 0.0:
+        return sqrt(field / (rotor + inertia_kgm2)) / (2.0 * pi)
+    own, coupled, load = (field + belt) / rotor, belt * belt / (rotor * inertia_kgm2), belt / inertia_kgm2
+    lowest = (own + load) / 2.0 - sqrt((own - load) ** 2 / 4.0 + coupled)
+    return sqrt(lowest) / (2.0 * pi)
+
+
+def _in_place(drive: Drive, motor: Motor, curves: Curves, demands: _Demands, axis: int) -> Fit:
+    current_a = min(motor.rated_current_a, PHASE_CURRENT_MAX_A)
+    return _fit(replace(drive, motor=motor), current_a, curves.of(motor, current_a), demands, axis)
+
+
+def _fit(drive: Drive, current_a: float, curve: PullOutCurve, demands: _Demands, axis: int) -> Fit:
+    rad_s = demands.rad_s[:, axis]
+    needed = np.abs(rotor_torque_nm(drive, demands.carried_nm[:, axis], rad_s, demands.rad_s2[:, axis]))
+    available = curve.at(rad_s / RAD_S_PER_RPM)
+    margins = 1.0 - needed / np.maximum(available, 1e-12)
+    least = int(np.argmin(margins))
+    return Fit(
+        motor=drive.motor.name,
+        current_a=current_a,
+        torque_needed_nm=float(needed[least]),
+        torque_available_nm=float(available[least]),
+        rpm=float(abs(rad_s[least]) / RAD_S_PER_RPM),
+        margin=float(margins[least]),
+    )
+
+
+def _demands(robot: Robot, at: ArmAtPoses) -> _Demands:
+    """Return each joint in turn at its limits, at each pose."""
+    count = len(robot.joints)
+    cases = list(product(range(count), (ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0), (1.0, -1.0)))
+    rates, accelerations = np.zeros((2, len(cases), count))
+    for case, (joint, speed, acceleration) in enumerate(cases):
+        rates[case, joint] = speed * robot.joints[joint].speed_max
+        accelerations[case, joint] = acceleration * robot.joints[joint].acceleration_max
+    rad = np.repeat(at.rad, len(cases), axis=0)
+    rad_s, rad_s2 = (np.tile(rotors_of(robot, values), (len(at.rad), 1)) for values in (rates, accelerations))
+    return _Demands(carried_torque_nm(at.arm, rad, rad_s, rad_s2), rad_s, rad_s2)

@@ -1,0 +1,237 @@
+"""Compare the frames of a recorded bus with those of its replay.
+
+On the board's clock every frame must be the same at the same microsecond. By a computer's clock the board's frames come
+a little earlier or later among the hosts': what must be the same then is what each node says to its hosts: its answers
+to requests, errors, boot-ups, states of its drive, and where it comes to rest. Positions and other measured values on
+the way depend on the instant; the edges judge them.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Sequence
+from itertools import zip_longest
+from typing import Any, Final, NamedTuple
+
+from steptwin.host.client.monitor import Decoded, Decoder
+from steptwin.host.record.recorded_bus import RecordedFrame
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import State
+from steptwin.protocol.entry import Access, Mapping
+from steptwin.protocol.frame import (
+    COB_EMCY,
+    COB_HEARTBEAT,
+    COB_SDO_RESPONSE,
+    COB_TPDO,
+    NODE_ID_MAX,
+    Frame,
+)
+from steptwin.protocol.nmt import NmtState
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
+
+
+class Difference(NamedTuple):
+    """Where a replay first leaves its recording.
+
+    Attributes:
+        counts: instant in the recording or, where that has nothing, in the replay: since power-up, by a computer's
+            clock since the first frame. None for a step by a computer's clock, which tells its own instants.
+        where: the frames or the signal that differ, in words.
+        recorded: what the recording has there.
+        replayed: what the replay has there.
+    """
+
+    counts: int | None
+    where: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        at = "" if self.counts is None else f"at {instant(self.counts)}, "
+        return f"{at}{self.where}: recorded {self.recorded}, replayed {self.replayed}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the difference under the keys of the JSON document."""
+        at_s = None if self.counts is None else self.counts / COUNTS_PER_SECOND
+        return {"at_s": at_s, "where": self.where, "recorded": self.recorded, "replayed": self.replayed}
+
+
+NOTHING = "nothing"
+
+
+def instant(counts: int) -> str:
+    """Return an instant in words, to the microsecond."""
+    return f"{counts / COUNTS_PER_SECOND:.6f} s"
+
+
+_STATUS: Final = COB_TPDO[0]
+"""The PDO that begins with the statusword and is sent with each of its changes."""
+_EXPEDITED_UPLOAD: Final = 0x42
+_SPECIFIER_AND_EXPEDITED: Final = 0xE2
+_MULTIPLEXER_BYTES: Final = 4
+_CODE_BYTES: Final = 3
+"""Error code and error register of an EMCY; the detail after them may be a time."""
+_SDO_BYTES: Final = 8
+_AT_REST: Final = 2
+"""Equal status PDOs at the end of a recording by which an axis rests: they come every 100 ms."""
+_SETTLING_COUNTS: Final = 100 * COUNTS_PER_MS
+"""Time before the end of a recording in which what is said may have missed it."""
+_PASSING_COUNTS: Final = 20 * COUNTS_PER_MS
+"""Time in which a state that is left again counts as passed."""
+
+
+def first_difference_on_the_board_clock(
+    recorded: Sequence[RecordedFrame], replayed: Sequence[tuple[int, Frame]], decoder: Decoder
+) -> Difference | None:
+    """Return the first frame that differs, by content, order or instant; None if all are the same."""
+    for old, new in zip_longest(recorded, replayed):
+        old_counts = None if old is None else old.us * COUNTS_PER_US
+        new_counts = None if new is None else new[0] - new[0] % COUNTS_PER_US
+        if old is None or new is None or old.frame != new[1] or old_counts != new_counts:
+            counts = min(counts for counts in (old_counts, new_counts) if counts is not None)
+            old_text = NOTHING if old is None else _text(old.frame, old_counts, counts, decoder)
+            new_text = NOTHING if new is None else _text(new[1], new_counts, counts, decoder)
+            return Difference(counts, "on the bus", old_text, new_text)
+    return None
+
+
+def _text(frame: Frame, counts: int | None, first_counts: int, decoder: Decoder) -> str:
+    later = f" at {instant(counts)}" if counts is not None and counts != first_counts else ""
+    return words_of(frame, decoder) + later
+
+
+def words_of(frame: Frame, decoder: Decoder) -> str:
+    """Return a frame in words: service, node and content."""
+    decoded: Decoded = decoder.decode(frame.cob_id, frame.data)
+    return " ".join(word for word in (decoded.title, decoded.node, decoded.text) if word and word != "-")
+
+
+class _Said(NamedTuple):
+    """Something that a node says: its instant, what it is compared by, and the frame that says it."""
+
+    counts: int
+    key: bytes | str
+    frame: Frame
+
+
+def first_difference_by_wall_clock(
+    recorded: Sequence[tuple[int, Frame]],
+    replayed: Sequence[tuple[int, Frame]],
+    node_ids: Collection[int],
+    decoder: Decoder,
+) -> Difference | None:
+    """Return the first thing that a node says otherwise, in the order of the nodes; None if all say the same.
+
+    The replay may go on for longer than the recording: what it says at the very end, or after it, is its own.
+
+    Args:
+        recorded: the board's frames from the first frame of a host on, with instants since the recording's first frame.
+        replayed: the board's frames of the replay, with instants since it began to play.
+        node_ids: the board's nodes.
+        decoder: puts frames into words.
+    """
+    old, new = _said(recorded), _said(replayed)
+    settled_counts = recorded[-1][0] - _SETTLING_COUNTS if recorded else 0
+    for service, what in _SERVICES.items():
+        for node_id in sorted(node_ids):
+            found = _first(old[service + node_id], new[service + node_id], settled_counts)
+            if found:
+                counts = next(said.counts for said in found if said is not None)
+                texts = (NOTHING if said is None else words_of(said.frame, decoder) for said in found)
+                return Difference(counts, what, *texts)
+    return _other_end(recorded, replayed, node_ids, decoder)
+
+
+def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
+    """Return what each node says, by identifier."""
+    said: dict[int, list[_Said]] = defaultdict(list)
+    for counts, frame in frames:
+        key_of = _KEYS.get(frame.cob_id & ~NODE_ID_MAX)
+        key = key_of(frame.data) if key_of else None
+        if key is None:
+            continue
+        before = said[frame.cob_id]
+        if key_of is _state:
+            _add_state(before, _Said(counts, key, frame))
+        else:
+            before.append(_Said(counts, key, frame))
+    return said
+
+
+def _add_state(states: list[_Said], state: _Said) -> None:
+    """Add a state that a drive has reached, in place of one that it has only passed.
+
+    The status PDO has an inhibit time: whether it shows a state that is soon left is a matter of some milliseconds.
+    """
+    if states and states[-1].key == state.key:
+        return
+    if states and state.counts - states[-1].counts < _PASSING_COUNTS:
+        states.pop()
+    if not states or states[-1].key != state.key:
+        states.append(state)
+
+
+def _first(old: Sequence[_Said], new: Sequence[_Said], settled_counts: int) -> tuple[_Said | None, _Said | None] | None:
+    for was, now in zip_longest(old, new):
+        if was is None:
+            return (None, now) if now.counts < settled_counts else None
+        if now is None or was.key != now.key:
+            return was, now
+    return None
+
+
+def _other_end(
+    recorded: Sequence[tuple[int, Frame]],
+    replayed: Sequence[tuple[int, Frame]],
+    node_ids: Collection[int],
+    decoder: Decoder,
+) -> Difference | None:
+    """Return the first node that does not come to rest at the same place, if the recording shows it at rest."""
+    for node_id in sorted(node_ids):
+        old = [each for each in recorded if each[1].cob_id == _STATUS + node_id][-_AT_REST:]
+        if len(old) < _AT_REST or old[0][1] != old[1][1]:
+            continue
+        last_counts, last = old[-1]
+        end_counts = recorded[-1][0] + _SETTLING_COUNTS
+        new = [frame for counts, frame in replayed if frame.cob_id == _STATUS + node_id and counts <= end_counts]
+        if new and new[-1] != last:
+            return Difference(last_counts, "at the end", words_of(last, decoder), words_of(new[-1], decoder))
+    return None
+
+
+def _answer(data: bytes) -> bytes:
+    """Return an SDO response without the value of a measured object."""
+    if len(data) == _SDO_BYTES and data[0] & _SPECIFIER_AND_EXPEDITED == _EXPEDITED_UPLOAD:
+        entry = ENTRIES.get(od.address_of(int.from_bytes(data[1:3], "little"), data[3]))
+        if entry and entry.access is Access.READ_ONLY and entry.mapping in (Mapping.TRANSMIT, Mapping.BOTH):
+            return data[:_MULTIPLEXER_BYTES]
+    return data
+
+
+def _boot_up(data: bytes) -> bytes | None:
+    return data if data == bytes((NmtState.INITIALISING,)) else None
+
+
+def _error(data: bytes) -> bytes:
+    return data[:_CODE_BYTES]
+
+
+def _state(data: bytes) -> str | None:
+    try:
+        return State.of(int.from_bytes(data[:2], "little")).name
+    except ValueError:
+        return None
+
+
+_KEYS: Final[dict[int, Callable[[bytes], bytes | str | None]]] = {
+    COB_SDO_RESPONSE: _answer,
+    COB_EMCY: _error,
+    COB_HEARTBEAT: _boot_up,
+    _STATUS: _state,
+}
+_SERVICES: Final = {
+    COB_HEARTBEAT: "boot-ups",
+    COB_SDO_RESPONSE: "answers",
+    _STATUS: "states of the drive",
+    COB_EMCY: "errors",
+}
+"""The services that are compared, in this order, and what the nodes say by them."""

@@ -1,0 +1,90 @@
+"""No value, key or name in a file of a user's ends in a traceback: it is refused in lines that name it, or taken."""
+
+import re
+import tomllib
+from collections.abc import Callable
+from importlib.resources import files
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from steptwin.host.cli.run.check_campaign import check_scenario
+from steptwin.host.cli.run.check_program import check_program
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
+from steptwin.host.robots import read_robot
+from steptwin.host.studies.campaign import Sources, parse_campaign
+from tests.host.robots.coupled import coupled_text
+from tests.host.studies.campaign.campaigns import SMALL
+from tests.junk import junk_documents, toml_of
+
+DOCS: Final = Path(__file__).parents[2] / "docs"
+EVENING: Final = re.compile(r"<!-- evening -->\n```toml\n(.*?)```", re.DOTALL)
+
+
+def _campaign(text: str) -> None:
+    parse_campaign(Sources("campaign.toml", text, folder=Path("no-such-folder")))
+
+
+def _scenario(text: str) -> None:
+    check_scenario(text, "teaching-scara", Findings())
+
+
+def _program(text: str) -> None:
+    check_program(DOCS / "programs", text, None, Findings())
+
+
+def _evening() -> str:
+    found = EVENING.search((DOCS / "campaigns.md").read_text(encoding="utf-8"))
+    assert found is not None
+    return found[1]
+
+
+def _brought(name: str) -> str:
+    return (files("steptwin.host.robots") / name).read_text(encoding="utf-8")
+
+
+KINDS: Final[dict[str, tuple[Callable[[], str], Callable[[str], object], int]]] = {
+    "robot": (lambda: _brought("warehouse-scara.toml"), read_robot, 37),
+    "coupled robot": (coupled_text, read_robot, 37),
+    "small campaign": (lambda: SMALL, _campaign, 2),
+    "evening": (_evening, _campaign, 7),
+    "scenario": (lambda: (DOCS / "examples/faults/carry.toml").read_text(encoding="utf-8"), _scenario, 5),
+    "program": (lambda: (DOCS / "programs/teaching-scara.toml").read_text(encoding="utf-8"), _program, 47),
+}
+"""Each kind of file: a valid one, who reads it, and which part of all junk is tried: one of so many."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_junk_in_a_file_is_refused_in_lines_or_taken(kind: str) -> None:
+    text, read, stride = KINDS[kind]
+    document: dict[str, Any] = tomllib.loads(text())
+    read(toml_of(document))
+    for change, junk in islice(junk_documents(document), 0, None, stride):
+        try:
+            read(toml_of(junk))
+        except InputError as error:
+            told = error.messages
+        except Exception as error:
+            pytest.fail(f"{change}: {type(error).__name__}: {error}")
+        else:
+            continue
+        assert all(message and "\n" not in message and "\x1b" not in message for message in told), change
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "strange"),
+    [
+        ("[joints.th2.link]", "[joints.th22.link]", "th22"),
+        ("[joints.th2.switches]", "[joints.th22.switches]", "th22"),
+        ("[home]", "[joints.th9]\n[home]", "th9"),
+    ],
+)
+def test_a_mistyped_joint_is_named_once(before: str, after: str, strange: str) -> None:
+    """Its keys, which are another joint's, are not called missing."""
+    with pytest.raises(InputError) as caught:
+        read_robot(_brought("teaching-scara.toml").replace(before, after))
+    named = [message for message in caught.value.messages if strange in message]
+    assert named == [f"joints.{strange}: this 'teaching-scara' has no such joint: there are th1, th2, d3, th4"]

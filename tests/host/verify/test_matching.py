@@ -1,0 +1,21 @@
+"""Which steps have a timing error: those at crossings that are not slow, by the figure that the documentation gives."""
+
+import numpy as np
+
+from steptwin.host.verify.counted import CountedSteps
+from steptwin.host.verify.matching import match_steps, timing_errors_us
+from steptwin.host.verify.oracle import IdealSteps
+
+LATE_US = 3.0
+
+
+def test_crossings_slower_than_1_percent_of_the_fastest_have_no_timing_error() -> None:
+    """Of 10 kHz: 100 Hz still counts, 99.9 Hz does not."""
+    speeds_hz = np.array([10_000.0, 100.0, 99.9, 400.0, 0.0])
+    time_s = np.arange(1.0, 6.0)
+    signs = np.ones(5, np.int8)
+    ideal = IdealSteps(0, time_s, signs, speeds_hz, time_s[-1:])
+    late_us = LATE_US * np.arange(1, 6)
+    counted = CountedSteps(time_s + late_us / 1e6, signs, np.arange(6), np.arange(6.0))
+    errors_us = timing_errors_us(ideal, counted, match_steps(ideal, counted))
+    assert np.round(errors_us, 3).tolist() == [3.0, 6.0, 12.0]

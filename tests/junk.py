@@ -1,0 +1,94 @@
+"""Junk in place of every value of a document, one at a time: whatever a user mistypes, readers refuse it in a line."""
+
+import datetime as dt
+import json
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any, Final
+
+JUNK: Final[tuple[Any, ...]] = (
+    None,
+    True,
+    -1,
+    0,
+    10**30,
+    -0.5,
+    1e300,
+    float("nan"),
+    float("inf"),
+    "",
+    "junk",
+    "x\ny\x1b[31m",
+    "\N{GREEK SMALL LETTER ALPHA}" * 300,
+    dt.date(2026, 11, 23),
+    [],
+    [[]],
+    [None],
+    [{}],
+    {},
+    {"junk": {}},
+    {"choose": []},
+)
+"""What stands in place of a value. In TOML there is no null: an empty text stands for it."""
+_STRANGE_KEYS: Final = ("junk", "", "th22", "\x7f" * 100)
+
+
+def junk_documents(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the document with one place of it changed, and the change in words: junk, a missing key, a strange one."""
+    for path in _paths(document):
+        at = ".".join(map(str, path))
+        for junk in JUNK:
+            yield f"{at} = {junk!r}", _changed(document, path, lambda inside, key, junk=junk: _put(inside, key, junk))
+        yield f"without {at}", _changed(document, path, lambda inside, key: inside.pop(key))
+        yield f"{at} in a list", _changed(document, path, lambda inside, key: _put(inside, key, [inside[key]]))
+        for strange in _STRANGE_KEYS:
+            renamed = _changed(document, path, lambda inside, key, strange=strange: _rename(inside, key, strange))
+            yield f"{at} is called {strange!r}", renamed
+
+
+def _paths(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (*path, key)
+        yield from _paths(item, (*path, key))
+
+
+def _changed(document: dict[str, Any], path: tuple[Any, ...], change: Any) -> dict[str, Any]:
+    changed = deepcopy(document)
+    inside: Any = changed
+    for key in path[:-1]:
+        inside = inside[key]
+    change(inside, path[-1])
+    return changed
+
+
+def _put(inside: Any, key: Any, value: Any) -> None:
+    inside[key] = deepcopy(value)
+
+
+def _rename(inside: Any, key: Any, new: str) -> None:
+    if isinstance(inside, dict):
+        inside[new] = inside.pop(key)
+    else:
+        inside[key] = {new: inside[key]}
+
+
+def toml_of(document: dict[str, Any]) -> str:
+    """Return a document as TOML, its tables inline."""
+    return "".join(f"{json.dumps(key)} = {_toml(value)}\n" for key, value in document.items())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_quoted(key)} = {_toml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if value is None or isinstance(value, str):
+        return _quoted(value or "")
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value.isoformat() if isinstance(value, dt.date) else repr(value)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
