@@ -162,7 +162,7 @@ def test_any_browser_stops_in_an_emergency_by_click_and_by_key(operator: Browser
     def by_click() -> None:
         watcher.driver.find_element("css selector", ".estop").click()
 
-    assert watcher.shows("operates, you watch")
+    watcher.until(lambda: watcher.shows("operates, you watch"))
     for stop in (by_click, by_key):
         hold(operator, "jog th2 backward")
         stop()

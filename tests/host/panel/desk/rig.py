@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec
 
+import numpy as np
+
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.client.links.bus_link import Connection
@@ -59,6 +61,8 @@ class Rig:
             await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
         if desk.snapshot.homed:  # declared anew, the machine would wander off to its limit switches
             self.do(MoveJoints(dict(zip(ROBOT.joint_names, HERE, strict=True))))
+            await_true(lambda: np.allclose(self.positions(), HERE, atol=0.02), "reports of the move's end")
+            await_true(self.stands, "standstill")
         else:
             self.do(DeclareHere(HERE))
             await_true(lambda: desk.snapshot.homed, "homed")
