@@ -24,8 +24,7 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder, panel_of("lab-scara", Path(folder)) as url, open_browser(_SIZE) as browser:
         browser.open(url)
-        browser.click("Home all")
-        browser.at_rest()
+        browser.home()
         browser.click("Clear trace")  # of the homing
         for name in ("Jog", "Move", "Run", "Outputs", "Settings", "Hardware"):
             browser.tab(name)
@@ -36,7 +35,7 @@ def main() -> None:
         browser.click("Run")
         time.sleep(10.0)
         _picture(browser, "running")
-        browser.at_rest(120.0)
+        browser.until(lambda: browser.activity() == "")
         browser.tab("Result")
         _picture(browser, "result")
         browser.dark()

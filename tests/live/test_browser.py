@@ -55,8 +55,7 @@ def operator(machine: Machine) -> Iterator[Browser]:
         browser.open(machine.url)
         browser.until(lambda: browser.shows("Not homed: th1, th2, d3, th4."))
         assert browser.run("return document.querySelector('[data-live=q1]').textContent") == "unknown"
-        browser.click("Home all")
-        browser.at_rest()
+        browser.home()
         assert browser.run("return Boolean(document.querySelector('.arm-scene').armScene.shown)")
         browser.run("document.querySelector('[aria-label=\"switch the 3D view off or on\"]').click()")
         yield browser
@@ -173,20 +172,19 @@ def test_any_browser_stops_in_an_emergency_by_click_and_by_key(operator: Browser
             operator.run(RELEASE)
             assert not operator.run(f"return {hold_again}")
         finally:  # or the tests after a failed one would find the machine held
-            operator.click("Reset")
-            operator.until(lambda: not emergency_stopped(operator))
+            operator.click_until("Reset", lambda: not emergency_stopped(operator))
 
 
 @in_real_time
 def runs_through_a_reload(browser: Browser) -> None:
     """Let the machine run its job, and load the page again meanwhile."""
     if browser.shows("Fault:"):  # of an attempt before, on a computer that was too slow
-        browser.click("Reset")
+        browser.click_until("Reset", lambda: not browser.shows("Fault:"))
     browser.tab("Run")
     browser.fill("cycles in one run", "6")
     browser.click("Preview")
     browser.until(lambda: browser.shows("It keeps all limits"))
-    browser.click("Run")
+    browser.click_until("Run", lambda: browser.activity().startswith("carry"))
     browser.until(lambda: browser.activity().startswith("carry") and not browser.activity().startswith("carry 0 %"))
     browser.driver.refresh()
     browser.until(lambda: browser.shows("you operate"))

@@ -19,7 +19,7 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
-from tests.host.panel.page.browser import CHROMIUM, DRIVER, Browser, descendants_of, open_browser, panel_of
+from tests.host.panel.page.browser import CHROMIUM, DRIVER, NOT_SEEN, Browser, descendants_of, open_browser, panel_of
 from tests.live.held_network import HeldNetwork
 
 pytestmark = pytest.mark.skipif(
@@ -70,16 +70,7 @@ def switch_on(browser: Browser) -> None:
 
 def click_until(browser: Browser, button: str, state: str) -> None:
     """Click until all axes have a state: a click is void that was made from what the page showed before a change."""
-
-    def reached() -> bool:
-        return {found for found, _ in states()} == {state}
-
-    def clicked() -> bool:
-        if not reached():
-            browser.click(button)
-        return browser.soon(reached, 2.0)
-
-    browser.until(clicked)
+    browser.click_until(button, lambda: {found for found, _ in states()} == {state})
     browser.until(lambda: browser.activity() == "")
 
 
@@ -121,8 +112,7 @@ def test_a_click_that_the_network_held_up_moves_nothing(
     stays(standing)
     if not grey_already:  # in grey the button is dead: nothing was sent
         browser.until(lambda: browser.shows("home: too late: the page had shown the machine of"))
-    browser.click("Home all")  # the page is alive again
-    browser.until(lambda: browser.activity() != "")
+    browser.click_until("Home all", lambda: browser.activity() not in ("", NOT_SEEN))  # the page is alive again
     browser.click("Stop")
     browser.until(lambda: browser.activity() == "")
 

@@ -77,6 +77,21 @@ class Browser:
             found?.click(); return Boolean(found);"""
         self.until(lambda: bool(self.run(script, text)))
 
+    def click_until(self, text: str, condition: Callable[[], bool]) -> None:
+        """Click a button that changes the machine, and again until something is so.
+
+        A click on a page that does not see the machine is void, as is one that comes late: both occur on a busy one.
+        """
+
+        def clicked() -> bool:
+            if condition():
+                return True
+            if self.activity() != NOT_SEEN:
+                self.click(text)
+            return self.soon(condition, 4.0)
+
+        self.until(clicked)
+
     def fill(self, label: str, text: str) -> None:
         """Write into the first field that is shown with this label, as soon as there is one."""
         from selenium.webdriver.common.keys import Keys
@@ -107,9 +122,9 @@ class Browser:
         """Return a joint's position, as the page shows it."""
         return float(self.run("return document.querySelector(`[data-live=q${arguments[0]}]`).textContent", joint))
 
-    def at_rest(self, timeout_s: float = TIMEOUT_S) -> None:
-        """Wait until the machine is homed and does nothing."""
-        self.until(lambda: self.activity() not in ("", NOT_SEEN), 10.0)
+    def home(self, timeout_s: float = TIMEOUT_S) -> None:
+        """Home all joints, and wait until the machine does nothing."""
+        self.click_until("Home all", lambda: self.activity() not in ("", NOT_SEEN))
         self.until(lambda: self.activity() == "", timeout_s)
 
     def activity(self) -> str:
