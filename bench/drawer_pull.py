@@ -14,7 +14,7 @@ from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import compare, verify_comparison
 from steptwin.protocol.frame import Frame
 

@@ -8,8 +8,8 @@ from typing import Final
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.kernels import fastest_kernel
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.machine.kernels import fastest_kernel
 from steptwin.host.twin.motors.after_run import rotors_after_run
 from steptwin.host.twin.motors.driving import Driving
 

@@ -62,11 +62,13 @@ from steptwin.host.studies.calibration import Measurements as Measurements
 from steptwin.host.studies.calibration import identify_errors as identify_errors
 from steptwin.host.studies.calibration import read_measurements as read_measurements
 from steptwin.host.studies.calibration import simulate_measurements as simulate_measurements
-from steptwin.host.twin.board_under_test import BoardUnderTest as BoardUnderTest
-from steptwin.host.twin.execution import execute as execute
-from steptwin.host.twin.input_changes import InputChange as InputChange
-from steptwin.host.twin.kernels import kernel_named as kernel_named
-from steptwin.host.twin.outcome import Outcome as Outcome
+from steptwin.host.twin.embedded.execution import execute as execute
+from steptwin.host.twin.embedded.outcome import Outcome as Outcome
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest as BoardUnderTest
+from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
+from steptwin.host.twin.live.served_board import ServedBoard as ServedBoard
+from steptwin.host.twin.machine.input_changes import InputChange as InputChange
+from steptwin.host.twin.machine.kernels import kernel_named as kernel_named
 from steptwin.host.twin.scenarios.harms import BusRepair as BusRepair
 from steptwin.host.twin.scenarios.harms import HostFault as HostFault
 from steptwin.host.twin.scenarios.harms import HostFaultKind as HostFaultKind
@@ -82,8 +84,6 @@ from steptwin.host.twin.scenarios.triggers import AtState as AtState
 from steptwin.host.twin.scenarios.triggers import AtTime as AtTime
 from steptwin.host.twin.scenarios.triggers import Direction as Direction
 from steptwin.host.twin.scenarios.triggers import OnFrame as OnFrame
-from steptwin.host.twin.served_board import ServedBoard as ServedBoard
-from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
 from steptwin.protocol.eds import render_eds as render_eds
 from steptwin.protocol.frame import Frame as Frame
 

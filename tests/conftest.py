@@ -16,7 +16,7 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import workspace
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.kernels import KERNELS
+from steptwin.host.twin.machine.kernels import KERNELS
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 from tests.shared_folders import made_once

@@ -31,7 +31,7 @@ from steptwin.host.planning.programs import paces
 from steptwin.host.planning.trajectory_file import points
 from steptwin.host.record.recorded_bus import recorded_log as reading
 from steptwin.host.studies.campaign import results
-from steptwin.host.twin import live_board
+from steptwin.host.twin.live import live_board
 from steptwin.host.twin.motors import verdict
 from steptwin.host.twin.scenarios import reaction_times
 from steptwin.host.verify import matching, oracle, verifier

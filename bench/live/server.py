@@ -21,7 +21,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.studies.step_methods.loads import AXES
-from steptwin.host.twin.served_board import ServedBoard
+from steptwin.host.twin.live.served_board import ServedBoard
 
 
 def seven_axes() -> Robot:

@@ -10,7 +10,7 @@ from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import code, table
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import (
     DISABLE_VOLTAGE,

@@ -10,7 +10,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers import PAPERS
 from steptwin.host.studies.papers.paper_page import errata_table, table
 from steptwin.host.studies.papers.runs import Runs
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify.report import AxisReport, Report
 
 

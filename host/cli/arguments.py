@@ -138,7 +138,7 @@ def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> Non
     Raises:
         InputError: no driver profile has this name.
     """
-    from steptwin.host.twin.drivers import settings_left_out
+    from steptwin.host.twin.machine.drivers import settings_left_out
 
     if keys := settings_left_out(robot.board, driver_profile):
         warn(f"--driver-profile {driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")

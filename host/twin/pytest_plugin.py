@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from steptwin.emulator.faults.bus_faults import BusFault
     from steptwin.emulator.faults.operations import Scheduled
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.board_under_test import BoardUnderTest
-    from steptwin.host.twin.boards import Standing
+    from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+    from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.machine.boards import Standing
     from steptwin.host.twin.scenarios.scenario import Scenario
-    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
 
     MakeBoard = Callable[..., BoardUnderTest]
 
@@ -85,8 +85,8 @@ def steptwin_make_board(
         crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000.
     """
     from steptwin.host.common.errors import InputError
-    from steptwin.host.twin.artefacts import stalling_homings
-    from steptwin.host.twin.board_under_test import BoardUnderTest
+    from steptwin.host.twin.fixtures.artefacts import stalling_homings
+    from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 
     boards: list[BoardUnderTest] = []
 
@@ -130,7 +130,7 @@ def steptwin_make_board(
 
 def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
     """Add to the test's report what a board has seen."""
-    from steptwin.host.twin.artefacts import last_frames, scenario_faults, strikes
+    from steptwin.host.twin.fixtures.artefacts import last_frames, scenario_faults, strikes
 
     sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
     _add(node, sections | {"faults": scenario_faults(board), "settings": "\n".join(map(str, board.mismatches()))})
@@ -140,7 +140,7 @@ def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefact
     """Save the folder of each board of a test that has failed, and add to its report where they are."""
     if not _has_failed(node):
         return
-    from steptwin.host.twin.artefacts import folders_of, kept
+    from steptwin.host.twin.fixtures.artefacts import folders_of, kept
 
     for save, folder in zip(saves, folders_of(node.nodeid, artefacts), strict=False):
         _add(node, {"run folder": kept(save, folder)})
@@ -177,8 +177,8 @@ def steptwin_served_board(
     It takes neither `schedule` nor `bus_faults`; its method `operate` does an operation while it runs.
     """
     from steptwin.host.common.errors import InputError, StepTwinError
-    from steptwin.host.twin.artefacts import last_frames
-    from steptwin.host.twin.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.fixtures.artefacts import last_frames
+    from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
 
     node, config = request.node, request.config
     settings = _settings(node)

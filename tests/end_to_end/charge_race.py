@@ -36,7 +36,7 @@ _IMPORTED: Final = [
     "steptwin.host.operate.running",
     "steptwin.host.planning.planner",
     "steptwin.host.record.folder",
-    "steptwin.host.twin.execution",
+    "steptwin.host.twin.embedded.execution",
 ]
 
 

@@ -7,8 +7,8 @@ from steptwin.emulator.faults.bus_faults import FaultScript
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
 
 MS: Final = 72_000
 """Counts of the board's timer in a millisecond."""

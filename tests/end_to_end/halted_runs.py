@@ -16,8 +16,8 @@ from steptwin.host.common.arrays import AxisRecords, Int64Array
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify import AxisEvidence, Evidence, Report, verify
 
 _POLL_S = 0.01
@@ -132,7 +132,7 @@ def run_with(
         ramps.append(Ramp(tick, from_q16 / k.FULL_RATE_Q16, to_q16 / k.FULL_RATE_Q16, int(group.cells[k.RAMP_TICKS])))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("steptwin.host.twin.execution.Machine", BreakingMachine)
+        patch.setattr("steptwin.host.twin.embedded.execution.Machine", BreakingMachine)
         patch.setattr(GroupTime, "ramp", ramp)
         robot = load_robot("warehouse-scara")
         outcome = execute(plan(robot, make_job(robot, job, options or {}), point_ms), job, kernel)

@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 
 RUN = ["run", "warehouse-scara", "drawer-pull"]
 

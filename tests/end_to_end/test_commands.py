@@ -136,7 +136,7 @@ def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("steptwin.host.twin.execution.execute", interrupted)
+    monkeypatch.setattr("steptwin.host.twin.embedded.execution.execute", interrupted)
     assert run(["run", "warehouse-scara", "drawer-pull"]) == 130
 
 

@@ -14,9 +14,9 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.board_config import board_configs
 from tests.end_to_end.command_line import refusal, run_json
 
 QUICK = {"duration_s": "2", "ramp_s": "0.5"}

@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 from tests.end_to_end.faulty_bus import MS, drawer_pull
 
 HEARTBEAT = 0x77F

@@ -14,8 +14,8 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.robots import load_robot, robot_names
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.input_changes import InputChange
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.input_changes import InputChange
 from tests.end_to_end.command_line import refusal, run_json
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 

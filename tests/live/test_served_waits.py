@@ -9,7 +9,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.served_board import ServedBoard
+from steptwin.host.twin.live.served_board import ServedBoard
 from tests.end_to_end.served import in_real_time
 
 ROBOT = load_robot("teaching-scara")

@@ -16,7 +16,7 @@ from steptwin.host.panel.replay.model import Replay
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.served_board import ServedBoard
+from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol.cia402 import DigitalInput
 from tests.emulator.live_rig import await_true
 from tests.end_to_end.served import in_real_time

@@ -17,7 +17,7 @@ def kernel_c(
 ) -> None:
     """Write the firmware's motion kernel as C11: header, source, an example and a README with units and limits."""
     from steptwin.host.common.whole_file import whole_file
-    from steptwin.host.twin.kernel_c import kernel_files
+    from steptwin.host.twin.machine.kernels import kernel_files
 
     target, files = Path(folder), kernel_files()
     keep_files((target / name for name in files), replace=replace)

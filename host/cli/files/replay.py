@@ -137,7 +137,7 @@ def _power_up(
     robot: "Robot", stored: "StoredMachine | None", boards: str | None, bitrate: int | None
 ) -> "MachineAtPowerUp":
     """Return how the machine stood at power-up: as in the run, or at home."""
-    from steptwin.host.twin.axes_per_board import check_axes_per_board, read_axes_per_board
+    from steptwin.host.twin.machine.axes_per_board import check_axes_per_board, read_axes_per_board
     from steptwin.host.twin.replay import MachineAtPowerUp
     from steptwin.protocol.frame import BITRATES
 

@@ -22,7 +22,7 @@ from steptwin.host.common import listening as socketcand
 from steptwin.host.common.listening import listen
 
 if TYPE_CHECKING:
-    from steptwin.host.twin.served_board import ServedBoard
+    from steptwin.host.twin.live.served_board import ServedBoard
 
 _END_S: Final = 5.0
 """Time that the panel has to end by itself."""

@@ -30,9 +30,9 @@ from steptwin.host.common.processes import ClockStood, Slowness, collecting_ofte
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.live_board import LiveBoard
+    from steptwin.host.twin.live.live_board import LiveBoard
+    from steptwin.host.twin.live.served_board import ServedBoard
     from steptwin.host.twin.motors.figures import RotorFigures
-    from steptwin.host.twin.served_board import ServedBoard
 
 _PARAMETERS: Final = (
     *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
@@ -116,7 +116,7 @@ def serve(
     Any number of python-can programs connect to it through a socketcand server; they see each other's frames. With -i
     the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
     """
-    from steptwin.host.twin.served_board import ServedBoard
+    from steptwin.host.twin.live.served_board import ServedBoard
 
     loaded = one_robot(robot, robot_file)
     panel = panel or panel_port is not None
@@ -179,7 +179,7 @@ def _standing(robot: "Robot", stand_at: str) -> list[float]:
 
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
     """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
-    from steptwin.host.twin.drivers import driver_profile
+    from steptwin.host.twin.machine.drivers import driver_profile
     from steptwin.host.twin.motors.steep_homings import steep_homings
 
     for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):

@@ -12,7 +12,7 @@ from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common.processes import ClockStood
 
 if TYPE_CHECKING:
-    from steptwin.host.twin.served_board import ServedBoard
+    from steptwin.host.twin.live.served_board import ServedBoard
 
 
 @contextmanager

@@ -28,7 +28,7 @@ def bench(
     from steptwin.host.studies.step_methods.cortex_m3 import core_rows
     from steptwin.host.studies.step_methods.motions import all_motions, motion_of_job
     from steptwin.host.studies.step_methods.table import COLUMNS, document, measured, table_rows
-    from steptwin.host.twin.kernels import fastest_kernel
+    from steptwin.host.twin.machine.kernels import fastest_kernel
 
     if not find_spec("numba"):
         say("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from steptwin.host.studies.campaign import Campaign, Results, Row, Summary, Trial
     from steptwin.host.studies.campaign.summary import PassRate
-    from steptwin.host.twin.outcome import Outcome
+    from steptwin.host.twin.embedded.outcome import Outcome
 
 
 _SEEDS_SHOWN = 5

@@ -8,7 +8,7 @@ from steptwin.host.cli.run.faults_on_purpose import chosen_scenario
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.machine_options import MachineKeywords
+    from steptwin.host.twin.machine.machine_options import MachineKeywords
 
 
 def naming_machine_options(*parameters: str, **options: str) -> AbstractContextManager[None]:
@@ -39,8 +39,8 @@ def machine_keywords(
     Raises:
         InputError: an option is not of its form, no drivers have this name, or something is wrong in the scenario.
     """
-    from steptwin.host.twin.axes_per_board import read_axes_per_board
-    from steptwin.host.twin.boards import read_crystals
+    from steptwin.host.twin.machine.axes_per_board import read_axes_per_board
+    from steptwin.host.twin.machine.boards import read_crystals
 
     scenario = chosen_scenario(faults, robot)
     warn_of_settings_left_out(robot, driver_profile)

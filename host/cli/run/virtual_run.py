@@ -28,11 +28,11 @@ from steptwin.host.common.errors import DeviceFaultError, InputError
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.input_changes import InputChange
-    from steptwin.host.twin.kernels import Kernel
-    from steptwin.host.twin.machine_options import MachineKeywords
+    from steptwin.host.twin.embedded.outcome import Outcome
+    from steptwin.host.twin.machine.input_changes import InputChange
+    from steptwin.host.twin.machine.kernels import Kernel
+    from steptwin.host.twin.machine.machine_options import MachineKeywords
     from steptwin.host.twin.motors import MotorVerdict
-    from steptwin.host.twin.outcome import Outcome
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""
@@ -124,7 +124,7 @@ def _executed(
     robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, machine: EmulatedMachine, *, as_json: bool
 ) -> "tuple[Outcome, Path | None]":
     """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
-    from steptwin.host.twin.execution import execute
+    from steptwin.host.twin.embedded.execution import execute
 
     stand_at = machine.stand_at
     standing = None if stand_at is None else joint_values(stand_at.split(), robot.joint_names, "--stand-at")
@@ -191,7 +191,7 @@ def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
 
 def _input_change(text: str) -> "InputChange":
     """Return the change of an input that an --input names."""
-    from steptwin.host.twin.input_changes import InputChange
+    from steptwin.host.twin.machine.input_changes import InputChange
 
     name, _, rest = text.partition("=")
     level, at, seconds = rest.partition("@")
@@ -204,7 +204,7 @@ def _input_change(text: str) -> "InputChange":
 
 
 def _kernel(choice: KernelName) -> "Kernel":
-    from steptwin.host.twin.kernels import fastest_kernel, kernel_named
+    from steptwin.host.twin.machine.kernels import fastest_kernel, kernel_named
 
     return fastest_kernel() if choice == "auto" else kernel_named(choice)
 

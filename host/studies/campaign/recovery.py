@@ -9,7 +9,7 @@ from steptwin.host.operate.moving import goal_units, move
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
 _WAY: Final = 0.01

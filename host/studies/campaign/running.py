@@ -14,11 +14,11 @@ from steptwin.host.studies.campaign.margins import MARGINS, Claim, Performance
 from steptwin.host.studies.campaign.recovery import recover, steps_off
 from steptwin.host.studies.campaign.row import Breach, Ended, Row, split_parameters
 from steptwin.host.studies.campaign.trial import Trial, draw
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.kernels import Kernel, fastest_kernel
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.kernels import Kernel, fastest_kernel
 from steptwin.host.twin.motors import MotorVerdict, motors_of_run
-from steptwin.host.twin.outcome import Outcome
 from steptwin.host.verify import Report, verify
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status

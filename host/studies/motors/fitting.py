@@ -18,7 +18,7 @@ from steptwin.emulator.motors.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import driver_profile, driver_settings
+from steptwin.host.twin.machine.drivers import driver_profile, driver_settings
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
 from steptwin.host.twin.motors.ramps import ALMOST_NONE, JointRamp, Ramps
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve

@@ -33,7 +33,7 @@ from steptwin.host.studies.papers.paper import (
 )
 from steptwin.host.studies.papers.run_results import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study, transforms
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 
 L1_MM: Final = 250.0
 L2_MM: Final = 350.0

@@ -31,7 +31,7 @@ from steptwin.host.studies.papers.paper import (
 )
 from steptwin.host.studies.papers.run_results import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 
 A2_MM: Final = 400.0
 A3_MM: Final = 400.0

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from steptwin.host.studies.papers.paper import Listing, S, Value
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 
 
 def pulses_of(outcome: Outcome, joint: str) -> int:

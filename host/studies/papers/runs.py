@@ -6,9 +6,9 @@ from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.jobs import job_carries, make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.kernels import Kernel, fastest_kernel
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.kernels import Kernel, fastest_kernel
 
 
 class Runs:

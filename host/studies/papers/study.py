@@ -14,7 +14,7 @@ from steptwin.host.robots.kinematics.frames import tool_frames
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper import Curve, Panel
 from steptwin.host.studies.papers.runs import Runs
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 
 
 def whole_steps(robot: Robot, joints: FloatArray) -> FloatArray:

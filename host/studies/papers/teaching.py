@@ -32,7 +32,7 @@ from steptwin.host.studies.papers.paper import (
 )
 from steptwin.host.studies.papers.run_results import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study, in_whole_steps, panels_over, pulses, tool_off_mm, transforms
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.outcome import Outcome
 
 L1_MM: Final = 95.0
 L2_MM: Final = 100.0

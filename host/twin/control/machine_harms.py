@@ -25,7 +25,7 @@ from steptwin.host.common.tables import Reading, Table, integer_from, number_fro
 from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.harm_kind import HarmKind, Writer, by_fields, joint_at, place
-from steptwin.host.twin.input_changes import set_input
+from steptwin.host.twin.machine.input_changes import set_input
 
 PER_V: Final = 100
 PER_DEGC: Final = 10

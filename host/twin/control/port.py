@@ -11,7 +11,7 @@ from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.twin.control.machine_harms import PER_DEGC, PER_V
 from steptwin.host.twin.control.operations import read_request
 from steptwin.host.twin.control.wire_harms import switches_of
-from steptwin.host.twin.live_board import LiveBoard
+from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.protocol.cia402 import DigitalInput
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from math import pi
 
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import standing_steps
-from steptwin.host.twin.input_changes import Wires
+from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.input_changes import Wires
 from steptwin.host.twin.motors.drives import check_described, drive_of, power_supply
 from steptwin.host.twin.motors.mechanism import arm_of
 

@@ -21,7 +21,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.drivers import DriverSetup, driver_profile, driver_settings
+from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driver_settings
 from steptwin.host.twin.motors.drives import drive_of
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve

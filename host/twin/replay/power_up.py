@@ -14,10 +14,10 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.axes_per_board import check_axes_per_board
-from steptwin.host.twin.boards import check_crystals
 from steptwin.host.twin.control.operations import read_request
-from steptwin.host.twin.drivers import driver_profile
+from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
+from steptwin.host.twin.machine.boards import check_crystals
+from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US

@@ -25,11 +25,11 @@ from steptwin.host.record.folder import REPLAY_JOB
 from steptwin.host.record.folder.edges_file import evidence_until
 from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender, senders_of
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.input_changes import Places
-from steptwin.host.twin.machine_options import MachineOptions
-from steptwin.host.twin.machine_parts import MachineParts
-from steptwin.host.twin.operation_log import OperationLog
-from steptwin.host.twin.recording_report import UnplannedRun
+from steptwin.host.twin.live.operation_log import OperationLog
+from steptwin.host.twin.live.recording_report import UnplannedRun
+from steptwin.host.twin.machine.input_changes import Places
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.replay.edge_comparison import (
     first_difference_of_edges,
     first_difference_of_steps,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Final
 
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.twin.embedded_network import EmbeddedNetwork
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from steptwin.host.twin.scenarios.host_condition import HostCondition, HostLostError
 from steptwin.protocol.frame import COB_RPDO, FIRST_NODE_ID, NODE_ID_MAX
 

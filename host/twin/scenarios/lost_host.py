@@ -10,7 +10,7 @@ from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.operate.setting_up import take_over
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, ErrorCode

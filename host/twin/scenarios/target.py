@@ -10,8 +10,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of, counted_steps
-from steptwin.host.twin.input_changes import Places
+from steptwin.host.twin.machine.boards import axes_of, counted_steps
+from steptwin.host.twin.machine.input_changes import Places
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, check_motors
 from steptwin.host.twin.scenarios.moment import Moment, moment_of
 

@@ -18,12 +18,15 @@ def _nothing(*_: Any, **__: Any) -> None:
     pytest.fail("the work has begun")
 
 
+EXECUTE = "steptwin.host.twin.embedded.execution.execute"
+
+
 @pytest.mark.parametrize(
     ("words", "work", "name"),
     [
-        ("run teaching-scara carry", "steptwin.host.twin.execution.execute", "report.json"),
-        ("run teaching-scara carry", "steptwin.host.twin.execution.execute", "trace.vcd"),
-        pytest.param("run teaching-scara carry", "steptwin.host.twin.execution.execute", "timing.png", marks=PLOT),
+        ("run teaching-scara carry", EXECUTE, "report.json"),
+        ("run teaching-scara carry", EXECUTE, "trace.vcd"),
+        pytest.param("run teaching-scara carry", EXECUTE, "timing.png", marks=PLOT),
         ("paper teaching-scara", "steptwin.host.studies.papers.evaluated", "teaching-scara.md"),
         ("paper teaching-scara", "steptwin.host.studies.papers.evaluated", "teaching-scara.html"),
         ("workspace teaching-scara", "steptwin.host.robots.workspace.scan", "cloud.csv"),

@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.client.machines import ROBOT, START, ready
 
 

@@ -11,9 +11,8 @@ from steptwin.host.client import AxisSettings, Machine
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from steptwin.host.twin.repeated_frames import RepeatedFrames
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, RepeatedFrames
 from steptwin.protocol.frame import Frame
 
 WAREHOUSE = load_robot("warehouse-scara")

@@ -5,7 +5,7 @@ import pytest
 from steptwin.host.client import Machine
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode
 from steptwin.protocol.frame import Frame

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from steptwin.host.client import AxisClient, Machine
 from steptwin.host.client.shared_node import SEGMENTS_MAX
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import ready
 

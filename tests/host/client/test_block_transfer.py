@@ -3,7 +3,7 @@
 import canopen
 from canopen.sdo.client import SdoClient
 
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 
 
 def test_a_block_goes_up_and_down(board: EmbeddedBoard) -> None:

@@ -8,7 +8,7 @@ from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
 from steptwin.host.client.pausing import pause_trajectory
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.errors import DeviceFaultError
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.host.client.machines import (

@@ -15,7 +15,7 @@ from steptwin.host.operate.homing import homing_settings
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP

@@ -8,7 +8,7 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.client import Machine
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
-from steptwin.host.twin.embedded_network import EmbeddedNetwork
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from tests.host.client.machines import SETTINGS, STEP, TH1, still, travelling
 
 AXES = 8

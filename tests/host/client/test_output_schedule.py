@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.verify import OutputChange
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
 from tests.host.client.machines import START, STEP, TH1, WAREHOUSE

@@ -13,8 +13,8 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE
 from tests.host.client.machines import AXES, ROBOT, START, TH1, connected, frames_to, ready, still, travelling

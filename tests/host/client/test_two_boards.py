@@ -6,7 +6,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.twin.embedded_network import EmbeddedNetwork
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 from steptwin.protocol.homing_methods import HOME_HERE

@@ -6,7 +6,7 @@ import pytest
 
 from steptwin.host.client import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import ready
 

@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.operate.sessions import HOME, CommandLine, board_at, preset
 
 

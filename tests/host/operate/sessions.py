@@ -11,7 +11,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.client.links import bus_link
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.client.machines import WAREHOUSE, Neighbour
 
 ROBOT = WAREHOUSE

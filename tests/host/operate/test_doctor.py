@@ -8,7 +8,7 @@ from steptwin.host.client.links import bus_link
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, TH3
 from tests.host.operate.sessions import ROBOT, CommandLine

@@ -6,7 +6,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.homing import declare, home_robot
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.client.machines import TH1
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
 

@@ -9,7 +9,7 @@ import typer
 
 from steptwin.host.cli.app import GROUPS, app
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.end_to_end.pages import blocks_of, read_page
 from tests.host.operate.sessions import ROBOT, CommandLine

@@ -16,7 +16,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.stepping import step_tool
 from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
 from tests.host.client.machines import SX, TH1

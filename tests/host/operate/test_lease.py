@@ -10,7 +10,7 @@ from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import reset, stop
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from tests.host.client.machines import TH2, Neighbour

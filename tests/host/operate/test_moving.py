@@ -10,7 +10,7 @@ from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND

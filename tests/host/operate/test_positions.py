@@ -13,7 +13,7 @@ from steptwin.host.operate.moving import move
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.programs.positions import read_positions
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine
 
 FILE = "warehouse-scara-positions.toml"

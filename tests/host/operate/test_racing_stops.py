@@ -13,7 +13,7 @@ from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State
 from tests.host.client.machines import Neighbour

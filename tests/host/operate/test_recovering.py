@@ -7,7 +7,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import emergency_stop, reset, stop
 from steptwin.host.operate.session import Session
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, Neighbour, silence_heartbeat
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine

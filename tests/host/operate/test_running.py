@@ -19,7 +19,7 @@ from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import read_trajectory
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.client.machines import SX, Neighbour, sdo_requests
 from tests.host.operate.sessions import HALF_STEPS, ROBOT, CommandLine
 

@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR, COB_NMT, COB_RPDO, COB_TPDO

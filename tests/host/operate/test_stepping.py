@@ -14,7 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.stepping import check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol.homing_methods import HOME_HERE
 from tests.host.client.machines import SX, TH1
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at, preset

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.axes_per_board import check_axes_per_board, read_axes_per_board
-from steptwin.host.twin.board_config import board_configs
+from steptwin.host.twin.machine.axes_per_board import check_axes_per_board, read_axes_per_board
+from steptwin.host.twin.machine.board_config import board_configs
 
 
 def checked(text: str, axes: int) -> tuple[int, ...]:

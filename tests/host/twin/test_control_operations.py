@@ -46,8 +46,8 @@ from steptwin.host.twin.control.frames import FRAMES as FRAME_NAMES
 from steptwin.host.twin.control.frames import cob_ids
 from steptwin.host.twin.control.operations import KINDS, WRITERS, read_request, request_of
 from steptwin.host.twin.control.port import MachineState
-from steptwin.host.twin.live_board import LiveBoard
-from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State

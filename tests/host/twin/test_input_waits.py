@@ -19,10 +19,10 @@ from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.record.folder import read_run, verify_folder
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.input_changes import InputChange
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.verify import Expectation, compare, verify_comparison
 from steptwin.protocol.pvt import PvtRecord
 from tests.host.complaints import complaint_of

@@ -12,7 +12,7 @@ from steptwin.emulator.faults.operations import OscCapacitor, SetWire
 from steptwin.emulator.faults.wires import Wire, WireState
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
-from steptwin.host.twin.live_board import RECORD_EVERY_S
+from steptwin.host.twin.live.live_board import RECORD_EVERY_S
 from steptwin.protocol.frame import Frame
 from tests.host.twin.live_session import (
     JOINT,

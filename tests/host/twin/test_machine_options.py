@@ -3,7 +3,7 @@
 from dataclasses import fields
 from typing import get_type_hints
 
-from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
+from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 
 
 def test_every_option_is_a_keyword_of_the_functions_that_users_call() -> None:

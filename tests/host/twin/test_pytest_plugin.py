@@ -9,7 +9,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.record.folder import read_report
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 
 pytest_plugins = ["pytester"]
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.live_plan import ReceivedPlan
+from steptwin.host.twin.live.live_plan import ReceivedPlan
 from steptwin.protocol.pvt import QUEUE_DEPTH, PvtRecord
 
 ROBOT = load_robot("warehouse-scara")

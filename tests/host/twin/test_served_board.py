@@ -15,7 +15,7 @@ from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.digital_lines import Input
-from steptwin.host.twin.served_board import ServedBoard
+from steptwin.host.twin.live.served_board import ServedBoard
 
 ROBOT = load_robot("lab-scara")
 TIMEOUT_S = 60.0

@@ -15,10 +15,10 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.live_board import LiveBoard
-from steptwin.host.twin.machine_options import MachineOptions
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import shelf_contradictions
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -9,7 +9,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import EmergencyStop
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from tests.host.client.machines import START, WAREHOUSE

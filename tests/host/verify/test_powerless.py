@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import Phases
 from steptwin.host.verify.counted import powerless_steps
 from tests.host.twin.scenarios.short_runs import carry, played

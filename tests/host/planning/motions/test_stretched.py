@@ -13,7 +13,7 @@ from steptwin.host.planning.motions.stretched import STRETCH_MAX, Stretched, sma
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("teaching-scara")

@@ -10,8 +10,8 @@ import pytest
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign import run_seed
 from steptwin.host.studies.campaign.recovery import Recovery, recover, steps_off, steps_off_max
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.kernels import fastest_kernel
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.kernels import fastest_kernel
 from tests.host.robots.coupled import DIRECT, TWO_TO_ONE, coupled_robot, coupled_text
 from tests.host.studies.campaign.campaigns import campaign_of
 

@@ -16,7 +16,7 @@ from steptwin.host.studies.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.studies.campaign.margins import MARGINS, Claim
 from steptwin.host.studies.campaign.recovery import Recovery, steps_off
 from steptwin.host.studies.campaign.running import run_trial
-from steptwin.host.twin.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.twin.scenarios.reaction import RUN_DRY, stops

@@ -6,7 +6,7 @@ from steptwin import load_robot
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.planning.planner import plan
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import Comparison
 
 

@@ -17,14 +17,14 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
-from steptwin.host.twin.board_under_test import BoardUnderTest
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.host.twin.motors import motors_of_run
 from steptwin.host.twin.motors.after_run import RotorTrace, rotors_after_run
 from steptwin.host.twin.motors.driving import Driving, PayloadTimes
 from steptwin.host.twin.motors.mechanism import arm_of
-from steptwin.host.twin.outcome import Outcome
-from steptwin.host.twin.served_board import ServedBoard
 from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
@@ -428,6 +428,6 @@ class TestALiveBoard:
         assert ours == pytest.approx(theirs, abs=0.05)
 
     def test_it_needs_numba(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("steptwin.host.twin.served_board.find_spec", lambda _: None)
+        monkeypatch.setattr("steptwin.host.twin.live.served_board.find_spec", lambda _: None)
         with pytest.raises(InputError, match=r"motors=True: without numba .* pip install 'steptwin\[fast\]'"):
             ServedBoard(LAB, port=0, motors=True)

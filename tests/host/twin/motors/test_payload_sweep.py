@@ -5,7 +5,7 @@ import pytest
 from steptwin import load_robot
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.motors.after_run import MotionSlip, first_slip
 from steptwin.host.twin.motors.driving import Driving
 

@@ -13,7 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.board_under_test import BoardUnderTest
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, replay, stored_machine
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtTime

@@ -9,8 +9,8 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.outcome import Outcome
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.scenarios.reading import parse_scenario
 from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.twin.scenarios.scenario import Scenario

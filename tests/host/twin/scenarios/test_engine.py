@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -4,9 +4,9 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.execution import execute
-from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.host_condition import HostLostError
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -13,7 +13,7 @@ from steptwin.emulator.faults.operations import BrownOut, BusOff, DriverProtect,
 from steptwin.host.cli.app import run
 from steptwin.host.cli.run.faults_on_purpose import print_faults
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.twin.execution import execute
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.scenarios.not_begun import NotBegunError
 from steptwin.host.twin.scenarios.reaction import GOES_ON, Motion, Reaction
 from steptwin.host.twin.scenarios.reactions import DOCUMENTED, concerned

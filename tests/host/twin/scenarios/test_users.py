@@ -11,10 +11,10 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.twin.artefacts import scenario_faults
-from steptwin.host.twin.board_under_test import BoardUnderTest
-from steptwin.host.twin.live_board import LiveBoard
-from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.fixtures.artefacts import scenario_faults
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.scenarios.harms import HostFault, HostFaultKind
 from steptwin.host.twin.scenarios.scenario import Fault, Scenario
 from steptwin.host.twin.scenarios.triggers import AtState, AtTime

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final, TypedDict
 
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.axes_per_board import check_axes_per_board
-from steptwin.host.twin.boards import check_crystals
+from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
+from steptwin.host.twin.machine.boards import check_crystals
 from steptwin.host.twin.scenarios.scenario import Scenario
 
 

@@ -1,4 +1,4 @@
-"""Define the place at which other programs reach a live board."""
+"""Open the place at which other programs reach a live board: a socketcand server, or a bus of python-can."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.host.client.links.bus_link import Connection, open_bus
 from steptwin.host.client.links.can_bus import check_interface
-from steptwin.host.common.listening import CHANNEL, is_loopback, listen
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback, listen
 
 if TYPE_CHECKING:
     from steptwin.emulator.live.can_bridge import CanBridge
@@ -150,3 +151,28 @@ class PythonCanEndpoint(Endpoint):
         """The interface's error message after it has failed; None while it works."""
         failure = self._bridge.failure if self._bridge else None
         return f"{self._name}: {failure}" if failure else None
+
+
+def open_endpoint(
+    host: str | None, port: int | None, interface: str | None, channel: str | None, bitrate: int, *, allow_remote: bool
+) -> Endpoint:
+    """Listen for socketcand clients, or join the bus of a python-can interface if one is named.
+
+    Raises:
+        InputError: the arguments contradict each other, or name no address, port or interface.
+        BusError: the port is in use, or the bus cannot be opened.
+    """
+    if interface is None:
+        if channel is not None:
+            raise InputError(f"channel={channel}: needs interface=NAME")
+        return SocketcandEndpoint(host or LOOPBACK, PORT if port is None else port, allow_remote=allow_remote)
+    connection = Connection(interface, channel, bitrate)
+    if interface == "socketcand":
+        connection = Connection(interface, channel, None, host or LOOPBACK, port or PORT)
+    else:
+        for name, value in (("host", host), ("port", port)):
+            if value is not None:
+                raise InputError(f"{name}={value}: is for a socketcand server, not for interface={interface}")
+    if allow_remote:
+        raise InputError(f"allow_remote=True: is for listening, not for interface={interface}")
+    return PythonCanEndpoint(connection)

@@ -14,12 +14,12 @@ from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import Standing, standing_joints
 from steptwin.host.twin.control.port import ControlPort
-from steptwin.host.twin.endpoints import open_endpoint
-from steptwin.host.twin.input_changes import set_input
-from steptwin.host.twin.live_board import LiveBoard
-from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
+from steptwin.host.twin.live.endpoint import open_endpoint
+from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.machine.boards import Standing, standing_joints
+from steptwin.host.twin.machine.input_changes import set_input
+from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 from steptwin.protocol.frame import BITRATES
 
 

@@ -11,23 +11,22 @@ from steptwin.emulator.faults.operations import CYCLE_FULL_STEPS, Operation, Osc
 from steptwin.emulator.motors.rotors import RotorRecord
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import microsteps_of
-from steptwin.host.twin.embedded_network import EmbeddedNetwork
-from steptwin.host.twin.evidence import axes_by_own_clocks, axes_evidence, tick_after
-from steptwin.host.twin.input_changes import InputChange, set_input
-from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.machine_parts import MachineParts
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
+from steptwin.host.twin.live.operation_log import OperationLog
+from steptwin.host.twin.machine.boards import microsteps_of
+from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
+from steptwin.host.twin.machine.input_changes import InputChange, set_input
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
+from steptwin.host.twin.machine.machine_parts import MachineParts
+from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
-from steptwin.host.twin.operation_log import OperationLog
-from steptwin.host.twin.repeated_frames import whole_us_counts
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.harms import check_motors
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.host_network import FaultyNetwork
 from steptwin.host.twin.scenarios.moment import Moment
 from steptwin.host.twin.scenarios.target import Target
-from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame

@@ -7,8 +7,8 @@ from steptwin.emulator.board.board import BoardConfig
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import standing_steps, steps_at
-from steptwin.host.twin.drivers import driver_profile, fitted_module, switched_microsteps
+from steptwin.host.twin.machine.boards import standing_steps, steps_at
+from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import FIRST_NODE_ID
 

@@ -22,26 +22,26 @@ from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piec
 from steptwin.host.robots.board_settings import ActiveEdge, Microsteps
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of
-from steptwin.host.twin.evidence import axis_evidence
-from steptwin.host.twin.live_plan import FollowedMotion, LivePlan
-from steptwin.host.twin.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.machine_parts import MachineParts
-from steptwin.host.twin.motors.figures import RotorFigures
-from steptwin.host.twin.operation_log import OperationLog
-from steptwin.host.twin.recording_report import (
+from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
+from steptwin.host.twin.live.operation_log import OperationLog
+from steptwin.host.twin.live.recording_report import (
     JointFigures,
     bus_figures,
     load_percent,
     mismatches,
     recording_report,
 )
+from steptwin.host.twin.machine.boards import axes_of
+from steptwin.host.twin.machine.evidence import axis_evidence
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
+from steptwin.host.twin.machine.machine_parts import MachineParts
+from steptwin.host.twin.machine.shelf import shelf_evidence
+from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
 from steptwin.host.twin.scenarios.host_condition import HostCondition
 from steptwin.host.twin.scenarios.played_document import played_document
 from steptwin.host.twin.scenarios.target import Target
-from steptwin.host.twin.shelf import shelf_evidence
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 

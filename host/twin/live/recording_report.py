@@ -30,12 +30,12 @@ from steptwin.host.record.folder import (
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.boards import axes_of, counted_steps, crystals_document, microsteps_of
-from steptwin.host.twin.evidence import axes_evidence
-from steptwin.host.twin.live_plan import FollowedMotion, LivePlan
-from steptwin.host.twin.machine_parts import MachineParts
-from steptwin.host.twin.operation_log import OperationLog
-from steptwin.host.twin.shelf import shelf_evidence
+from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
+from steptwin.host.twin.live.operation_log import OperationLog
+from steptwin.host.twin.machine.boards import axes_of, counted_steps, crystals_document, microsteps_of
+from steptwin.host.twin.machine.evidence import axes_evidence
+from steptwin.host.twin.machine.machine_parts import MachineParts
+from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.verify import Evidence, shelf_document
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import Frame

@@ -20,10 +20,10 @@ from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.embedded_board import EmbeddedBoard
-from steptwin.host.twin.input_changes import InputChange
-from steptwin.host.twin.machine_options import MachineKeywords, MachineOptions
-from steptwin.host.twin.outcome import Outcome, RunFault
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.outcome import Outcome, RunFault
+from steptwin.host.twin.machine.input_changes import InputChange
+from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 from steptwin.host.twin.scenarios.engine import Engine
 from steptwin.host.twin.scenarios.lost_host import outlive
 from steptwin.host.twin.scenarios.not_begun import not_begun

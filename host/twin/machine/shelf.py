@@ -13,8 +13,8 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.shelf import Shelf
-from steptwin.host.twin.boards import standing_steps
-from steptwin.host.twin.input_changes import Wires
+from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.input_changes import Wires
 from steptwin.host.verify import ShelfEvent, ShelfEvidence
 
 SHUT_MM = 1.0

@@ -1,4 +1,4 @@
-"""Give host programs the forms of the firmware's kernel: plain Python, compiled, and on an emulated Cortex-M3."""
+"""Give host programs the forms of the firmware's kernel: plain Python, compiled, on an emulated Cortex-M3, and C."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 
-__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_named"]
+__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_files", "kernel_named"]
 
 
 def _cortex_m3() -> Kernel:
@@ -40,3 +40,10 @@ def kernel_named(name: str) -> Kernel:
         raise InputError(f"kernel {name}: {_MISSING[name]}") from error
     except CompilerMissingError as error:
         raise InputError(f"kernel {name}: {error}") from error
+
+
+def kernel_files() -> dict[str, str]:
+    """Return the text of each file of the kernel as C, by its name."""
+    from steptwin.emulator.kernel_c.folder import kernel_files as files_in_c
+
+    return files_in_c()

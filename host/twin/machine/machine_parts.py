@@ -12,12 +12,12 @@ from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.board_config import board_configs
-from steptwin.host.twin.boards import make_boards, standing_steps
-from steptwin.host.twin.drivers import driver_profile
-from steptwin.host.twin.machine_options import MachineOptions
+from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import make_boards, standing_steps
+from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.shelf import shelf_wiring
 from steptwin.host.twin.motors.in_loop import motor_wiring
-from steptwin.host.twin.shelf import shelf_wiring
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from steptwin.emulator.faults.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.control.operations import request_of
-from steptwin.host.twin.input_changes import Places
+from steptwin.host.twin.machine.input_changes import Places
 from steptwin.host.twin.scenarios.harms import BusRepair, Harm
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

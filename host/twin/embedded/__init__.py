@@ -1,0 +1,1 @@
+"""Run a plan on a board in virtual time, in one process."""

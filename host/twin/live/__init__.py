@@ -1,0 +1,1 @@
+"""Serve a board in real time, follow its motions and record them."""
