@@ -28,7 +28,7 @@ def view(
     With two runs, both arms are shown and how far they are apart. Only this machine reaches the page.
     """
     require_extra()
-    from steptwin.host.panel.page.replay.serving import serve_replay
+    from steptwin.host.panel.replay.page import serve_replay
 
     folders = (folder,) if other is None else (folder, other)
     with naming_options("port", plan_folder="--plan"):

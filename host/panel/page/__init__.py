@@ -1,1 +1,1 @@
-"""The panel's page, made with NiceGUI: one view a file. Only this room imports nicegui."""
+"""The panel's page, made with NiceGUI: one view a file. Nobody else imports nicegui but a stored run's page."""

@@ -15,8 +15,7 @@ from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk import Snapshot, told
 from steptwin.host.panel.page.elements import Chip, NumberField, Tone, cell, heading, line, note, plain, table
-from steptwin.host.panel.page.sockets import SHOWN
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import SHOWN, Visitor
 
 _EVERY_S: Final = 1.0
 Request = Callable[[], ControlState]

@@ -1,18 +1,22 @@
-"""The head of the page: what the machine is and does, who operates it, and the buttons that stop it."""
+"""The head of the page: what the machine does, what is in the way, who operates, what stops it; the log of events."""
+
+import time
+from collections.abc import Iterable
+from typing import Final
 
 from nicegui import ui
 
-from steptwin.host.panel.desk import Activity, Snapshot
-from steptwin.host.panel.page.elements import Chip, Tone, icon_button, line, moving, plain
-from steptwin.host.panel.page.sockets import SHOWN
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.client.words import STOP_PRESSED
+from steptwin.host.panel.desk import Activity, Event, HomeAll, ResetFaults, Severity, Snapshot
+from steptwin.host.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, moving, plain
+from steptwin.host.panel.page.visitor import SHOWN, Visitor
 
 
 class PageHead:
     """The head of the page; it stays in sight, with the emergency stop in it.
 
     Attributes:
-        root: where the line is placed that says what is in the way: it must be in sight, too.
+        root: the element that holds the head; the banner is placed in it, since it must stay in sight, too.
     """
 
     def __init__(self, visitor: Visitor) -> None:
@@ -101,3 +105,149 @@ def activity_words(activity: Activity) -> str:
     """Return what the machine does, with the part that is done."""
     part = "" if activity.fraction is None else f" {100 * activity.fraction:.0f} %"
     return f"{activity.name}{part}{', paused' if activity.paused else ''}"
+
+
+_BEHIND_PERCENT: Final = 5.0
+"""Part of the time that an emulated board's clock must have stood to be worth a line."""
+_READY: Final = "Nothing is in the way."
+
+
+class Banner:
+    """The line that says why the machine does not do what it is asked for, and the way out; its place is kept free."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        with (
+            ui.element("div").classes("banner-place"),
+            ui.element("div").classes("banner").props("role=status") as self._line,
+        ):
+            self._text = ui.label()
+            self._reset = moving(plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt"))
+            self._home = moving(plain("Home all", lambda: visitor.ask(HomeAll()), "home"))
+        self._tone: Tone = ""
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show the most important reason."""
+        text, tone, remedy = obstacle(snapshot)
+        self._text.set_text(text or _READY)
+        self._reset.set_visibility(remedy == "reset")
+        self._home.set_visibility(remedy == "home")
+        if tone != self._tone:
+            self._line.classes(add=tone, remove=self._tone)
+            self._tone = tone
+
+
+def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
+    """Return what is in the way, how bad it is, and the remedy: `reset`, `home` or none; empty texts if nothing is."""
+    joints = snapshot.joints
+    if not snapshot.connected:
+        seen = " Positions are the last known." if joints else ""
+        return f"Not connected: {sentence(str(snapshot.why_not))}{seen}", "bad", ""
+    hindered = by_reason((joint.name, joint.hindrance) for joint in joints)
+    if snapshot.emergency_stopped:
+        pressed = STOP_PRESSED in hindered
+        way_out = "pull its button out at the machine, then reset" if pressed else "nothing moves until the reset"
+        return f"Emergency stop: {way_out}.", "bad", "reset"
+    faults = by_reason((joint.name, joint.error) for joint in joints)
+    if faults:
+        text = "; ".join(f"{', '.join(names)}: {fault}" for fault, names in faults.items())
+        return f"Fault: {sentence(text)}", "bad", "reset"
+    if hindered:
+        text = "; ".join(
+            why if len(names) == len(joints) else f"{', '.join(names)}: {why}" for why, names in hindered.items()
+        )
+        return f"The drives cannot be switched on: {sentence(text)}", "bad", ""
+    lost = [joint.name for joint in joints if not joint.homed]
+    if lost and snapshot.activity is None:
+        return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
+    behind = _behind(snapshot.stood_percent or 0.0)
+    return behind, "warn" if behind else "", ""
+
+
+def _behind(stood_percent: float) -> str:
+    """Return that an emulated board falls behind, or nothing if it does not."""
+    if stood_percent < _BEHIND_PERCENT:
+        return ""
+    return (
+        f"The emulated board falls behind: its clock stood for {stood_percent:.0f} % of the last 5 s, since the"
+        " computer is too slow. The machine moves as planned, but takes longer."
+    )
+
+
+def by_reason(reasons: Iterable[tuple[str, str | None]]) -> dict[str, list[str]]:
+    """Return the names of those that have a reason, by their reasons."""
+    named: dict[str, list[str]] = {}
+    for name, reason in reasons:
+        if reason is not None:
+            named.setdefault(reason, []).append(name)
+    return named
+
+
+def sentence(text: str) -> str:
+    """Return a text with a full stop, unless it ends a sentence already."""
+    return text if text.endswith(("?", ".", "!")) else f"{text}."
+
+
+_SHOWN: Final = 200
+"""Events that a page shows; the desk keeps more."""
+_FILTERS: Final = {"all": "all", "problems": "problems only"}
+_WORDS: Final = {Severity.INFO: "info", Severity.WARNING: "warning", Severity.ERROR: "error"}
+
+
+class EventLogView:
+    """The newest events first."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        self._log = visitor.desk.events
+        self._told = max((event.number for event in self._log.since()), default=0)
+        """Number of the last event that this browser need not be told of as a message."""
+        self._filter = "all"
+        self._shown: list[int] = []
+        """Numbers of the events in the list, the oldest first."""
+        with card(classes="panel-wide place-events"):
+            with line("between"):
+                heading("What has happened")
+                with line("tight"):
+                    choice("events to show", _FILTERS, self._filter, self._choose)
+                    plain("Clear", self._log.clear)
+            self._list = ui.element("div").classes("events").props('role=log aria-label="events" tabindex=0')
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Show the events that have come; those that were cleared go."""
+        self._tell(snapshot)
+        self._show(self._wanted())
+
+    def _tell(self, snapshot: Snapshot) -> None:
+        """Show what has failed as a message, too, since the log is at the page's end."""
+        for event in self._log.since(self._told):
+            self._told = event.number
+            if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not
+                self._visitor.tell(event.text)
+
+    def _wanted(self) -> list[Event]:
+        events = self._log.since()
+        return [event for event in events if self._filter == "all" or event.severity is not Severity.INFO][-_SHOWN:]
+
+    def _choose(self, name: str) -> None:
+        self._filter = name
+        self._list.clear()
+        self._shown = []
+        self._show(self._wanted())
+
+    def _show(self, events: list[Event]) -> None:
+        numbers = [event.number for event in events]
+        if self._shown and (not numbers or numbers[0] != self._shown[0]):
+            self._list.clear()
+            self._shown = []
+        for event in events[len(self._shown) :]:
+            with self._list:
+                _row(event).move(self._list, target_index=0)
+        self._shown = numbers
+
+
+def _row(event: Event) -> ui.element:
+    with ui.element("div").classes(f"event {event.severity}") as row:
+        ui.label(time.strftime("%H:%M:%S", time.localtime(event.wall_s))).classes("muted number")
+        ui.label(_WORDS[event.severity]).classes("kind")
+        ui.label(event.text)
+    return row

@@ -13,8 +13,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.desk import Desk, Snapshot
 from steptwin.host.panel.page.page import Page
 from steptwin.host.panel.page.scene import flat_lines
-from steptwin.host.panel.page.sockets import Answer, note_shown, on_stop
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import Answer, Visitor, note_shown, on_stop
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 

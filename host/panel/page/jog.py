@@ -7,8 +7,7 @@ from nicegui import events, ui
 
 from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
 from steptwin.host.panel.page.elements import choice, heading, line, live, note, stack
-from steptwin.host.panel.page.sockets import SHOWN
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import SHOWN, Visitor
 from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS, tool_speed_max
 
 HOLD: Final = "hold"

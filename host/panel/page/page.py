@@ -7,17 +7,16 @@ from nicegui import ui
 
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.panel.desk import Snapshot
-from steptwin.host.panel.page.banner import Banner, EventLogView
 from steptwin.host.panel.page.elements import View
 from steptwin.host.panel.page.hardware import HardwareTab
-from steptwin.host.panel.page.header import PageHead
+from steptwin.host.panel.page.header import Banner, EventLogView, PageHead
 from steptwin.host.panel.page.jog import JogTab
 from steptwin.host.panel.page.joints import Joints, OutputsTab
 from steptwin.host.panel.page.move import MoveTab
 from steptwin.host.panel.page.plots_card import PlotsCard
 from steptwin.host.panel.page.result import ResultTab
 from steptwin.host.panel.page.run import RunTab
-from steptwin.host.panel.page.scene_card import SceneCard
+from steptwin.host.panel.page.scene import SceneCard
 from steptwin.host.panel.page.settings import SettingsTab
 from steptwin.host.panel.page.visitor import Visitor, apply_theme
 

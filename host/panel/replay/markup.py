@@ -12,10 +12,8 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.panel.replay.difference import Apart
-from steptwin.host.panel.replay.lanes import Lane, Span
 from steptwin.host.panel.replay.marks import MarkKind, RunMark
-from steptwin.host.panel.replay.model import Instant
+from steptwin.host.panel.replay.model import Apart, Instant, Lane, Span
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 WIDTH: Final = 1000

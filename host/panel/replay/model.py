@@ -9,30 +9,81 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from steptwin.host.common.arrays import FloatArray
-from steptwin.host.panel.replay.lanes import Lane, Span, lane
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.errors import InputError
 from steptwin.host.panel.replay.marks import RunMark, bus_marks, output_marks, violation_marks
 from steptwin.host.record.animation import extent_mm, shown_boxes
 from steptwin.host.record.folder import BUS_LOG, StoredRun, read_run
 from steptwin.host.record.folder.layout import existing_file
 from steptwin.host.record.path_error import PathError, path_error
 from steptwin.host.record.recorded_machine import RecordedMachine
-from steptwin.host.record.waveforms import Changes, phases, pins, whole_record
+from steptwin.host.record.waveforms import Changes, Signal, phases, pins, whole_record
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001
 _EXTENT_INSTANTS: Final = 201
 """Instants of the motion at which the whole arm is looked at; the tool's path has PATH_INSTANTS."""
+_COURSE_INSTANTS: Final = 4001
+"""Instants at which the distance of two runs' tools is taken."""
 LEAD_S: Final = 1.0
 """Time before the motion's start that the slider covers; what is earlier, such as switching on, can be stepped to."""
 
+POINTS_MAX: Final = 400
+"""Largest number of changes of one signal that a window shows one by one: more would merge into a band."""
 _ALWAYS: Final = ("step", "dir")
 _CURRENTS: Final = ("phase_a_ma", "phase_b_ma")
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A part of a record, in counts since power-up; both ends belong to it."""
+
+    from_counts: int
+    to_counts: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lane:
+    """One signal in a window.
+
+    Attributes:
+        axis: name of the axis.
+        quantity: name of the pin, or of a current.
+        counts: shape (n,), the window's beginning, then the instants of the changes.
+        values: shape (n,), the value from each of them on.
+        changes: how many changes there are in the window; if there are too many, only the first value is shown.
+    """
+
+    axis: str
+    quantity: str
+    counts: Int64Array
+    values: NDArray[Any]
+    changes: int
+
+    @property
+    def crowded(self) -> bool:
+        """True if the changes are too many to be shown."""
+        return self.changes >= self.counts.size
+
+
+def lane(signal: Signal, span: Span) -> Lane:
+    """Return a signal's part in a window."""
+    counts, values = signal.changes.between(span.from_counts, span.to_counts)
+    shown = slice(0, counts.size if counts.size <= POINTS_MAX else 0)
+    return Lane(
+        signal.axis,
+        signal.quantity,
+        np.concatenate([[span.from_counts], counts[shown]]),
+        np.concatenate([[signal.changes.at(span.from_counts)], values[shown]]),
+        int(counts.size),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,3 +282,59 @@ class Replay:
             for signal, counts in found
             if counts is not None
         ]
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """The second run minus the first at an instant: counted joints by name, and the tool.
+
+    Attributes:
+        joints: difference of each joint, in its unit.
+        tool_mm: distance of the tools.
+        attitude_deg: difference of the attitudes, in (-180, 180].
+    """
+
+    joints: dict[str, float]
+    tool_mm: float
+    attitude_deg: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """The distance of the two tools over time: shapes (n,)."""
+
+    t_s: FloatArray
+    tool_mm: FloatArray
+
+    @property
+    def largest_at_s(self) -> float:
+        """When the tools are furthest apart."""
+        return float(self.t_s[self.tool_mm.argmax()])
+
+
+class RunPair:
+    """Two runs at the same time of their motions; raises InputError unless both are of one mechanism."""
+
+    def __init__(self, first: Replay, second: Replay) -> None:
+        for what in ("joint_names", "kinematics", "geometry"):
+            values = [getattr(replay.run.robot, what) for replay in (first, second)]
+            if values[0] != values[1]:
+                names = [replay.run.report.run.robot for replay in (first, second)]
+                raise InputError(f"{names[1]}: is another machine than {names[0]}: two runs of one can be compared")
+        self.first, self.second = first, second
+
+    def at(self, t_s: float) -> Apart:
+        """Return how far the machines are apart at a time of both motions; after its end a machine stands still."""
+        instant_s = np.array([t_s])
+        joints = [replay.machine.counted_joints(instant_s)[0] for replay in (self.first, self.second)]
+        poses = [replay.machine.counted_poses(instant_s) for replay in (self.first, self.second)]
+        apart = dict(zip(self.first.run.robot.joint_names, (joints[1] - joints[0]).tolist(), strict=True))
+        off = poses[1] - poses[0]
+        return Apart(apart, float(np.linalg.norm(off[0, :3])), float(wrapped_deg(off[:, 3])[0]))
+
+    @cached_property
+    def course(self) -> Course:
+        """The distance of the tools over the longer of the motions, at _COURSE_INSTANTS instants."""
+        t_s = np.linspace(0.0, max(self.first.run.duration_s, self.second.run.duration_s), _COURSE_INSTANTS)
+        first, second = (replay.machine.counted_poses(t_s)[:, :3] for replay in (self.first, self.second))
+        return Course(t_s, np.linalg.norm(second - first, axis=1))

@@ -41,7 +41,7 @@ from steptwin.host.panel.desk import (
 from steptwin.host.panel.desk.results import Placed
 from steptwin.host.panel.page import visitor
 from steptwin.host.panel.page.hub import Hub, tick_of
-from steptwin.host.panel.page.sockets import SHOWN, note_shown
+from steptwin.host.panel.page.visitor import SHOWN, note_shown
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot, robot_names

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.replay import Replay, RunPair
+from steptwin.host.panel.replay.model import Replay, RunPair
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.verify import Expectation, compare
 from tests.host.record.machines import perfect_run

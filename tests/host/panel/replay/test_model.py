@@ -13,8 +13,8 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.replay import Edge, MarkKind, Replay, Span
-from steptwin.host.panel.replay.lanes import POINTS_MAX
+from steptwin.host.panel.replay.marks import MarkKind
+from steptwin.host.panel.replay.model import POINTS_MAX, Edge, Replay, Span
 from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND

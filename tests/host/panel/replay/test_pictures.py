@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from steptwin.host.panel.replay import Apart, Edge, Instant, JointRow, Lane, MarkKind, RunMark, Span
+from steptwin.host.panel.replay.marks import MarkKind, RunMark
 from steptwin.host.panel.replay.markup import (
     MARK_COLOURS,
     WIDTH,
@@ -16,6 +16,7 @@ from steptwin.host.panel.replay.markup import (
     pins_picture,
     strip_picture,
 )
+from steptwin.host.panel.replay.model import Apart, Edge, Instant, JointRow, Lane, Span
 
 SPAN = Span(1000, 2000)
 STEP = Lane("th1", "step", np.array([1000, 1250, 1300]), np.array([0, 1, 0]), 2)

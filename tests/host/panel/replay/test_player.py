@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from steptwin.host.panel.replay import MarkKind, Replay, RunMark
+from steptwin.host.panel.replay.marks import MarkKind, RunMark
+from steptwin.host.panel.replay.model import Replay
 from steptwin.host.panel.replay.player import Player
 from steptwin.host.record.animation.film_page import SPEEDS
 from tests.host.record.machines import perfect_run

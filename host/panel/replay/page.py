@@ -1,5 +1,7 @@
-"""The page of one browser that shows a stored run, or two side by side."""
+"""Serve stored runs in a browser, to this machine only: one run, or two side by side."""
 
+from collections.abc import Callable
+from pathlib import Path
 from time import monotonic
 from typing import Final
 
@@ -8,13 +10,12 @@ from nicegui import ui
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.page.elements import Chip, Tone, card, icon_button, plain
-from steptwin.host.panel.page.replay.scene_card import PinsCard, ReplayScene
-from steptwin.host.panel.page.replay.transport import Transport
+from steptwin.host.panel.page.server import Address, open_port, serve_page
 from steptwin.host.panel.page.visitor import apply_theme
-from steptwin.host.panel.replay import Replay, RunPair
+from steptwin.host.panel.replay.cards import PinsCard, ReplayScene, Transport
 from steptwin.host.panel.replay.marks import RunMark, time_words
 from steptwin.host.panel.replay.markup import MARK_COLOURS, joint_table, strip_picture
-from steptwin.host.panel.replay.model import PATH_INSTANTS
+from steptwin.host.panel.replay.model import PATH_INSTANTS, Replay, RunPair
 from steptwin.host.panel.replay.player import Player
 
 STYLE: Final = """
@@ -36,8 +37,6 @@ body.body--dark { color-scheme: dark; }
 .events { max-height: 300px; }
 @media (max-width: 900px) { .transport { margin: 8px 8px 0; } .clock { font-size: 17px; } }
 """
-
-
 TICK_S: Final = 0.05
 MARKS_MAX: Final = 300
 """Largest number of marks in the list; the strip above the slider shows all."""
@@ -154,3 +153,31 @@ def _verdict(replay: Replay) -> tuple[str, Tone]:
     if report.passed is None:
         return ("recorded live: counts without a plan", "warn") if replay.run.no_plan else ("recorded live", "")
     return ("verified", "good") if report.passed else ("not verified", "bad")
+
+
+def serve_replay(
+    folders: tuple[Path, ...], plan_folder: Path | None, port: int | None, announce: Callable[[str], None]
+) -> None:
+    """Serve one run, or two side by side, until Ctrl-C.
+
+    Args:
+        folders: one or two folders of runs.
+        plan_folder: as for `read_run`, for the first of them.
+        port: TCP port; None takes the usual one, or a free one if it is in use; 0 takes a free one.
+        announce: called with the page's URL when browsers can open it.
+
+    Raises:
+        InputError: as `Replay.of_folder` and `RunPair` do.
+        BusError: the port is in use.
+    """
+    with open_port(Address(port=port)) as listener:
+        plans = (plan_folder, *(None for _ in folders[1:]))
+        replays = tuple(Replay.of_folder(*each) for each in zip(folders, plans, strict=True))
+        if len(replays) == 2:
+            RunPair(*replays)
+        names = " and ".join(f"{replay.run.report.run.robot} {replay.run.report.run.job}" for replay in replays)
+
+        def build() -> None:
+            ReplayPage(replays)
+
+        serve_page(build, listener, f"{names} – StepTwin", announce)

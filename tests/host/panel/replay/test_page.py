@@ -12,9 +12,10 @@ from nicegui import ui
 from nicegui.testing import User, UserInteraction
 from nicegui.testing.user_simulation import user_simulation
 
-from steptwin.host.panel.page.replay.page import ReplayPage
 from steptwin.host.panel.page.scene import ArmScene
-from steptwin.host.panel.replay import MarkKind, Replay, RunMark
+from steptwin.host.panel.replay.marks import MarkKind, RunMark
+from steptwin.host.panel.replay.model import Replay
+from steptwin.host.panel.replay.page import ReplayPage
 from steptwin.host.record.folder.reading import counts_alone
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import START_COUNTS

@@ -1,1 +1,0 @@
-"""The page of `steptwin view`: stored runs in a browser."""
