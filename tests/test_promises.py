@@ -21,6 +21,7 @@ from steptwin.host.client import heartbeat, shared_node, stream, waiting, waits
 from steptwin.host.client.links import connecting, socketcand_bus
 from steptwin.host.common import file_limits
 from steptwin.host.common import processes as slowness
+from steptwin.host.faults import reaction as reaction_times
 from steptwin.host.operate import running
 from steptwin.host.panel.desk import presses
 from steptwin.host.panel.desk import stops as shown
@@ -33,7 +34,6 @@ from steptwin.host.record.recorded_bus import recorded_log as reading
 from steptwin.host.studies.campaign import results
 from steptwin.host.twin.live import live_board
 from steptwin.host.twin.motors import verdict
-from steptwin.host.twin.scenarios import reaction_times
 from steptwin.host.verify import matching, oracle, verifier
 from steptwin.protocol import charge, objects, od, pvt, timer
 from steptwin.protocol.objects import TPDO_DEFAULTS

@@ -7,11 +7,11 @@ from docs.generate.commands import DOCS, filled, session
 from docs.generate.tables import ROBOTS
 from steptwin.host.common.control import Do
 from steptwin.host.common.requests import FORMS
+from steptwin.host.faults.judge import longest_ramp_ms
+from steptwin.host.faults.reaction import Motion, Reaction
+from steptwin.host.faults.reactions import DOCUMENTED
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import table
-from steptwin.host.twin.scenarios.reaction import Motion, Reaction
-from steptwin.host.twin.scenarios.reactions import DOCUMENTED
-from steptwin.host.twin.scenarios.standstill import longest_ramp_ms
 
 FAULTS_PAGE: Final = DOCS / "faults.md"
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.faults.bus_faults import BusFault
     from steptwin.emulator.faults.operations import Scheduled
+    from steptwin.host.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
     from steptwin.host.twin.machine.boards import Standing
-    from steptwin.host.twin.scenarios.scenario import Scenario
 
     MakeBoard = Callable[..., BoardUnderTest]
 

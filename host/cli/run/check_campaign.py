@@ -10,16 +10,16 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
+    from steptwin.host.faults.scenario import Scenario
     from steptwin.host.studies.campaign import Campaign
     from steptwin.host.studies.campaign.campaign import MotionChoice, ScenarioChoice
-    from steptwin.host.twin.scenarios.scenario import Scenario
 
 
 def check_scenario(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
+    from steptwin.host.faults.operations import request_of
+    from steptwin.host.faults.scenario import parse_scenario
     from steptwin.host.robots import load_robot
-    from steptwin.host.twin.control.operations import request_of
-    from steptwin.host.twin.scenarios.reading import parse_scenario
 
     robot = None
     with findings.collecting():

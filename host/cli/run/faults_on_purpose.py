@@ -10,8 +10,8 @@ from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 
 if TYPE_CHECKING:
+    from steptwin.host.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.scenarios.scenario import Scenario
 
 Faults = Annotated[
     str | None,
@@ -25,7 +25,7 @@ def chosen_scenario(path: str | None, robot: "Robot") -> "Scenario | None":
     """Return the scenario in the file of --faults; None without one. Raises InputError for what is wrong in it."""
     if path is None:
         return None
-    from steptwin.host.twin.scenarios.reading import read_scenario
+    from steptwin.host.faults.scenario import read_scenario
 
     return read_scenario(path, robot)
 
@@ -56,7 +56,7 @@ def print_faults(document: Mapping[str, Any]) -> None:
 @contextmanager
 def telling_of_faults(*, as_json: bool) -> Iterator[None]:
     """Print what has become of a scenario's faults if an error ends the block before the motion has begun."""
-    from steptwin.host.twin.scenarios.not_begun import NotBegunError
+    from steptwin.host.faults.report import NotBegunError
 
     try:
         yield

@@ -9,9 +9,9 @@ import numpy as np
 
 from steptwin.host.client.words import RAN_DRY
 from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.faults.reaction import Motion
 from steptwin.host.studies.campaign.margins import Performance
 from steptwin.host.studies.campaign.row import Breach, Ended
-from steptwin.host.twin.scenarios.reaction import Motion
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.cia402 import ErrorCode
 

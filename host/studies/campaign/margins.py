@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
+from steptwin.host.faults.report import FaultReport
 from steptwin.host.studies.campaign.recovery import Recovery
 from steptwin.host.studies.campaign.row import Ended
 from steptwin.host.studies.campaign.trial import Trial
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.motors import MotorVerdict
-from steptwin.host.twin.scenarios.report import FaultReport
 from steptwin.host.verify import THRESHOLD_TOLERANCE_STEPS, AxisEvidence, Report
 from steptwin.host.verify.report import AxisReport
 

@@ -13,6 +13,8 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, integer_from, toml_table
+from steptwin.host.faults.harms import check_motors
+from steptwin.host.faults.scenario import scenario_of
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
@@ -37,8 +39,6 @@ from steptwin.host.studies.campaign.trial import placed, random_moves
 from steptwin.host.studies.campaign.values import Template, drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, Setup
 from steptwin.host.twin.motors import check_described
-from steptwin.host.twin.scenarios.harms import check_motors
-from steptwin.host.twin.scenarios.reading import scenario_of
 
 _SEED_MAX: Final = 1 << 53
 """Greatest first seed: every program that reads the results holds such a number exactly."""

@@ -17,6 +17,7 @@ from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Table
+from steptwin.host.faults.scenario import SEED_MAX, Scenario, scenario_of
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
@@ -27,8 +28,6 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign.campaign import Campaign, CampaignMotion, JobMotion, RandomMoves
 from steptwin.host.studies.campaign.values import AtPart, PlannedAt, drawn
 from steptwin.host.studies.campaign.variations import Setup, set_up
-from steptwin.host.twin.scenarios.reading import SEED_MAX, scenario_of
-from steptwin.host.twin.scenarios.scenario import Scenario
 
 _TRIES: Final = 6
 """Times that a random move is drawn, each time half as far, until the robot can make it."""

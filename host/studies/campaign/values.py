@@ -15,8 +15,8 @@ from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.control import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
+from steptwin.host.faults.wire_harms import switches_of
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.control.wire_harms import switches_of
 
 Template = Any
 """A value of TOML in which tables of a single key may be drawn: a scalar, a Draw, or a list or dict of templates."""

@@ -9,24 +9,23 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.faults.bus_faults import FaultScript
 from steptwin.emulator.faults.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
 from steptwin.emulator.motors.rotors import RotorRecord
+from steptwin.host.faults.engine import Engine, HostCondition
+from steptwin.host.faults.harms import check_motors
+from steptwin.host.faults.machine_harms import set_input
+from steptwin.host.faults.target import Moment, Target
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
+from steptwin.host.twin.embedded.host_network import FaultyNetwork
 from steptwin.host.twin.live.operation_log import OperationLog
 from steptwin.host.twin.machine.boards import microsteps_of
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
-from steptwin.host.twin.machine.input_changes import InputChange, set_input
+from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
-from steptwin.host.twin.scenarios.engine import Engine
-from steptwin.host.twin.scenarios.harms import check_motors
-from steptwin.host.twin.scenarios.host_condition import HostCondition
-from steptwin.host.twin.scenarios.host_network import FaultyNetwork
-from steptwin.host.twin.scenarios.moment import Moment
-from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
 from steptwin.host.verify.wiring import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame

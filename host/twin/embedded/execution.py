@@ -13,6 +13,9 @@ from steptwin.host.client import InputWait, Machine, Progress, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
+from steptwin.host.faults.engine import Engine
+from steptwin.host.faults.report import ScenarioReport, not_begun
+from steptwin.host.faults.reporting import RunEnd, scenario_report
 from steptwin.host.operate.input_waiting import executed, input_waits, waited
 from steptwin.host.operate.setting_up import set_up
 from steptwin.host.operate.switching import output_commands
@@ -21,14 +24,10 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.embedded.lost_host import outlive
 from steptwin.host.twin.embedded.outcome import Outcome, RunFault
 from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
-from steptwin.host.twin.scenarios.engine import Engine
-from steptwin.host.twin.scenarios.lost_host import outlive
-from steptwin.host.twin.scenarios.not_begun import not_begun
-from steptwin.host.twin.scenarios.report import ScenarioReport
-from steptwin.host.twin.scenarios.reporting import RunEnd, scenario_report
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND

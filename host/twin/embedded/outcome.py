@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from steptwin.host.faults.report import ScenarioReport
 from steptwin.host.operate.input_waiting import Waited, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.motors.after_run import RotorTrace
-from steptwin.host.twin.scenarios.report import ScenarioReport
 from steptwin.host.verify import Comparison, Report
 from steptwin.protocol.frame import Frame
 

@@ -17,6 +17,10 @@ from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.faults.engine import Engine, HostCondition
+from steptwin.host.faults.harms import BusRepair, Harm, HostFault
+from steptwin.host.faults.reporting import played_document
+from steptwin.host.faults.target import Target, axes_of
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import ActiveEdge, Microsteps
@@ -31,17 +35,11 @@ from steptwin.host.twin.live.recording_report import (
     mismatches,
     recording_report,
 )
-from steptwin.host.twin.machine.boards import axes_of
 from steptwin.host.twin.machine.evidence import axis_evidence
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
-from steptwin.host.twin.scenarios.engine import Engine
-from steptwin.host.twin.scenarios.harms import BusRepair, Harm, HostFault
-from steptwin.host.twin.scenarios.host_condition import HostCondition
-from steptwin.host.twin.scenarios.played_document import played_document
-from steptwin.host.twin.scenarios.target import Target
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 

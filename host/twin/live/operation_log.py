@@ -6,10 +6,10 @@ from typing import Any
 from steptwin.emulator.faults.bus_faults import BusFault
 from steptwin.emulator.faults.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
+from steptwin.host.faults.harms import BusRepair, Harm
+from steptwin.host.faults.operations import request_of
+from steptwin.host.faults.target import Places
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.control.operations import request_of
-from steptwin.host.twin.machine.input_changes import Places
-from steptwin.host.twin.scenarios.harms import BusRepair, Harm
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
+from steptwin.host.faults.target import axes_of, counted_steps
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
     AxisTotals,
@@ -32,7 +33,7 @@ from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
 from steptwin.host.twin.live.operation_log import OperationLog
-from steptwin.host.twin.machine.boards import axes_of, counted_steps, crystals_document, microsteps_of
+from steptwin.host.twin.machine.boards import crystals_document, microsteps_of
 from steptwin.host.twin.machine.evidence import axes_evidence
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence

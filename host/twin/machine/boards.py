@@ -130,11 +130,6 @@ def make_boards(
     return [make_board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
 
 
-def axes_of(boards: Sequence[Board]) -> list[tuple[Board, int]]:
-    """Return the board of each joint, and the number of the joint's axis on it."""
-    return [(board, axis) for board in boards for axis in range(board.config.axis_count)]
-
-
 def microsteps_of(robot: Robot, axes: Sequence[tuple[Board, int]]) -> list[Microsteps]:
     """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
     return [
@@ -145,15 +140,4 @@ def microsteps_of(robot: Robot, axes: Sequence[tuple[Board, int]]) -> list[Micro
             joint.transmission.microsteps,
         )
         for joint, (board, axis) in zip(robot.joints, axes, strict=True)
-    ]
-
-
-def counted_steps(robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]) -> list[float]:
-    """Return the position of each motor by the steps that its driver has made, from the joint's zero.
-
-    It is in steps of the robot's file, a whole number of them unless the driver makes others.
-    """
-    return [
-        start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
-        for start, joint, (board, axis) in zip(start_steps, robot.joints, axes, strict=True)
     ]

@@ -4,10 +4,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypedDict
 
+from steptwin.host.faults.scenario import Scenario
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
 from steptwin.host.twin.machine.boards import check_crystals
-from steptwin.host.twin.scenarios.scenario import Scenario
 
 
 class MachineKeywords(TypedDict, total=False):

@@ -12,9 +12,9 @@ from steptwin.emulator.faults.operations import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
+from steptwin.host.faults.operations import read_request
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.control.operations import read_request
 from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
 from steptwin.host.twin.machine.boards import check_crystals
 from steptwin.host.twin.machine.drivers import driver_profile

@@ -21,13 +21,13 @@ from steptwin.emulator.faults.operations import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.common.errors import InputError
+from steptwin.host.faults.target import Places
 from steptwin.host.record.folder import REPLAY_JOB
 from steptwin.host.record.folder.edges_file import evidence_until
 from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender, senders_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.operation_log import OperationLog
 from steptwin.host.twin.live.recording_report import UnplannedRun
-from steptwin.host.twin.machine.input_changes import Places
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.replay.edge_comparison import (

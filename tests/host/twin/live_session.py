@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.host.faults.scenario import Scenario
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from steptwin.host.twin.scenarios.scenario import Scenario
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 

@@ -11,16 +11,16 @@ import pytest
 from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
+from steptwin.host.faults.harms import Harm, HostFault, HostFaultKind
+from steptwin.host.faults.operations import read_request
+from steptwin.host.faults.reactions import DOCUMENTED, documented
+from steptwin.host.faults.target import AxisMoment, Moment
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign import Campaign, Ended, draw, read_campaign, run_seed, sources_of_file
 from steptwin.host.studies.campaign.invariants import INVARIANTS
 from steptwin.host.studies.campaign.row_file import schema
 from steptwin.host.studies.campaign.values import drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, RampSource
-from steptwin.host.twin.control.operations import read_request
-from steptwin.host.twin.scenarios.harms import Harm, HostFault, HostFaultKind
-from steptwin.host.twin.scenarios.moment import AxisMoment, Moment
-from steptwin.host.twin.scenarios.reactions import DOCUMENTED, documented
 from steptwin.protocol.cia402 import State
 from tests.host.studies.campaign.campaigns import campaign_of
 

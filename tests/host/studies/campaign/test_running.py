@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.choices import MotorsTurn
+from steptwin.host.faults.reaction import RUN_DRY, stops
 from steptwin.host.studies.campaign import Campaign, Ended, Performance, draw, perform, run_seed, running
 from steptwin.host.studies.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.studies.campaign.margins import MARGINS, Claim
@@ -19,7 +20,6 @@ from steptwin.host.studies.campaign.running import run_trial
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
-from steptwin.host.twin.scenarios.reaction import RUN_DRY, stops
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from tests.host.studies.campaign.campaigns import SMALL, campaign_of

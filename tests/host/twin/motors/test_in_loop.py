@@ -27,8 +27,8 @@ from steptwin.host.twin.motors.driving import Driving, PayloadTimes
 from steptwin.host.twin.motors.mechanism import arm_of
 from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+from tests.host.faults.short_runs import played
 from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
-from tests.host.twin.scenarios.short_runs import played
 from tests.host.twin.test_excitation import HOMING, Master
 
 TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))

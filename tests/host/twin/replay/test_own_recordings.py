@@ -10,15 +10,16 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import BusOff, EmergencyStop, Scheduled, SetInput, StrangerSends, WatchdogReset
 from steptwin.host.cli.files.replay import say_result
 from steptwin.host.common.errors import InputError
+from steptwin.host.faults.scenario import Fault, Scenario
+from steptwin.host.faults.triggers import AtTime
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, replay, stored_machine
-from steptwin.host.twin.scenarios.scenario import Fault, Scenario
-from steptwin.host.twin.scenarios.triggers import AtTime
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame
+from tests.host.faults.short_runs import played
 from tests.host.twin.live_session import (
     JOINT,
     NMT_START,
@@ -32,7 +33,6 @@ from tests.host.twin.live_session import (
     queue,
     start_at_sync,
 )
-from tests.host.twin.scenarios.short_runs import played
 
 
 def replayed(folder: Path, kernel: Kernel) -> Replayed:

@@ -1,0 +1,230 @@
+"""The machine that faults harm: its boards on their bus, with axes numbered as the robot's joints, and what they do."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.operations import BusOperation, Operation, Payload, PlacedOperation
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.world.surroundings import Surroundings
+from steptwin.host.common.errors import InputError
+from steptwin.host.faults.harms import BusRepair, Harm, check_motors
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import State, Status
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMoment:
+    """One axis at an instant.
+
+    Attributes:
+        state: state of its drive.
+        energised: whether the driver's outputs are on.
+        velocity: demanded velocity in 1/64 unit per ms; 0 at rest.
+        deceleration: of a stop after a fault, in units/s^2.
+        position_known: whether the firmware says that it knows the position.
+        lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
+            only its change means anything. None if it was not read.
+        board: number of the axis' board.
+        boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
+    """
+
+    state: State
+    energised: bool
+    velocity: int
+    deceleration: int
+    position_known: bool
+    lag_sixteenths: int | None
+    board: int = 0
+    boot: object = field(default=None, repr=False)
+
+    @property
+    def moving(self) -> bool:
+        """True while the axis is to move."""
+        return self.velocity != 0
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """All axes of the machine at an instant, in counts since power-up."""
+
+    counts: int
+    axes: tuple[AxisMoment, ...]
+
+    @property
+    def boards(self) -> tuple[int, ...]:
+        """The number of each axis' board."""
+        return tuple(axis.board for axis in self.axes)
+
+    @property
+    def moving(self) -> bool:
+        """True while any axis is to move."""
+        return any(axis.moving for axis in self.axes)
+
+    @property
+    def several_boards(self) -> bool:
+        """True if the axes are on more than one board."""
+        return len(set(self.boards)) > 1
+
+
+def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, uncounted: Collection[int] = ()) -> Moment:
+    """Look at axes, each given by its board and its number there.
+
+    The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
+    which a reset within it must still be able to take back.
+    """
+    boards = list(dict.fromkeys(board for board, _ in axes))
+    return Moment(
+        now_counts,
+        tuple(
+            _axis_moment(board, axis, boards.index(board), counted=number not in uncounted)
+            for number, (board, axis) in enumerate(axes)
+        ),
+    )
+
+
+def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
+    node, motion = board.firmware.nodes[axis], board.firmware.motion
+    return AxisMoment(
+        state=node.drive.state,
+        energised=node.drive.energised,
+        velocity=motion.velocity(axis),
+        deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
+        position_known=bool(node.statusword() & Status.POSITION_KNOWN),
+        lag_sixteenths=_lag_sixteenths(board, axis) if counted else None,
+        board=number,
+        boot=board.firmware,
+    )
+
+
+def _lag_sixteenths(board: Board, axis: int) -> int:
+    motion, driver_sixteenths = board.firmware.motion, board.position_sixteenths(axis)
+    return motion.counter_steps(axis) * 16 // motion.config(axis).microsteps - driver_sixteenths
+
+
+class Places:
+    """Where each axis of a machine is: the number of its board, and its own number there."""
+
+    def __init__(self, axes_per_board: Sequence[int]) -> None:
+        """Note the number of axes on each board, in the order of the joints."""
+        self._boards = range(len(axes_per_board))
+        self._places = [(board, axis) for board, axes in enumerate(axes_per_board) for axis in range(axes)]
+
+    def on_boards(self, operation: Operation) -> list[tuple[int, Operation]]:
+        """Return an operation on the machine as operations on boards, each with the number of its board.
+
+        One that names an axis is done on the board of this axis, one on the bus or at the tool once, any other on every
+        board.
+        """
+        if isinstance(operation, PlacedOperation) and operation.axis is not None:
+            board, axis = self._places[operation.axis]
+            return [(board, replace(operation, axis=axis))]
+        if isinstance(operation, BusOperation | Payload):
+            return [(0, operation)]
+        return [(board, operation) for board in self._boards]
+
+    def on_machine(self, board: int, operation: Operation) -> Operation | None:
+        """Return an operation on a board as one on the machine: the reverse of `on_boards`.
+
+        None: it is the one on another board than the first of an operation that is done on every board.
+        """
+        if isinstance(operation, PlacedOperation) and operation.axis is not None:
+            return replace(operation, axis=self._places.index((board, operation.axis)))
+        return operation if board == 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A robot's boards in a simulation.
+
+    Attributes:
+        robot: the machine.
+        simulation: its boards and their bus.
+        start_steps: where its motors stood at power-up, in steps of the robot's file from their axes' zeros.
+        axes: board of each joint, and the number of its axis there.
+        places: the same by the boards' numbers.
+    """
+
+    robot: Robot
+    simulation: Simulation
+    start_steps: Sequence[int]
+    axes: tuple[tuple[Board, int], ...]
+    places: Places = field(repr=False)
+
+    @classmethod
+    def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
+        """Return the target with the axes of all boards in order."""
+        boards = simulation.boards
+        places = Places([board.config.axis_count for board in boards])
+        return cls(robot, simulation, start_steps, tuple(axes_of(boards)), places)
+
+    def check(self, harm: Harm) -> None:
+        """Raise InputError unless the machine has what a harm concerns: motors that turn with it, a receiver."""
+        check_motors(harm, turning=self.simulation.rotor_watch is not None)
+        boards = len(self.simulation.boards)
+        if isinstance(harm, BusFault) and harm.receiver is not None and harm.receiver > boards:
+            raise InputError(f"receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")
+
+    def harm(self, harm: Operation | BusFault | BusRepair) -> None:
+        """Execute an operation now, or let a fault of the bus begin, or end all of them; raises as `check`."""
+        self.check(harm)
+        match harm:
+            case BusFault():
+                self.simulation.bus.faults.begin(harm)
+            case BusRepair():
+                self.simulation.repair_bus()
+            case _:
+                self.operate(harm)
+
+    def operate(self, operation: Operation) -> None:
+        """Execute an operation now: on the board of its axis, on the bus, at the tool, else on every board."""
+        for number, each in self.places.on_boards(operation):
+            self.simulation.operate(each, number)
+
+    def moment(self, now_counts: int, uncounted: Collection[int] = ()) -> Moment:
+        """Return what all axes do now, as `moment_of`."""
+        return moment_of(self.axes, now_counts, uncounted)
+
+    def steps(self) -> list[float]:
+        """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
+        return counted_steps(self.robot, self.start_steps, self.axes)
+
+    @property
+    def boards(self) -> list[int]:
+        """The number of each axis' board."""
+        return [self.simulation.boards.index(board) for board, _ in self.axes]
+
+    @property
+    def moving(self) -> bool:
+        """True while a motor moves or may still reach a switch."""
+        return any(board.moving for board in self.simulation.boards)
+
+    @property
+    def interpolating(self) -> bool:
+        """True while an axis executes a motion."""
+        return any(board.firmware.motion.running(axis) for board, axis in self.axes)
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What the machine is like now; what all axes of a board share is the same for all boards."""
+        around = [board.surroundings for board in self.simulation.boards]
+        axes, watch = tuple(axis for each in around for axis in each.axes), self.simulation.rotor_watch
+        return replace(around[0], axes=axes, payload_kg=0.0 if watch is None else watch.payload_kg)
+
+
+def axes_of(boards: Sequence[Board]) -> list[tuple[Board, int]]:
+    """Return the board of each joint, and the number of the joint's axis on it."""
+    return [(board, axis) for board in boards for axis in range(board.config.axis_count)]
+
+
+def counted_steps(robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]) -> list[float]:
+    """Return the position of each motor by the steps that its driver has made, from the joint's zero.
+
+    It is in steps of the robot's file, a whole number of them unless the driver makes others.
+    """
+    return [
+        start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
+        for start, joint, (board, axis) in zip(start_steps, robot.joints, axes, strict=True)
+    ]

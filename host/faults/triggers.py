@@ -1,0 +1,301 @@
+"""What starts or ends a fault: a time, a position, a frame, a drive's state, or a time drawn by the seed.
+
+Times count from the motion's start, t = 0 of the plan: the first servo tick after the SYNC that sets an axis moving.
+Positions are those that the drivers have counted, looked at on servo ticks. A trigger is data; its watch waits for the
+instant at which it is due, and looks no more often than it must.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from random import Random
+from typing import Protocol
+
+import numpy as np
+
+from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS
+from steptwin.host.robots.robot import Robot
+from steptwin.protocol.cia402 import State
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+class Direction(StrEnum):
+    """The direction in which a joint passes a position."""
+
+    UP = "up"
+    DOWN = "down"
+    ANY = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class AtTime:
+    """An instant, in seconds from the motion's start, or from power-up."""
+
+    at_s: float
+    from_power_up: bool = False
+
+    def __str__(self) -> str:
+        return f"at {self.at_s:g} s from power-up" if self.from_power_up else f"at {self.at_s:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class AtRandom:
+    """An instant of the motion between two times in seconds from its start, drawn evenly by the scenario's seed.
+
+    Raises:
+        ValueError: the second time is before the first.
+    """
+
+    from_s: float
+    to_s: float
+
+    def __post_init__(self) -> None:
+        if not self.from_s <= self.to_s:
+            raise ValueError(f"to_s: {self.to_s:g} s is before from_s, {self.from_s:g} s")
+
+    def drawn(self, random: Random) -> AtTime:
+        """Return the instant that is drawn, to a microsecond."""
+        return AtTime(round(random.uniform(self.from_s, self.to_s), 6))
+
+    def __str__(self) -> str:
+        return f"at random from {self.from_s:g} s to {self.to_s:g} s"
+
+
+@dataclass(frozen=True, slots=True)
+class AtPosition:
+    """The first servo tick at whose start a joint is at or beyond a position, having been before it.
+
+    Attributes:
+        joint: name of the joint.
+        value: the position, in mm or degrees.
+        direction: the direction in which the joint passes it.
+    """
+
+    joint: str
+    value: float
+    direction: Direction = Direction.ANY
+
+    def __str__(self) -> str:
+        return f"{self.joint} {_PASSING[self.direction]} {self.value:g}"
+
+
+_PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY: "passes"}
+
+
+@dataclass(frozen=True, slots=True)
+class OnFrame:
+    """The instant at which the n-th frame of an identifier since power-up becomes valid on the bus."""
+
+    cob_id: int
+    n: int = 1
+
+    def __str__(self) -> str:
+        return f"on frame {self.n} of 0x{self.cob_id:03X}"
+
+
+@dataclass(frozen=True, slots=True)
+class AtState:
+    """The instant at which the drive of a joint is found in a state."""
+
+    joint: str
+    state: State
+
+    def __str__(self) -> str:
+        return f"{self.joint} in {self.state.name.replace('_', ' ')}"
+
+
+Trigger = AtTime | AtRandom | AtPosition | OnFrame | AtState
+
+
+class Watch(Protocol):
+    """Tells when a trigger is due."""
+
+    @property
+    def next_counts(self) -> int | None:
+        """Instant at which it must look even if nothing happens; None if there is none."""
+        ...
+
+    def is_due(self, now_counts: int) -> bool:
+        """Look; return whether the trigger is due."""
+        ...
+
+    def motion_starts(self, start_counts: int) -> None:
+        """Learn t = 0 of the motion."""
+        ...
+
+    def hear(self, cob_id: int) -> None:
+        """Learn of a frame on the bus."""
+        ...
+
+    def missing(self) -> str:
+        """Return why the trigger has not been due."""
+        ...
+
+
+class _BareWatch:
+    """A watch that needs to know nothing."""
+
+    @property
+    def next_counts(self) -> int | None:
+        return None
+
+    def motion_starts(self, start_counts: int) -> None:
+        """Take no notice."""
+
+    def hear(self, cob_id: int) -> None:
+        """Take no notice."""
+
+
+class TimeWatch(_BareWatch):
+    """Due at an instant."""
+
+    def __init__(self, trigger: AtTime) -> None:
+        self._trigger = trigger
+        self._at_counts = counts_of(trigger.at_s) if trigger.from_power_up else None
+
+    @property
+    def next_counts(self) -> int | None:
+        """The instant, once it is known."""
+        return self._at_counts
+
+    def is_due(self, now_counts: int) -> bool:
+        """Return whether it has come."""
+        return self._at_counts is not None and self._at_counts <= now_counts
+
+    def motion_starts(self, start_counts: int) -> None:
+        """Count from here, unless the time counts from power-up."""
+        if self._at_counts is None:
+            self._at_counts = start_counts + counts_of(self._trigger.at_s)
+
+    def missing(self) -> str:
+        """Return that it has not come."""
+        return "no motion began" if self._at_counts is None else ""
+
+
+class PositionWatch(_BareWatch):
+    """Due at the first tick at whose start a joint is at or beyond a position.
+
+    No driver counts pulses faster than one each PERIOD_MIN_COUNTS, and none moves the motor by more than a full step,
+    so a joint that is far away cannot be there soon.
+    """
+
+    def __init__(
+        self, trigger: AtPosition, robot: Robot, steps: Callable[[], list[float]], moving: Callable[[], bool]
+    ) -> None:
+        """Watch a joint of a robot.
+
+        Args:
+            trigger: what to wait for.
+            robot: the machine.
+            steps: returns where the motors are, in steps of the robot's file from their axes' zeros.
+            moving: returns whether any motor moves.
+        """
+        self._trigger = trigger
+        self._moving = moving
+        self._robot = robot
+        self._joint = robot.index_of(trigger.joint)
+        self._steps = steps
+        full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.joints])
+        ways = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
+        self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / PERIOD_MIN_COUNTS
+        """How far the joint moves in a tick at most."""
+        self._was = self._position()
+        self._seen = [self._was, self._was]
+        self._look_counts = 0
+
+    def _position(self) -> float:
+        return float(self._robot.from_steps(np.array(self._steps()))[self._joint])
+
+    @property
+    def next_counts(self) -> int | None:
+        """The first tick at which the joint may be there; None while nothing moves."""
+        return self._look_counts if self._moving() else None
+
+    def is_due(self, now_counts: int) -> bool:
+        """Look at the joint, if it may be there."""
+        if now_counts < self._look_counts:
+            return False
+        position, value = self._position(), self._trigger.value
+        rises = self._was < value <= position and self._trigger.direction is not Direction.DOWN
+        falls = self._was > value >= position and self._trigger.direction is not Direction.UP
+        if position != value:
+            self._was = position
+        self._seen = [min(self._seen[0], position), max(self._seen[1], position)]
+        quiet_ticks = max(1, int(abs(position - value) / self._per_tick))
+        self._look_counts = (now_counts // TICK_COUNTS + quiet_ticks) * TICK_COUNTS
+        return rises or falls
+
+    def missing(self) -> str:
+        """Return where the joint was instead."""
+        low, high = self._seen
+        return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
+
+
+class FrameWatch(_BareWatch):
+    """Due with the n-th frame of an identifier."""
+
+    def __init__(self, trigger: OnFrame) -> None:
+        self._trigger = trigger
+        self._heard = 0
+
+    def hear(self, cob_id: int) -> None:
+        """Count it."""
+        self._heard += cob_id == self._trigger.cob_id
+
+    def is_due(self, _now_counts: int) -> bool:
+        """Return whether there were enough."""
+        return self._heard >= self._trigger.n
+
+    def missing(self) -> str:
+        """Return how many there were."""
+        return f"there were {self._heard} such frames"
+
+
+class StateWatch(_BareWatch):
+    """Due while a drive is in a state."""
+
+    def __init__(self, state: State, present: Callable[[], State]) -> None:
+        self._state = state
+        self._present = present
+        self._seen: dict[State, None] = {}
+
+    def is_due(self, _now_counts: int) -> bool:
+        """Look at the drive."""
+        present = self._present()
+        self._seen[present] = None
+        return present is self._state
+
+    def missing(self) -> str:
+        """Return the states that it was in."""
+        return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
+
+
+class InstantWatch(_BareWatch):
+    """Due at an instant that is known from the beginning."""
+
+    def __init__(self, at_counts: int) -> None:
+        self._at_counts = at_counts
+
+    @property
+    def next_counts(self) -> int | None:
+        """The instant."""
+        return self._at_counts
+
+    def is_due(self, now_counts: int) -> bool:
+        """Return whether it has come."""
+        return self._at_counts <= now_counts
+
+    def missing(self) -> str:
+        """Return that it has not come."""
+        return ""
+
+
+def counts_of(seconds: float) -> int:
+    """Return a time in counts of the board's timer."""
+    return round(seconds * COUNTS_PER_SECOND)
+
+
+def earliest(watches: Iterable[Watch]) -> int | None:
+    """Return the first instant at which one of these must look; None if there is none."""
+    return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)

@@ -1,1 +1,0 @@
-"""The control port of a served board: what requests mean for the emulated machine, and what they answer."""
