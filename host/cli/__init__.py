@@ -7,5 +7,5 @@ from steptwin.host.cli.app import GROUPS, main
 __all__ = ["main"]
 
 for _group in GROUPS:
-    for _name in _group.commands:
-        import_module(f"{__name__}.{_group.room}.{_name.replace('-', '_')}")  # adds the command
+    for _name in _group.modules:
+        import_module(f"{__name__}.{_group.room}.{_name}")  # adds its commands

@@ -29,11 +29,11 @@ app = typer.Typer(
 
 
 class Group(NamedTuple):
-    """A group of commands in `steptwin --help`, in its order; each is a module in a room of this package."""
+    """A group of commands in `steptwin --help`: a room here, with its modules as their commands stand there."""
 
     title: str
     room: str
-    commands: tuple[str, ...]
+    modules: tuple[str, ...]
 
 
 GROUPS: Final = (
@@ -48,13 +48,13 @@ GROUPS: Final = (
         "live",
         (
             *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
-            *("pause", "resume", "stop", "estop", "reset", "outputs", "inject"),
+            *("halting", "outputs", "inject"),
         ),
     ),
     Group(
         "Files and tools",
         "files",
-        ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel-c"),
+        ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel_c"),
     ),
 )
 
@@ -77,11 +77,12 @@ def command(
 
     def add(function: _Function) -> _Function:
         name = function.__name__.replace("_", "-")
+        room = function.__module__.split(".")[-2]
         VALUES_ALONE[name] = alone or {}
         EXAMPLES[name] = [f"steptwin {name} {words}".rstrip() for words in examples]
         register = app.command(
             cls=CliCommand,
-            rich_help_panel=next(group.title for group in GROUPS if name in group.commands),
+            rich_help_panel=next(group.title for group in GROUPS if group.room == room),
             help=paragraphs(function.__doc__ or ""),
             epilog="\n".join(["Examples:", *EXAMPLES[name]]),
             context_settings={"ignore_unknown_options": negatives},

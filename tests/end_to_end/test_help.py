@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from steptwin.host.cli.app import EXAMPLES, GROUPS, program, run
+from steptwin.host.cli.app import EXAMPLES, program, run
 from steptwin.host.common.errors import BusError
 from steptwin.host.robots import load_robot
 
-NAMES = [name for group in GROUPS for name in group.commands]
+NAMES = list(EXAMPLES)
 EVERY_EXAMPLE = [(name, example) for name, examples in EXAMPLES.items() for example in examples]
 CHEAP = {"robots", "jobs", "fk", "ik", "sensitivity", "eds", "dbc"}
 WAITING = {"panel"}

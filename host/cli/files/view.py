@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import naming_options
-from steptwin.host.cli.live.axis_states import require_extra
+from steptwin.host.cli.live.panel_process import require_extra
 from steptwin.host.cli.output import say
 from steptwin.host.cli.run.verify import PlanDir, RunDir
 

@@ -1,14 +1,15 @@
-"""The options that say which live board a command talks to, and the link and session that they open."""
+"""The frame of the commands for a live board: the options that they share, the session that these open, the answer."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from steptwin.host.cli.live.axis_states import print_axis_states
+from steptwin.host.cli.arguments import AsJson, RobotFile, one_robot, robot_and_rest
+from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import InputError
 
@@ -78,11 +79,88 @@ class BoardAddress:
         check_interface("--interface", self.interface)
         return Connection(self.interface, self.channel, self.bitrate or (robot.board.bitrate if robot else None))
 
+    def required(self, robot: "Robot | None") -> "Connection":
+        """Return the connection that the options describe; raise InputError also when no option is given."""
+        found = self.connection(robot)
+        if found is None:
+            raise InputError("which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL")
+        return found
 
-NOT_CONNECTED: Final = BoardAddress()
-"""The default of commands: no board is named."""
 
 Force = Annotated[bool, _live_option("--force", help="Go on although the board carries another robot's name.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveOptions:
+    """The options of every command for a live board: the robot's file, the board's place, the form of the answer."""
+
+    robot_file: RobotFile = None
+    address: BoardAddress
+    as_json: AsJson = False
+
+    def robot(self, name: str | None) -> "Robot":
+        """Return the robot of a command without further words; raises as `one_robot`."""
+        return one_robot(name, self.robot_file)
+
+    def robot_and_rest(self, words: list[str] | None) -> "tuple[Robot, list[str]]":
+        """Return the robot of a command with further words, and these; raises as the function of this name."""
+        return robot_and_rest(words or [], self.robot_file)
+
+    @contextmanager
+    def link(self, robot: "Robot") -> "Iterator[Link]":
+        """Open a link and close it after the block; BusError if the bus cannot be opened."""
+        from steptwin.host.client.links.bus_link import BusLink, open_bus
+
+        found = self.address.required(robot)
+        with BusLink(open_bus(found), found.title) as link:
+            yield link
+
+    def tell(self, robot: "Robot", document: dict[str, Any], *lines: str) -> None:
+        """Print what has come of a command: a JSON document with the robot's name, or lines."""
+        if self.as_json:
+            print_json({"robot": robot.name, **document})
+        else:
+            say(*lines)
+
+    def tell_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
+        """Print each axis' state, as a document or a table; without `positions` it says none, the document null."""
+        if self.as_json:
+            unknown = {} if positions else {"position": None, "position_known": False}
+            print_json({"robot": robot.name, "axes": [asdict(state) | unknown for state in states]})
+            return
+        columns = ["axis", "state", "known", "position"][: None if positions else 2]
+        rows = [
+            [state.name, state.state, "yes" if state.position_known else "no", fixed(state.position)][: len(columns)]
+            for state in states
+        ]
+        print_table(columns, rows, text_columns=min(3, len(columns)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionOptions(LiveOptions):
+    """The options of a command that asks whether the board is this robot's before it does anything."""
+
+    force: Force = False
+
+    @contextmanager
+    def session(self, robot: "Robot", *, waking: bool = False) -> "Iterator[Session]":
+        """Open a link with a session of the robot on it, and close it after the block.
+
+        All that a command does in it is one action: a stop ends all of it. With `waking`, start nodes that another
+        master has stopped. Unless forced, raise InputError if the board carries the name of another robot.
+        """
+        from steptwin.host.operate.recovering import wake
+        from steptwin.host.operate.session import Session
+
+        with self.link(robot) as link:
+            session = Session(link, robot)
+            with session.one_action():
+                if waking:
+                    wake(session)
+                foreign = None if self.force else session.foreign_board()
+                if foreign:
+                    raise InputError(f"{foreign}; --force goes on all the same")
+                yield session
 
 
 def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = False) -> tuple[str, int]:
@@ -107,79 +185,3 @@ def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = F
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 1 << 16:
         raise InputError(f"{option} {text}: is not of the form HOST:PORT, such as {socketcand.LOOPBACK}:{usual_port}")
     return host, int(port)
-
-
-def required(found: "Connection | None") -> "Connection":
-    """Return the connection; raise InputError when there is none."""
-    if found is None:
-        raise InputError("which board? --connect HOST:PORT, or -i INTERFACE -c CHANNEL")
-    return found
-
-
-@contextmanager
-def opened_link(found: "Connection") -> "Iterator[Link]":
-    """Open a link and close it after the block; BusError if the bus cannot be opened."""
-    from steptwin.host.client.links.bus_link import BusLink, open_bus
-
-    with BusLink(open_bus(found), found.title) as link:
-        yield link
-
-
-@contextmanager
-def opened_session(
-    robot: "Robot",
-    board: BoardAddress,
-    *,
-    force: bool,
-    waking: bool = False,
-) -> "Iterator[Session]":
-    """Open the link that the options describe, with a session of the robot on it, and close it after the block.
-
-    With `waking`, start nodes that another master has stopped. Unless forced, raise InputError if the board carries the
-    name of another robot.
-    """
-    found = required(board.connection(robot))
-    with session_at(found, robot, force=force, waking=waking) as session:
-        yield session
-
-
-@contextmanager
-def session_at(found: "Connection", robot: "Robot", *, force: bool, waking: bool = False) -> "Iterator[Session]":
-    """Open a session as `opened_session` does. All that a command does in it is one action: a stop ends all of it."""
-    from steptwin.host.operate.recovering import wake
-    from steptwin.host.operate.session import Session
-
-    with opened_link(found) as link:
-        session = Session(link, robot)
-        with session.one_action():
-            if waking:
-                wake(session)
-            foreign = None if force else session.foreign_board()
-            if foreign:
-                raise InputError(f"{foreign}; --force goes on all the same")
-            yield session
-
-
-def stop_axes(
-    robot: "Robot",
-    stop: "Callable[[Session], list[AxisState]]",
-    board: BoardAddress,
-    *,
-    as_json: bool,
-) -> None:
-    """Stop all axes of a live board, whichever robot's it is, and print their states.
-
-    Only then look whose the board is, so that a stop is never refused. If it is another robot's, print no positions,
-    which would be in the wrong units, and raise InputError: that robot may have more axes.
-    """
-    from steptwin.host.client.stopping import saying_if_unsure
-
-    with (
-        saying_if_unsure(),
-        opened_session(robot, board, force=True) as session,
-    ):
-        states = stop(session)
-        foreign = session.foreign_board()
-        print_axis_states(robot, states, positions=not foreign, as_json=as_json)
-        if foreign:
-            raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")

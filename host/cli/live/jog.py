@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, check_percent, finite_number, naming_options, robot_and_rest
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
-from steptwin.host.cli.live.move import print_moved
-from steptwin.host.cli.output import fixed, print_json, say
+from steptwin.host.cli.arguments import check_percent, finite_number, naming_options
+from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.live.move import tell_moved
+from steptwin.host.cli.output import fixed
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 @command("lab-scara th2 +1 --connect 127.0.0.1", "lab-scara th2 -10deg/s --connect 127.0.0.1", negatives=True)
 def jog(
+    live: SessionOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -31,7 +32,6 @@ def jog(
             " or for a joint how fast, such as 5mm/s.",
         ),
     ] = None,
-    robot_file: RobotFile = None,
     seconds: Annotated[
         float | None,
         typer.Option(metavar="S", help="Time to move at a speed, which then needs no unit; by default until Ctrl-C."),
@@ -44,9 +44,6 @@ def jog(
             " 20 by default.",
         ),
     ] = None,
-    board: BoardAddress = NOT_CONNECTED,
-    force: Force = False,
-    as_json: AsJson = False,
 ) -> None:
     """Move a joint or the tool by a step, or a joint at a speed until Ctrl-C.
 
@@ -55,7 +52,7 @@ def jog(
     A joint that knows its position keeps its limits; another one moves until a limit switch stops it, in fault. The
     tool moves straight along the world's axes.
     """
-    loaded, rest = robot_and_rest(words or [], robot_file)
+    loaded, rest = live.robot_and_rest(words)
     if len(rest) != 2:
         raise InputError(
             f"a joint or x, y, z, phi, and a distance or a speed are needed after the robot,"
@@ -68,12 +65,12 @@ def jog(
         _check_at_speed(loaded, name, value, seconds, speed)
     else:
         _check_step(loaded, name, value, seconds, speed)
-    with opened_session(loaded, board, force=force) as session:
+    with live.session(loaded) as session:
         if at_speed:
-            _print_jogged(loaded, _at_speed(session, name, value, seconds), as_json=as_json)
+            _tell_jogged(live, loaded, _at_speed(session, name, value, seconds))
         else:
             moved = _by_step(session, name, value, speed)
-            print_moved(loaded, moved, session.known_pose(moved.end), as_json=as_json)
+            tell_moved(live, loaded, moved, session.known_pose(moved.end))
 
 
 def _unit(robot: "Robot", name: str) -> str:
@@ -142,10 +139,8 @@ def _by_step(session: "Session", name: str, distance: float, speed: float | None
         return step_tool(session, ToolStep({name: distance}, percent), progress=progress)
 
 
-def _print_jogged(robot: "Robot", jogged: "Jogged", *, as_json: bool) -> None:
-    if as_json:
-        print_json({"robot": robot.name, **asdict(jogged)})
-        return
+def _tell_jogged(live: LiveOptions, robot: "Robot", jogged: "Jogged") -> None:
     unit = robot.joint(jogged.joint).unit
     at_limit = ", at the end of its travel" if jogged.at_limit else ""
-    say(f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}")
+    way = f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}"
+    live.tell(robot, asdict(jogged), way)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, required
+from steptwin.host.cli.arguments import RobotName
+from steptwin.host.cli.live.connection import LiveOptions
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -27,8 +27,8 @@ _POLL_S = 0.1
 
 @command("lab-scara --node th2 --connect 127.0.0.1", "--service emcy --service nmt -i socketcan -c can0")
 def monitor(
+    live: LiveOptions,
     robot: RobotName = None,
-    robot_file: RobotFile = None,
     service: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Only nmt, sync, emcy, time, tpdo, rpdo, sdo or heartbeat; repeatable."),
@@ -39,8 +39,6 @@ def monitor(
     ] = None,
     seconds: Annotated[float | None, typer.Option(metavar="S", help="Time to listen; by default until Ctrl-C.")] = None,
     count: Annotated[int | None, typer.Option(metavar="N", help="Number of frames to show; by default any.")] = None,
-    board: BoardAddress = NOT_CONNECTED,
-    as_json: AsJson = False,
 ) -> None:
     """Show the traffic of a bus in CANopen's terms, without sending anything.
 
@@ -49,7 +47,7 @@ def monitor(
     from steptwin.host.client.links.bus_link import open_bus
     from steptwin.host.client.monitor import SERVICES, Decoder
 
-    loaded = None if robot is None and robot_file is None else one_robot(robot, robot_file)
+    loaded = None if robot is None and live.robot_file is None else live.robot(robot)
     for name in service or []:
         if name not in SERVICES:
             raise unknown("--service", name, SERVICES)
@@ -57,7 +55,7 @@ def monitor(
     wanted_nodes = {_node_id(text, names) for text in node or []}
     _check_positive("--seconds", seconds)
     _check_positive("--count", count)
-    found = required(board.connection(loaded))
+    found = live.address.required(loaded)
     decoder = Decoder(names)
     shown, documents = 0, list[dict[str, Any]]()
     with open_bus(found) as bus:
@@ -67,7 +65,7 @@ def monitor(
                 if (service and decoded.service not in service) or (node and decoded.node_id not in wanted_nodes):
                     continue
                 shown += 1
-                if as_json:
+                if live.as_json:
                     documents.append(_document(message, decoded))
                 else:
                     say(_line(message, decoded))
@@ -76,7 +74,7 @@ def monitor(
         except KeyboardInterrupt:
             if seconds is not None or count is not None:
                 raise
-    if as_json:
+    if live.as_json:
         print_json({"frames": documents})
 
 

@@ -8,18 +8,15 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
-    AsJson,
     PositionsFile,
-    RobotFile,
     check_percent,
     finite_number,
     joint_values,
     name_value_pairs,
-    robot_and_rest,
     saved_position,
 )
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
-from steptwin.host.cli.output import fixed, pose_text, print_json, say
+from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.output import fixed, pose_text
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -30,19 +27,15 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-def print_moved(robot: "Robot", moved: "Moved", pose: dict[str, float] | None, *, as_json: bool) -> None:
+def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved", pose: dict[str, float] | None) -> None:
     """Print the joints at the end, and the tool's pose if it is known; with JSON also start, goal and duration."""
     names = robot.joint_names
-    if as_json:
-        figures = {
-            key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
-            for key, value in asdict(moved).items()
-        }
-        print_json({"robot": robot.name, **figures, "pose": pose})
-        return
-    say(", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True)))
-    if pose is not None:
-        say(pose_text(pose))
+    figures = {
+        key: dict(zip(names, value, strict=True)) if isinstance(value, list) else value
+        for key, value in asdict(moved).items()
+    }
+    joints = ", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True))
+    live.tell(robot, figures | {"pose": pose}, joints, *(() if pose is None else (pose_text(pose),)))
 
 
 @command(
@@ -51,6 +44,7 @@ def print_moved(robot: "Robot", moved: "Moved", pose: dict[str, float] | None, *
     negatives=True,
 )
 def move(
+    live: SessionOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -58,7 +52,6 @@ def move(
             help="The robot, and targets of all joints, or of some by name, in mm and degrees.",
         ),
     ] = None,
-    robot_file: RobotFile = None,
     x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None,
     y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None,
     z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None,
@@ -73,9 +66,6 @@ def move(
     speed: Annotated[
         float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
     ] = 100.0,
-    board: BoardAddress = NOT_CONNECTED,
-    force: Force = False,
-    as_json: AsJson = False,
 ) -> None:
     """Move joints, or the tool by the branch that is reached soonest; all axes arrive together.
 
@@ -84,7 +74,7 @@ def move(
     from steptwin.host.operate.moving import goal_by_name, joints_at, move, nearest_joints, standing_joints
     from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 
-    loaded, rest = robot_and_rest(words or [], robot_file)
+    loaded, rest = live.robot_and_rest(words)
     pose = {
         key: finite_number(text, f"--{option}")
         for key, option, text in (("x_mm", "x", x), ("y_mm", "y", y), ("z_mm", "z", z), ("attitude_deg", "phi", phi))
@@ -99,7 +89,7 @@ def move(
     saved = saved_position(loaded, to, file)
     with prefixed(f"--to {to}: " if saved else ""):
         goal = goal_by_name(loaded, saved.joints if isinstance(saved, JointPosition) else joints)
-    with opened_session(loaded, board, force=force) as session, session.alone():
+    with live.session(loaded) as session, session.alone():
         if pose:
             standing = standing_joints(session)
             goal = [*nearest_joints(loaded, _whole_pose(session, standing, pose), standing)]
@@ -109,7 +99,7 @@ def move(
         with progress_bar(f"{loaded.name} move") as progress:
             moved = move(session, goal, speed_percent=speed, progress=progress)
         reached = session.known_pose(moved.end)
-    print_moved(loaded, moved, reached, as_json=as_json)
+    tell_moved(live, loaded, moved, reached)
 
 
 def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:

@@ -5,8 +5,7 @@ from typing import Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
+from steptwin.host.cli.live.connection import SessionOptions
 from steptwin.host.cli.output import print_json, print_table
 from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.errors import InputError
@@ -14,26 +13,23 @@ from steptwin.host.common.errors import InputError
 
 @command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")
 def outputs(
+    live: SessionOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(metavar="ROBOT [NAME on|off]", help="The robot, and an output by its name in the robot's file."),
     ] = None,
-    robot_file: RobotFile = None,
-    board: BoardAddress = NOT_CONNECTED,
-    force: Force = False,
-    as_json: AsJson = False,
 ) -> None:
     """List the digital outputs by their names in the robot's file, or switch one."""
     from steptwin.host.operate.switching import no_such_output, read_outputs, switch_output
 
-    loaded, rest = robot_and_rest(words or [], robot_file)
+    loaded, rest = live.robot_and_rest(words)
     if rest and (len(rest) != 2 or rest[1] not in LEVELS):
         raise InputError(f"after the robot: nothing, or NAME and on or off, not {' '.join(rest)}")
     if rest and rest[0] not in loaded.outputs:
         raise no_such_output(loaded.name, rest[0], list(loaded.outputs))
-    with opened_session(loaded, board, force=force) as session:
+    with live.session(loaded) as session:
         levels = switch_output(session, rest[0], on=LEVELS[rest[1]]) if rest else read_outputs(session)
-    if as_json:
+    if live.as_json:
         print_json({"robot": loaded.name, "outputs": levels})
         return
     rows = [

@@ -6,8 +6,8 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, naming_options, one_robot, positions_path
-from steptwin.host.cli.live.axis_states import require_extra
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, host_and_port, required
+from steptwin.host.cli.live.connection import BoardAddress, Force, host_and_port
+from steptwin.host.cli.live.panel_process import require_extra
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.control import EXAMPLE_PORT
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
 def panel(
+    board: BoardAddress,
     robot: RobotName = None,
     robot_file: RobotFile = None,
-    board: BoardAddress = NOT_CONNECTED,
     control: Annotated[
         str | None,
         typer.Option(
@@ -46,7 +46,7 @@ def panel(
     The emergency stop of the page is no safety function: it needs this computer, the network and the bus.
     """
     loaded = one_robot(robot, robot_file)
-    found = required(board.connection(loaded))
+    found = board.required(loaded)
     served = None if control is None else host_and_port("--control", control, EXAMPLE_PORT)
     require_extra()
     from steptwin.host.panel.page.server import Address

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from signal import Signals
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 from steptwin.host.cli.arguments import naming_options
 from steptwin.host.cli.output import warn
 from steptwin.host.common import listening as socketcand
+from steptwin.host.common.errors import InputError
 from steptwin.host.common.listening import listen
 
 if TYPE_CHECKING:
@@ -29,6 +31,12 @@ _END_S: Final = 5.0
 _TOGETHER_S: Final = 1.0
 """Time within which the panel and its server both end by a Ctrl-C."""
 _EVERYWHERE: Final = ("0.0.0.0", "::")
+
+
+def require_extra() -> None:
+    """Raise InputError, with the remedy, unless the extra `panel` is installed."""
+    if find_spec("nicegui") is None:
+        raise InputError("the panel is not installed: pip install 'steptwin[panel]'")
 
 
 def require_free(port: int | None) -> None:

@@ -5,16 +5,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, PositionsFile, RobotFile, positions_path, robot_and_rest
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
-from steptwin.host.cli.output import pose_text, print_json, print_table, say
+from steptwin.host.cli.arguments import PositionsFile, positions_path
+from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.output import pose_text, print_table
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from steptwin.host.operate.session import Session
     from steptwin.host.planning.programs.positions import Position
     from steptwin.host.robots.robot import Robot
 
@@ -25,6 +24,7 @@ _NAMED: Final = {"save": True, "list": False, "delete": True}
 
 @command("save pick lab-scara --connect 127.0.0.1", "list lab-scara --file bench.toml")
 def positions(
+    live: SessionOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -32,12 +32,8 @@ def positions(
             help="save NAME, list or delete NAME; and the robot whose positions they are.",
         ),
     ] = None,
-    robot_file: RobotFile = None,
     file: PositionsFile = None,
     replace: Annotated[bool, typer.Option("--replace", help="Save in place of a position of the same name.")] = False,
-    board: BoardAddress = NOT_CONNECTED,
-    force: Force = False,
-    as_json: AsJson = False,
 ) -> None:
     """Save under a name where a live board stands; list the saved positions, or delete one.
 
@@ -45,23 +41,19 @@ def positions(
     board.
     """
     action, name, rest = _split(words or [])
-    robot, rest = robot_and_rest(rest, robot_file)
+    robot, rest = live.robot_and_rest(rest)
     if rest:
         raise InputError(f"{rest[0]!r} is one word too many: {action}{' NAME' if _NAMED[action] else ''} ROBOT")
     path = positions_path(robot, file)
     if action == "save":
-        from steptwin.host.planning.programs.positions import check_saving
-
-        check_saving(path, robot, name, replace=replace)
-        with opened_session(robot, board, force=force) as session:
-            _save(session, path, name, replace=replace, as_json=as_json)
+        _save(live, robot, path, name, replace=replace)
         return
-    if replace or force or board.connection(robot):
+    if replace or live.force or live.address.connection(robot):
         raise InputError(f"{action}: needs no board and takes no --replace; they are for save")
     if action == "list":
-        _list(robot, path, as_json=as_json)
+        _list(live, robot, path)
     else:
-        _delete(robot, path, name, as_json=as_json)
+        _delete(live, robot, path, name)
 
 
 def _split(words: list[str]) -> tuple[str, str, list[str]]:
@@ -78,39 +70,35 @@ def _split(words: list[str]) -> tuple[str, str, list[str]]:
     return action, rest[0], rest[1:]
 
 
-def _save(session: "Session", path: str, name: str, *, replace: bool, as_json: bool) -> None:
+def _save(live: SessionOptions, robot: "Robot", path: str, name: str, *, replace: bool) -> None:
     from steptwin.host.operate.moving import standing_joints
-    from steptwin.host.planning.programs.positions import find_position, read_positions, save_position
+    from steptwin.host.planning.programs.positions import check_saving, find_position, read_positions, save_position
 
-    joints = standing_joints(session, "positions save")
-    pose = session.pose(joints)
-    save_position(path, session.robot, name, joints, "" if pose is None else pose_text(pose), replace=replace)
-    position = find_position(read_positions(path, session.robot), name, path)
-    if as_json:
-        print_json({"robot": session.robot.name, "file": path, "name": name, **_document(position)})
-    else:
-        say(f"{path}: {name} = {_words(position)}")
+    check_saving(path, robot, name, replace=replace)
+    with live.session(robot) as session:
+        joints = standing_joints(session, "positions save")
+        pose = session.pose(joints)
+        save_position(path, robot, name, joints, "" if pose is None else pose_text(pose), replace=replace)
+        position = find_position(read_positions(path, robot), name, path)
+    live.tell(robot, {"file": path, "name": name, **_document(position)}, f"{path}: {name} = {_words(position)}")
 
 
-def _list(robot: "Robot", path: str, *, as_json: bool) -> None:
+def _list(live: LiveOptions, robot: "Robot", path: str) -> None:
     from steptwin.host.planning.programs.positions import read_positions
 
     found = read_positions(path, robot)
-    if as_json:
+    if live.as_json:
         documents = {name: _document(position) for name, position in found.items()}
-        print_json({"robot": robot.name, "file": path, "positions": documents})
+        live.tell(robot, {"file": path, "positions": documents})
         return
     print_table(["name", "position"], [[name, _words(position)] for name, position in found.items()], text_columns=2)
 
 
-def _delete(robot: "Robot", path: str, name: str, *, as_json: bool) -> None:
+def _delete(live: LiveOptions, robot: "Robot", path: str, name: str) -> None:
     from steptwin.host.planning.programs.positions import delete_position
 
     delete_position(path, robot, name)
-    if as_json:
-        print_json({"robot": robot.name, "file": path, "deleted": name})
-    else:
-        say(f"{path}: {name} deleted")
+    live.tell(robot, {"file": path, "deleted": name}, f"{path}: {name} deleted")
 
 
 def _document(position: "Position") -> dict[str, Any]:

@@ -18,8 +18,7 @@ from steptwin.host.cli.arguments import (
     joint_values,
     one_robot,
 )
-from steptwin.host.cli.live.axis_states import require_extra
-from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_free
+from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
 from steptwin.host.cli.live.served_words import banner, print_served, status_line
 from steptwin.host.cli.output import print_json, say, warn
 from steptwin.host.cli.run.emulated_machine import machine_keywords, naming_machine_options

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
-from steptwin.host.cli.live.connection import NOT_CONNECTED, BoardAddress, Force, opened_session
+from steptwin.host.cli.arguments import RobotName
+from steptwin.host.cli.live.connection import SessionOptions
 from steptwin.host.cli.output import fixed, pose_text, print_json, print_json_line, say, text_console, text_table
 from steptwin.host.common.bad_input import printable
 from steptwin.host.common.errors import DeviceFaultError
@@ -24,24 +24,21 @@ _WATCH_EVERY_S = 0.5
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara --watch -i socketcan -c can0")
 def status(
+    live: SessionOptions,
     robot: RobotName = None,
-    robot_file: RobotFile = None,
-    board: BoardAddress = NOT_CONNECTED,
-    force: Force = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Refresh twice a second, until Ctrl-C; with --json, a line each time.")
     ] = False,
-    as_json: AsJson = False,
 ) -> None:
     """Show drives, positions, errors and queues. Exit code 3: a drive is in fault."""
     from steptwin.host.operate.status import read_status
 
-    loaded = one_robot(robot, robot_file)
-    with opened_session(loaded, board, force=force) as session:
+    loaded = live.robot(robot)
+    with live.session(loaded) as session:
         if watch:
-            _watch(session, as_json=as_json)
+            _watch(session, as_json=live.as_json)
         seen = read_status(session)
-    if as_json:
+    if live.as_json:
         print_json(seen.to_dict())
     else:
         _print(seen)

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 import typer
 
 from steptwin.host.cli.arguments import naming_options
-from steptwin.host.cli.live.connection import session_at
+from steptwin.host.cli.live.connection import SessionOptions
 from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.run.verdict_text import print_waits
 
 if TYPE_CHECKING:
-    from steptwin.host.client.links.bus_link import Connection
     from steptwin.host.operate.running import LiveOutcome
     from steptwin.host.planning.plan import Plan
 
@@ -19,16 +18,14 @@ EXIT_ELSEWHERE = 1
 """Exit code of a run that did not end where the plan ends; the same as of a run that is not verified."""
 
 
-def run_live(
-    found: "Connection", plan: "Plan", job: str, *, repeat: int, approach: bool, force: bool, as_json: bool
-) -> None:
-    """Run a plan on the board behind a connection and print how it ended; raises as `execute_live` does."""
+def run_live(live: SessionOptions, plan: "Plan", job: str, *, repeat: int, approach: bool) -> None:
+    """Run a plan on a live board and print how it ended; raises as `execute_live` does."""
     from steptwin.host.operate.running import check_repeatable, execute_live
 
     with naming_options("repeat"):
         check_repeatable(plan, repeat)
     with (
-        session_at(found, plan.robot, force=force) as session,
+        live.session(plan.robot) as session,
         progress_bar(f"{plan.robot.name} {job}") as progress,
         naming_options("approach"),
     ):
@@ -40,7 +37,7 @@ def run_live(
             approach=approach,
             progress=progress,
         )
-    if as_json:
+    if live.as_json:
         print_json(outcome.to_dict())
     else:
         _print(outcome)

@@ -6,16 +6,13 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
-    AsJson,
     DipMicrosteps,
     DriverProfileName,
     LockedDrawer,
-    RobotFile,
     ShelfStock,
     name_value_pairs,
-    robot_and_rest,
 )
-from steptwin.host.cli.live.connection import LIVE_PANEL, NOT_CONNECTED, BoardAddress, Force
+from steptwin.host.cli.live.connection import LIVE_PANEL, SessionOptions
 from steptwin.host.cli.run.chosen_motion import FileOptions, InterpolationName, choose_motion
 from steptwin.host.cli.run.faults_on_purpose import Faults
 from steptwin.host.cli.run.live_run import run_live
@@ -31,6 +28,7 @@ from steptwin.host.common.errors import InputError
     alone={"--motors": "after"},
 )
 def run(
+    live: SessionOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -40,7 +38,6 @@ def run(
             " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
         ),
     ] = None,
-    robot_file: RobotFile = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder to write report, edges, bus log and pictures into.")
     ] = None,
@@ -117,7 +114,6 @@ def run(
             metavar="PPM", help="How fast the emulated board's crystal is, from -1000 to 1000 parts per million."
         ),
     ] = 0,
-    board: BoardAddress = NOT_CONNECTED,
     stretch: Annotated[
         str | None,
         typer.Option(
@@ -128,7 +124,6 @@ def run(
         str | None,
         typer.Option(metavar="PERCENT", help="Speed of the motion, from 1: 50 is the same as --stretch 2."),
     ] = None,
-    force: Force = False,
     repeat: Annotated[
         int, typer.Option(metavar="N", help="Number of times the motion runs.", rich_help_panel=LIVE_PANEL)
     ] = 1,
@@ -136,14 +131,13 @@ def run(
         bool,
         typer.Option("--approach", help="Move to the start first, all joints together.", rich_help_panel=LIVE_PANEL),
     ] = False,
-    as_json: AsJson = False,
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
 
     With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
     at the end are compared with the plan.
     """
-    robot, rest = robot_and_rest(words or [], robot_file)
+    robot, rest = live.robot_and_rest(words)
     job, box = _job_and_box(rest, boxes=robot.shelf is not None)
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
     errand = choose_errand(robot, job, options, inventory, box)
@@ -164,15 +158,14 @@ def run(
         motors=motors,
         crystal_ppm=crystal,
     )
-    live = board.connection(robot)
-    if live is None:
+    if live.address.connection(robot) is None:
         only_live = {"--repeat": repeat if repeat != 1 else None, "--approach": approach or None}
-        _refuse(only_live | {"--force": force or None}, "a live board")
-        run_virtual(robot, motion, job, errand, machine, as_json=as_json)
+        _refuse(only_live | {"--force": live.force or None}, "a live board")
+        run_virtual(robot, motion, job, errand, machine, as_json=live.as_json)
     else:
         _refuse({**machine.given, "--inventory": inventory}, "a run in virtual time, without --connect or -i")
-        motion.say_summary(to_stderr=as_json)
-        run_live(live, motion.plan, job, repeat=repeat, approach=approach, force=force, as_json=as_json)
+        motion.say_summary(to_stderr=live.as_json)
+        run_live(live, motion.plan, job, repeat=repeat, approach=approach)
 
 
 def _refuse(options: dict[str, Any], other: str) -> None:

@@ -49,7 +49,7 @@ class CommandLine:
                 pass
 
         # The age of a command and that of a fault are compared: both are of virtual time here.
-        patch.setattr("steptwin.host.cli.live.reset.time", SimpleNamespace(monotonic=board.now_s))
+        patch.setattr("steptwin.host.cli.live.halting.time", SimpleNamespace(monotonic=board.now_s))
         patch.setattr(bus_link, "open_bus", lambda _: None)
         patch.setattr(bus_link, "BusLink", Opened)
 

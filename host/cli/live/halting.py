@@ -1,0 +1,96 @@
+"""`steptwin pause|resume|stop|estop|reset ROBOT --connect ...`: halt what a live board does, and let it go on."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from steptwin.host.cli.app import command
+from steptwin.host.cli.arguments import RobotName
+from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.operate.recovering import AxisState
+    from steptwin.host.operate.session import Session
+
+_EXAMPLES: Final = ("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0")
+_CLOCKS_S: Final = 0.5
+"""Time for which the clock of an emulated board may have stood since a fault, on a computer that is too slow."""
+
+
+@command(*_EXAMPLES)
+def pause(live: SessionOptions, robot: RobotName = None) -> None:
+    """Halt the running trajectory on its path; the program that streams it keeps the queue filled."""
+    from steptwin.host.client.pausing import pause_trajectory
+    from steptwin.host.client.stopping import saying_if_unsure
+
+    loaded = live.robot(robot)
+    with saying_if_unsure(), live.session(loaded) as session:
+        session.require_present()
+        halted = pause_trajectory(session.machine)
+    live.tell(loaded, {"halted": halted}, "halted" if halted else "not halted: the trajectory ended first")
+
+
+@command(*_EXAMPLES)
+def resume(live: SessionOptions, robot: RobotName = None) -> None:
+    """Continue a halted trajectory."""
+    from steptwin.host.client.pausing import resume_trajectory
+
+    loaded = live.robot(robot)
+    with live.session(loaded) as session:
+        session.require_present()
+        resume_trajectory(session.machine)
+    live.tell(loaded, {"halted": False}, "goes on")
+
+
+@command(*_EXAMPLES)
+def stop(live: LiveOptions, robot: RobotName = None) -> None:
+    """Stop all axes together by a quick stop; they hold their positions afterwards."""
+    from steptwin.host.operate.recovering import stop
+
+    _stop_axes(live, robot, stop)
+
+
+@command(*_EXAMPLES)
+def estop(live: LiveOptions, robot: RobotName = None) -> None:
+    """Stop all axes together, switch their power off and hold them until `steptwin reset`.
+
+    This is stop category 1 of IEC 60204-1, in software: it does not replace an emergency stop switch.
+    """
+    from steptwin.host.operate.recovering import emergency_stop
+
+    _stop_axes(live, robot, emergency_stop)
+
+
+def _stop_axes(live: LiveOptions, name: str | None, stop: "Callable[[Session], list[AxisState]]") -> None:
+    """Stop all axes of a live board, whichever robot's it is, and print their states.
+
+    Only then look whose the board is, so that a stop is never refused. If it is another robot's, print no positions,
+    which would be in the wrong units, and raise InputError: that robot may have more axes.
+    """
+    from steptwin.host.client.stopping import saying_if_unsure
+
+    robot = live.robot(name)
+    unasked = SessionOptions(address=live.address, force=True)
+    with saying_if_unsure(), unasked.session(robot) as session:
+        states = stop(session)
+        foreign = session.foreign_board()
+        live.tell_states(robot, states, positions=not foreign)
+        if foreign:
+            raise InputError(f"{foreign}; {robot.name}'s axes were stopped, but the board may have others that move")
+
+
+@command("lab-scara --connect 127.0.0.1", "lab-scara --json --connect 127.0.0.1")
+def reset(live: SessionOptions, robot: RobotName = None) -> None:
+    """Reset the drives' faults, and start nodes that are stopped; the drives are off afterwards.
+
+    Nodes that another master has stopped (NMT), or whose board has restarted, are started. A fault or an emergency stop
+    that comes after this command was started stays. Exit code 3: a cause persists, or a later fault stays.
+    """
+    asked_s = time.monotonic()
+    from steptwin.host.operate.recovering import reset
+
+    loaded = live.robot(robot)
+    with live.session(loaded, waking=True) as session:
+        states = reset(session, age_s=max(0.0, time.monotonic() - asked_s - _CLOCKS_S))
+    live.tell_states(loaded, states)
