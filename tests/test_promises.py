@@ -23,7 +23,7 @@ from steptwin.host.common import file_limits
 from steptwin.host.common import processes as slowness
 from steptwin.host.faults import reaction as reaction_times
 from steptwin.host.operate import running
-from steptwin.host.panel.desk import presses
+from steptwin.host.panel.desk import jogs
 from steptwin.host.panel.desk import stops as shown
 from steptwin.host.panel.page import guard, server
 from steptwin.host.panel.page import plots_card as plot
@@ -56,7 +56,7 @@ class Promise:
 
 PROMISES = [
     # --- the panel
-    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", presses.LEASE_S, 0.25),
+    Promise("docs/panel.md", "moves the machine for 250 ms after its last sign of life", jogs.LEASE_S, 0.25),
     Promise("docs/panel.md", "if that state is more than a second old", shown.AGE_MAX_S, 1.0),
     Promise("docs/panel.md", "position, speed and following error of the last 20 s", plot.WINDOW_S, 20.0),
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
@@ -148,7 +148,7 @@ def in_the_browser(name: str) -> float:
 def test_a_held_button_may_lose_two_beats() -> None:
     """The page beats every 80 ms, as the server expects: the third beat comes 240 ms after the last, within 250."""
     assert in_the_browser("BEAT_MS") == 80
-    assert presses.BEAT_S == 0.08
+    assert jogs.BEAT_S == 0.08
 
 
 def test_a_stop_that_nothing_answers_is_said_within_300_ms() -> None:

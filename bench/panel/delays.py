@@ -20,7 +20,7 @@ from steptwin.bench.panel import page_load as panel_page
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, JointJog, RefusedError, ResetFaults, ToolJog
-from steptwin.host.panel.desk.presses import BEAT_S
+from steptwin.host.panel.desk.jogs import BEAT_S
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, COB_TPDO, FIRST_NODE_ID

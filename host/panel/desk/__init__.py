@@ -3,29 +3,23 @@
 Begin reading at `desk.py: Desk`. Nothing here knows of a page.
 """
 
-from steptwin.host.panel.desk.commands import (
-    Command,
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.drives import Disable, Enable, ResetFaults, SwitchOutput, WriteSettings
+from steptwin.host.panel.desk.events import Event, EventLog, Severity
+from steptwin.host.panel.desk.history import Drawing, History, HistorySamples
+from steptwin.host.panel.desk.jogs import Jog, JointJog, ToolJog
+from steptwin.host.panel.desk.moves import (
     DeclareHere,
-    Disable,
-    Enable,
     HomeAll,
     HomeJoint,
-    Jog,
-    JointJog,
     MoveJoints,
     MoveTool,
-    ResetFaults,
     RunMotion,
     StepJoint,
     StepTool,
-    SwitchOutput,
-    ToolJog,
-    WriteSettings,
 )
-from steptwin.host.panel.desk.desk import Desk
-from steptwin.host.panel.desk.events import Event, EventLog, Severity
-from steptwin.host.panel.desk.history import Drawing, History, HistorySamples
 from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.requests import Command
 from steptwin.host.panel.desk.results import Result
 from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot

@@ -5,24 +5,17 @@ from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.client.pausing import send_pause, send_resume
 from steptwin.host.client.stopping import UNSURE, send_quick_stop
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.operate.jogging import check_jog
-from steptwin.host.panel.desk.actions import ACTIONS
-from steptwin.host.panel.desk.checks import Standing
-from steptwin.host.panel.desk.commands import Command, Jog, JointJog, Order
-from steptwin.host.panel.desk.events import EventLog
 from steptwin.host.panel.desk.figures import BoardFigures
-from steptwin.host.panel.desk.history import Drawing, History
-from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.parts import Asked, Parts
-from steptwin.host.panel.desk.presses import Presses
+from steptwin.host.panel.desk.jogs import Jog
 from steptwin.host.panel.desk.publisher import Publisher
-from steptwin.host.panel.desk.results import Result, RunResults
-from steptwin.host.panel.desk.settings import MachineSettings, Setting
+from steptwin.host.panel.desk.requests import Command, Order, Requests
+from steptwin.host.panel.desk.results import Result
+from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.snapshot import Snapshot
-from steptwin.host.panel.desk.stops import ShownStates, Stop, StopRequests
+from steptwin.host.panel.desk.state import DeskState
+from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.panel.desk.words import RefusedError, busy, told
 from steptwin.host.panel.desk.worker import Worker
-from steptwin.host.planning.tool_by_hand import check_tool_jog
 from steptwin.host.robots.robot import Robot
 
 
@@ -51,32 +44,19 @@ class Desk:
             control: host and port of a served board's control port, for its load and lateness; None without one.
             force: go on although the board carries another robot's name.
         """
-        self.events = EventLog()
-        self.operators = Operators(self.events, self._operator_changed)
-        self.history = History(len(robot.joints))
-        self.drawing = Drawing()
-        self._presses = Presses()
-        self._stops = StopRequests()
-        self._results = RunResults()
-        self._limits = MachineSettings(robot, robot)
-        self._shown = ShownStates()
-        self._publisher = Publisher(self.operators, self.history, self.events, self._stops, self.drawing, self._shown)
-        self._asked = Asked(self._publisher, self._presses)
-        parts = Parts(
-            self._publisher, self._shown, self._presses, self._stops, self.events, self._results, self._limits
-        )
-        self._worker = Worker(connection, parts, self._asked, force=force)
-        self._figures = None if control is None else BoardFigures(*control, self._publisher.known, self.events)
+        self._state = DeskState(robot)
+        self._requests = Requests(self._state)
+        self._publisher = Publisher(self._state, self._requests)
+        self.events, self.history, self.drawing = self._state.events, self._state.history, self._state.drawing
+        self.operators = self._requests.operators
+        self._worker = Worker(connection, self._state, self._requests, self._publisher, force=force)
+        self._figures = None if control is None else BoardFigures(*control, self._state)
         self._worker.start()
-
-    def _operator_changed(self) -> None:
-        self._shown.void("the operator changed")
-        self._presses.end("another client operates the machine")
 
     @property
     def robot(self) -> Robot:
         """The machine, with the limits that the settings have now: plan for this one."""
-        return self._limits.robot
+        return self._state.robot
 
     @property
     def snapshot(self) -> Snapshot:
@@ -86,12 +66,12 @@ class Desk:
     @property
     def settings(self) -> tuple[Setting, ...]:
         """The settings as last read; empty before the first connection."""
-        return self._limits.settings
+        return self._state.limits.settings
 
     @property
     def results(self) -> tuple[Result, ...]:
         """The last runs that have ended, the newest last."""
-        return self._results.all()
+        return self._state.results.all()
 
     # --- for the operator
 
@@ -101,7 +81,7 @@ class Desk:
         `name` says what that is, and `shown` is the number of the newest snapshot that its page had shown then.
         """
         try:
-            self._shown.require(shown)
+            self._requests.shown.require(shown)
         except RefusedError as error:
             raise RefusedError(f"{name}: {error}") from error
 
@@ -119,23 +99,21 @@ class Desk:
                 machine is not connected, is busy, is held by an emergency stop, or not homed.
         """
         self.operators.require(client)
-        action = ACTIONS[type(command)]
-        name = action.title(command)
-        self._require_ready(name, drives=action.drives, homed=action.homed)
-        self.require_shown(name, shown)
+        self._require_ready(command.title, drives=command.needs_drives, homed=command.needs_homed)
+        self.require_shown(command.title, shown)
         assert shown is not None
-        if self._presses.present is not None:
-            raise RefusedError(f"{name}: a jog button is held")
+        if self._requests.presses.present is not None:
+            raise RefusedError(f"{command.title}: a jog button is held")
         try:
-            action.check(Standing(self._limits, [joint.position for joint in self.snapshot.joints]), command)
+            command.check(self._state)
         except InputError as error:
             raise RefusedError(told(error)) from error
-        self._asked.ask(Order(command, shown))
+        self._requests.ask(Order(command, shown))
 
     def beat(self, client: str, press: int, jog: Jog, shown: int | None) -> None:
-        """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`presses.BEAT_S`) after that.
+        """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`jogs.BEAT_S`) after that.
 
-        The machine stops 250 ms (`presses.LEASE_S`) after the last beat. Each press has a number, greater than all
+        The machine stops 250 ms (`jogs.LEASE_S`) after the last beat. Each press has a number, greater than all
         before on this client; a press that is over stays so. `shown` is the number of the newest snapshot that the page
         had shown when it sent the beat.
 
@@ -143,28 +121,25 @@ class Desk:
             RefusedError: nothing moves, and why: as `ask`, or because the press is over.
         """
         self.operators.require(client)
-        if self._presses.is_present(client, press):
+        if self._requests.presses.is_present(client, press):
             self._require_young(jog, shown)
         else:
-            self._presses.require_new(client, press)
-            self._require_ready(f"jog {jog.name}", drives=True, homed=not isinstance(jog, JointJog), jogging=True)
-            self.require_shown(f"jog {jog.name}", shown)
+            self._requests.presses.require_new(client, press)
+            self._require_ready(jog.title, drives=True, homed=jog.needs_homed, jogging=True)
+            self.require_shown(jog.title, shown)
             try:
-                if isinstance(jog, JointJog):
-                    check_jog(self.robot, jog.joint, jog.speed)
-                else:
-                    check_tool_jog(jog.coordinate, jog.speed)
+                jog.check(self.robot)
             except InputError as error:
                 raise RefusedError(told(error)) from error
-        self._presses.beat(client, press, jog)
+        self._requests.presses.beat(client, press, jog)
 
     def _require_young(self, jog: Jog, shown: int | None) -> None:
         """End the press that is held, and raise RefusedError, if its beats come too late: its release would, too."""
         try:
-            self._shown.require_young(shown)
+            self._requests.shown.require_young(shown)
         except RefusedError as error:
-            late = f"jog {jog.name}: {error}"
-            self._presses.end(late)
+            late = f"{jog.title}: {error}"
+            self._requests.presses.end(late)
             raise RefusedError(late) from error
 
     def release(self, client: str, press: int) -> str | None:
@@ -172,7 +147,7 @@ class Desk:
 
         Return why the jog had ended before; None if it had not.
         """
-        return self._presses.release(client, press)
+        return self._requests.presses.release(client, press)
 
     def resume(self, client: str, shown: int | None) -> None:
         """Let a paused trajectory go on; raise RefusedError as `ask`, or if none is paused."""
@@ -220,15 +195,15 @@ class Desk:
 
     def stop(self, by: str = "a client", press: str | None = None) -> bool:
         """Stop all axes together; they hold their positions. Arguments and result are those of `emergency_stop`."""
-        self._shown.void("a stop came")
-        self._presses.end("stopped")
-        self._asked.drop()  # before the stop is asked for, or it could begin once the stop is made
+        self._requests.shown.void("a stop came")
+        self._requests.presses.end("stopped")
+        self._requests.drop()  # before the stop is asked for, or it could begin once the stop is made
         if self._worker.session is None:
             self.events.error(f"stop by {by}: not connected; {UNSURE}")
             return False  # the press is not known then: its copy that comes later stops the machine
-        if press is not None and not self._stops.is_new(press):
+        if press is not None and not self._requests.stops.is_new(press):
             return self.snapshot.connected
-        self._stops.ask(Stop.STOP)
+        self._requests.stops.ask(Stop.STOP)
         self.events.warning(f"stop by {by}")
         return self.snapshot.connected
 
@@ -245,13 +220,13 @@ class Desk:
         Returns:
             Whether the machine was connected, so that it has been told.
         """
-        if press is not None and not self._stops.is_new(press):
+        if press is not None and not self._requests.stops.is_new(press):
             return self.snapshot.connected
-        self._publisher.known.emergency_stopped = True
-        self._shown.void("an emergency stop came")
-        self._asked.drop()
-        self._stops.ask(Stop.EMERGENCY)
-        self._presses.end("emergency stop")
+        self._state.emergency_stopped = True
+        self._requests.shown.void("an emergency stop came")
+        self._requests.drop()
+        self._requests.stops.ask(Stop.EMERGENCY)
+        self._requests.presses.end("emergency stop")
         session = self._worker.session
         try:
             if session is None:
@@ -266,7 +241,7 @@ class Desk:
     def gone(self, client: str) -> None:
         """Say that a page is closed for ever: its jog ends, and it no longer operates the machine."""
         self.operators.give_up(client)
-        self._presses.forget(client)
+        self._requests.presses.forget(client)
 
     def close(self) -> None:
         """End the connection; what the desk makes the machine do stops first."""

@@ -10,7 +10,7 @@ from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.common.processes import ClockStood, Slowness
 from steptwin.host.panel.desk.events import EventLog
-from steptwin.host.panel.desk.publisher import Known
+from steptwin.host.panel.desk.state import DeskState
 
 _PERIOD_S: Final = 0.5
 _RECENT: Final = 10
@@ -20,10 +20,10 @@ _RECENT: Final = 10
 class BoardFigures:
     """Asks a control port twice a second, in a thread of its own; without an answer the figures are unknown."""
 
-    def __init__(self, host: str, port: int, known: Known, events: EventLog) -> None:
+    def __init__(self, host: str, port: int, state: DeskState) -> None:
         self._client = ControlClient(host, port)
-        self._known = known
-        self._clock = ClockWatch(events)
+        self._state = state
+        self._clock = ClockWatch(state.events)
         self._closing = Flag()
         self._thread = Thread(target=self._run, name="desk figures", daemon=True)
         self._thread.start()
@@ -40,14 +40,14 @@ class BoardFigures:
             self._closing.wait(_PERIOD_S)
 
     def _ask(self) -> None:
-        known = self._known
+        desk = self._state
         try:
-            state = self._client.state()
+            board = self._client.state()
         except StepTwinError:
-            known.bus_load_percent = known.late_ms = known.stood_percent = None
+            desk.bus_load_percent = desk.late_ms = desk.stood_percent = None
         else:
-            known.bus_load_percent, known.late_ms = state.bus_load_percent, state.ticks.late_us_p99 / 1000
-            known.stood_percent = self._clock.percent(time.monotonic(), state.stood)
+            desk.bus_load_percent, desk.late_ms = board.bus_load_percent, board.ticks.late_us_p99 / 1000
+            desk.stood_percent = self._clock.percent(time.monotonic(), board.stood)
 
 
 class ClockWatch:

@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,12 +14,11 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.input_waiting import wired_inputs
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.events import EventLog
-from steptwin.host.panel.desk.history import Drawing, History
-from steptwin.host.panel.desk.operators import Operators
 from steptwin.host.panel.desk.reports import SILENT_S, AxisTelemetry, Reports
+from steptwin.host.panel.desk.requests import Requests
 from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
-from steptwin.host.panel.desk.stops import ShownStates, Stop, StopRequests
+from steptwin.host.panel.desk.state import DeskState
+from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 from steptwin.host.robots.robot import Robot
@@ -61,46 +60,12 @@ _SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
 _ANOTHER: Final = "another program moves the machine"
 
 
-@dataclass(slots=True)
-class Known:
-    """What the worker knows beside the axes' reports.
-
-    Attributes:
-        activity: what the worker makes the machine do.
-        emergency_stopped: True from an emergency stop until the reset.
-        simulated: True if the board says that it is emulated.
-        outputs: the digital outputs, as last read.
-        bus_load_percent, late_ms, stood_percent: figures of a served board.
-    """
-
-    activity: Activity | None = None
-    emergency_stopped: bool = False
-    simulated: bool | None = None
-    outputs: Mapping[str, bool] = field(default_factory=dict)
-    bus_load_percent: float | None = None
-    late_ms: float | None = None
-    stood_percent: float | None = None
-
-
 class Publisher:
     """Makes snapshots; the worker publishes, any thread reads `snapshot`."""
 
-    def __init__(
-        self,
-        operators: Operators,
-        history: History,
-        events: EventLog,
-        stops: StopRequests,
-        drawing: Drawing,
-        shown: ShownStates,
-    ) -> None:
-        self.known = Known()
-        self._shown = shown
-        self._operators = operators
-        self._history = history
-        self._events = events
-        self._stops = stops
-        self._drawing = drawing
+    def __init__(self, state: DeskState, requests: Requests) -> None:
+        self._state = state
+        self._requests = requests
         self._session: Session | None = None
         self._arm: DrawnArm | None = None
         self._reports: Reports | None = None
@@ -114,31 +79,16 @@ class Publisher:
         """The states that the events tell of, by joint."""
         self._stopped = self._faulty = False
         """Whether a drive was stopped or in fault, as last seen."""
-        self._latest = Snapshot(
-            number=-1,
-            time_s=time.monotonic(),
-            connected=False,
-            why_not="looking for the machine",
-            simulated=None,
-            joints=(),
-            pose=None,
-            links_mm=(),
-            inputs={},
-            outputs={},
-            activity=None,
-            emergency_stopped=False,
-            operator=None,
-        )
 
     @property
     def snapshot(self) -> Snapshot:
         """The newest snapshot; not connected if the axes have fallen silent since."""
-        latest, reports = self._latest, self._reports
-        holder = self._operators.holder
+        latest, reports = self._state.latest, self._reports
+        holder = self._requests.operators.holder
         latest = replace(
             latest,
             operator=holder.name if holder else None,
-            emergency_stopped=self.known.emergency_stopped,
+            emergency_stopped=self._state.emergency_stopped,
             activity=self._present(latest.activity),
         )
         if latest.connected and (reports is None or reports.silent):
@@ -147,7 +97,7 @@ class Publisher:
 
     def _present(self, published: Activity | None) -> Activity | None:
         """Return what the machine does: what was published may have ended, or something else begun since."""
-        own = self.known.activity
+        own = self._state.activity
         if own is None:
             return published if published and published.foreign else None
         return published if published and published.name == own.name else own
@@ -155,14 +105,14 @@ class Publisher:
     def connected(self, session: Session, reports: Reports) -> None:
         """Publish what this session's axes report, from now on."""
         self._session, self._reports = session, reports
-        self._shown.void("the machine was connected again")
+        self._requests.shown.void("the machine was connected again")
 
     def disconnected(self, why: str) -> None:
         """Publish that the machine is not connected, and why; the rest stays as last known."""
         self._session = self._reports = None
         self._told.clear()
-        self._latest = replace(
-            self._latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
+        self._state.latest = replace(
+            self._state.latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
         )
 
     def emergency(self, axis: int, code: int) -> None:
@@ -172,8 +122,8 @@ class Publisher:
         """
         self._emergencies.append((axis, code))
         if code == ErrorCode.ESTOP:
-            self._shown.void("an emergency stop came")
-            self._stops.ask(Stop.VOID)
+            self._requests.shown.void("an emergency stop came")
+            self._requests.stops.ask(Stop.VOID)
 
     def publish(self) -> None:
         """Publish a snapshot, unless the last one is new enough or an axis has not reported yet."""
@@ -188,15 +138,15 @@ class Publisher:
         self._published_s, self._news_s = now_s, reports.news_s
         self._follow_emergency_stop(reports.axes, drives)
         self._follow_stops(drives)
-        self._latest = self._snapshot(now_s, session, reports.axes, drives)
-        self._drawing.follow(self._latest.pose)
+        self._state.latest = self._snapshot(now_s, session, reports.axes, drives)
+        self._state.drawing.follow(self._state.latest.pose)
         self._tell_emergencies(session.robot.joint_names)
-        self._tell_states(now_s, self._latest.joints)
+        self._tell_states(now_s, self._state.latest.joints)
 
     def _snapshot(
         self, now_s: float, session: Session, reports: Sequence[AxisTelemetry], drives: list[DriveStatus]
     ) -> Snapshot:
-        robot, known = session.robot, self.known
+        robot, state = session.robot, self._state
         places = joint_positions(
             robot,
             [drive.position_units for drive in drives],
@@ -208,7 +158,7 @@ class Publisher:
         self._arm.move_to(positions)
         rates = _joint_values(session, [report.velocity_units_per_s for report in reports])
         errors = _joint_values(session, [report.following_error_units for report in reports])
-        self._history.add(now_s, np.array(positions), rates, errors)
+        self._state.history.add(now_s, np.array(positions), rates, errors)
         joints = tuple(
             JointView(
                 name=joint.name,
@@ -229,48 +179,48 @@ class Publisher:
             )
         )
         return Snapshot(
-            number=self._shown.add(),
+            number=self._requests.shown.add(),
             time_s=now_s,
             connected=True,
             why_not=None,
-            simulated=known.simulated,
+            simulated=state.simulated,
             joints=joints,
             pose=self._arm.pose if all(place.known for place in places) else None,
             links_mm=self._arm.links_mm,
             inputs={name: bool((reports[axis].inputs or 0) & bit) for name, (axis, bit) in wired_inputs(robot).items()},
-            outputs=known.outputs,
-            activity=_activity(known.activity, drives),
-            emergency_stopped=known.emergency_stopped,
+            outputs=state.outputs,
+            activity=_activity(state.activity, drives),
+            emergency_stopped=state.emergency_stopped,
             operator=None,
-            bus_load_percent=known.bus_load_percent,
+            bus_load_percent=state.bus_load_percent,
             queue_fill=_queue_fill(session, drives),
-            late_ms=known.late_ms,
-            stood_percent=known.stood_percent,
+            late_ms=state.late_ms,
+            stood_percent=state.stood_percent,
         )
 
     def _follow_emergency_stop(self, reports: Sequence[AxisTelemetry], drives: Sequence[DriveStatus]) -> None:
         """Note an emergency stop, whoever has made it, and its end by a reset."""
-        known = self.known
+        state = self._state
         if any(
             drive.in_fault and report.error_code == ErrorCode.ESTOP
             for report, drive in zip(reports, drives, strict=True)
         ):
-            known.emergency_stopped = True
+            state.emergency_stopped = True
         elif (
-            known.emergency_stopped
-            and self._stops.asked is not Stop.EMERGENCY
+            state.emergency_stopped
+            and self._requests.stops.asked is not Stop.EMERGENCY
             and not any(drive.in_fault for drive in drives)
         ):
-            known.emergency_stopped = False
-            self._events.info("the emergency stop is over")
+            state.emergency_stopped = False
+            self._state.events.info("the emergency stop is over")
 
     def _follow_stops(self, drives: Sequence[DriveStatus]) -> None:
         """Void what was asked for before a stop or a fault, whoever has made it, and before a reset."""
         stopped, faulty = any(drive.state in STOPPED for drive in drives), any(drive.in_fault for drive in drives)
         if stopped and not self._stopped:
-            self._shown.void("the machine was stopped")
+            self._requests.shown.void("the machine was stopped")
         if self._faulty and not faulty:
-            self._shown.void("the machine was reset")
+            self._requests.shown.void("the machine was reset")
         self._stopped, self._faulty = stopped, faulty
 
     def _tell_emergencies(self, names: Sequence[str]) -> None:
@@ -281,7 +231,7 @@ class Publisher:
             if code and names[axis] not in found.setdefault(code, []):
                 found[code].append(names[axis])
         for code, named in found.items():
-            self._events.warning(f"{_who(named, names)}: {error_words(code)}")
+            self._state.events.warning(f"{_who(named, names)}: {error_words(code)}")
 
     def _tell_states(self, now_s: float, joints: Sequence[JointView]) -> None:
         """Log which drives have changed their state for good, those with the same new state together."""
@@ -296,7 +246,7 @@ class Publisher:
                 self._told[joint.name] = joint.state
                 changed.setdefault(joint.state, []).append(joint.name)
         for state, names in changed.items():
-            self._events.info(f"{_who(names, joints)}: {state}")
+            self._state.events.info(f"{_who(names, joints)}: {state}")
 
 
 def _who(some: Sequence[str], every: Sequence[object]) -> str:

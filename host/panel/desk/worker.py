@@ -1,4 +1,4 @@
-"""The one thread that owns the link: it connects, serves the machine, and connects again."""
+"""The one thread that owns the link: it connects, serves the machine one thing at a time, and connects again."""
 
 import logging
 import time
@@ -10,15 +10,23 @@ from typing import Final
 
 import can
 
+from steptwin.host.client import stopping
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.links.bus_network import BusNetwork
-from steptwin.host.common.errors import BusError, StepTwinError
+from steptwin.host.client.waiting import wait_until
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
+from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.connected import Connected
-from steptwin.host.panel.desk.parts import Asked, Parts
-from steptwin.host.panel.desk.reports import Reports
+from steptwin.host.operate.switching import read_outputs
+from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, Press
+from steptwin.host.panel.desk.publisher import Publisher
+from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports
+from steptwin.host.panel.desk.requests import Order, Requests, Work
+from steptwin.host.panel.desk.settings import read_settings
+from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
 from steptwin.host.panel.desk.words import told
+from steptwin.protocol import od
 
 
 class StoppableNetwork(BusNetwork):
@@ -54,6 +62,169 @@ class DeskLink(BusLink):
         self._stops.check()
 
 
+_TURN_S: Final = 0.01
+"""Longest time until an idle worker looks round."""
+_SLOWLY_S: Final = 1.0
+"""Period of the questions about what no node reports by itself."""
+_HELD_S: Final = 0.5
+"""Longest wait for the reports that drives are held, once they are."""
+_SIMULATED: Final = "SIMULATED"
+"""What an emulated board's device name (1008h) says."""
+
+
+class ConnectedMachine:
+    """A machine that is connected; everything here happens in the worker's thread."""
+
+    def __init__(self, session: Session, reports: Reports, state: DeskState, requests: Requests) -> None:
+        self.session = session
+        self.reports = reports
+        self._state = state
+        self._requests = requests
+        self._slow_questions_s = float("-inf")
+        self._often = self._read = False
+        """Whether the nodes report often, and whether settings and the like have been read."""
+
+    def turn(self) -> None:
+        """Stop if that is asked for; then carry out a command, or jog, or wait.
+
+        Raises:
+            StopAskedError: a stop is asked for; the next turn makes it.
+            BusError: the connection is lost.
+        """
+        self.make_stop()
+        self._tell_missed()
+        wanted = self._requests.take()
+        if wanted is None:
+            self.session.link.wait(_TURN_S)
+            self._ask_slowly()
+        elif isinstance(wanted, Press):
+            self._jog(wanted)
+        else:
+            self._carry_out(wanted)
+
+    @contextmanager
+    def _telling(self, name: str) -> Iterator[list[str]]:
+        """Tell in the events how the block fails, and in the list that is yielded; then the worker does nothing."""
+        events, failures = self._state.events, list[str]()
+        try:
+            yield failures
+        except (InputError, DeviceFaultError, BusError) as error:
+            failures.append(f"{name}: {told(error)}")
+            events.error(failures[0])
+        except StopAskedError as asked:
+            events.warning(f"{name}: {asked}")
+            raise
+        finally:
+            self._state.end()
+
+    def _carry_out(self, order: Order) -> None:
+        command, title = order.command, order.command.title
+        with self._telling(title), self.session.one_action():
+            seen_s = self._requests.shown.require(order.shown)
+            text = command.perform(Work(self.session, self._state, title, seen_s))
+            self._slow_questions_s = float("-inf")
+            self._read = self._read and not command.changes_settings
+            if text:
+                self._state.events.info(f"{title}: {text}" if title not in text else text)
+
+    def _jog(self, press: Press) -> None:
+        """Jog until the button is released; whatever else ends the jog ends the press too."""
+        presses, title = self._requests.presses, press.jog.title
+
+        def released() -> bool:
+            return not presses.holds(press)
+
+        why = f"{title}: stopped"
+        try:
+            with self._telling(title) as failures, self.session.one_action():
+                moved, at_end = press.jog.perform(self.session, released)
+                over = presses.why_over(press)
+                if not (moved or at_end):
+                    self._tell_in_vain(title, over)
+                elif over == EXPIRED:
+                    self._state.events.warning(f"{title}: {over}")
+                why = f"{title}: at the end of its travel"
+                if at_end:
+                    self._state.events.info(why)
+        finally:
+            if not released():
+                presses.end(failures[0] if failures else why)
+
+    def _tell_missed(self) -> None:
+        """Say which presses were over before the machine was free: nothing was ever done for them."""
+        for press, why in self._requests.presses.missed():
+            self._tell_in_vain(press.jog.title, why)
+
+    def _tell_in_vain(self, name: str, why: str) -> None:
+        """Say that a button has moved nothing, unless a stop or the like has ended it, which says so itself."""
+        if why == EXPIRED:
+            self._state.events.error(f"{name}: nothing has moved: {why}")
+        elif why in ("", RELEASED):
+            self._state.events.error(
+                f"{name}: nothing has moved: {RELEASED} before the drives were ready: hold it longer"
+            )
+
+    # --- stops
+
+    def make_stop(self) -> None:
+        """Make the stop that is asked for, if any.
+
+        Raises:
+            StopAskedError: meanwhile a greater stop is asked for.
+            BusError: an emergency stop has found a node that does not answer; it is still to be made.
+        """
+        asked = self._requests.stops.answer()
+        if asked is Stop.NONE:
+            return
+        if asked is Stop.EMERGENCY:
+            self._hold()
+        elif asked is Stop.STOP:
+            with self._telling("stop"):
+                stop(self.session)
+        self._requests.stops.done(asked)
+
+    def _hold(self) -> None:
+        """Hold all drives until a reset."""
+        axes, link = self.session.machine.axes, self.session.link
+        try:
+            stopping.emergency_stop(link, axes)
+        except DeviceFaultError as error:
+            self._state.events.error(f"emergency stop: {told(error)}")
+            return
+        wait_until(link, lambda: all(axis.in_fault for axis in axes), _HELD_S)
+        self._state.events.warning("emergency stop: all drives are off and held until a reset")
+
+    # --- what no node reports by itself
+
+    def require_own(self) -> None:
+        """Raise BusError if the board carries another robot's name."""
+        foreign = self.session.foreign_board()
+        if foreign:
+            raise BusError(f"{foreign}; --force goes on all the same").plainly(
+                f"{foreign.axis} belongs to the robot {foreign.found}, not to {foreign.expected}"
+            )
+
+    def _ask_slowly(self) -> None:
+        """Ask for what is not reported, from time to time while nothing moves: questions disturb who streams."""
+        session, now_s = self.session, time.monotonic()
+        if now_s - self._slow_questions_s < _SLOWLY_S or session.streaming:
+            return
+        self._slow_questions_s = now_s
+        state = self._state
+        try:
+            self._often = self._often or set_up_reports(session)
+            if not self._read:
+                ask_once(session, self.reports)
+                state.simulated = _SIMULATED in session.machine.axes[0].read_text(od.DEVICE_NAME)
+                state.limits.settings = read_settings(session, state.limits)
+                self._read = True
+            state.outputs = read_outputs(session)
+        except InputError:
+            return  # a trajectory has begun meanwhile
+        except DeviceFaultError as error:
+            self._state.events.warning(told(error))
+
+
 _RETRY_S: Final = 0.3
 """Time between two attempts to connect."""
 _LOST_S: Final = 1.0
@@ -65,12 +236,15 @@ _LOGGER: Final = logging.getLogger(__name__)
 class Worker:
     """Connects to the machine and serves it until it is closed; everything that waits for the bus happens here."""
 
-    def __init__(self, connection: Connection, parts: Parts, asked: Asked, *, force: bool) -> None:
+    def __init__(
+        self, connection: Connection, state: DeskState, requests: Requests, publisher: Publisher, *, force: bool
+    ) -> None:
         self.session: Session | None = None
         """The session while the machine is connected; may be read by any thread."""
         self._connection = connection
-        self._parts = parts
-        self._asked = asked
+        self._state = state
+        self._requests = requests
+        self._publisher = publisher
         self._force = force
         self._closing = Flag()
         self._thread = Thread(target=self._run, name="desk", daemon=True)
@@ -82,8 +256,8 @@ class Worker:
     def close(self) -> None:
         """Stop what the worker makes the machine do, and end the thread and the connection."""
         self._closing.set()
-        if self._parts.publisher.known.activity is not None:
-            self._parts.stops.ask(Stop.STOP)
+        if self._state.activity is not None:
+            self._requests.stops.ask(Stop.STOP)
         self._thread.join()
 
     def _run(self) -> None:
@@ -101,37 +275,37 @@ class Worker:
             except Exception as error:  # a fault of this program: nobody may be left without a desk
                 _LOGGER.exception("the desk's worker has failed")
                 why = f"internal error: {error}"
-            self._parts.publisher.disconnected(why)
+            self._publisher.disconnected(why)
             if why != last and not self._closing.is_set():
-                self._parts.events.error(f"not connected: {why}")
+                self._state.events.error(f"not connected: {why}")
                 last = why
             self._closing.wait(_RETRY_S)
 
     @contextmanager
-    def _connected(self) -> Iterator[Connected]:
+    def _connected(self) -> Iterator[ConnectedMachine]:
         """Open the bus while the block runs; an emergency stop that waits is made before anything else."""
-        title, parts = self._connection.title, self._parts
+        title, publisher = self._connection.title, self._publisher
         bus = open_bus(self._connection)
-        with DeskLink(bus, title, parts.stops, parts.publisher.publish) as link:
-            session = Session(link, parts.limits.robot)
-            reports = Reports(link.network, session.machine.axes, parts.publisher.emergency)
-            parts.results.reports.listen(link.network, [axis.node_id for axis in session.machine.axes])
-            connected = Connected(session, reports, parts, self._asked)
+        with DeskLink(bus, title, self._requests.stops, publisher.publish) as link:
+            session = Session(link, self._state.robot)
+            reports = Reports(link.network, session.machine.axes, publisher.emergency)
+            self._state.results.reports.listen(link.network, [axis.node_id for axis in session.machine.axes])
+            connected = ConnectedMachine(session, reports, self._state, self._requests)
             connected.make_stop()
             session.require_present()
             if not (self._force or session.streaming):
                 connected.require_own()
-            parts.publisher.connected(session, reports)
+            publisher.connected(session, reports)
             self.session = session
-            parts.events.info(f"connected: {title}")
+            self._state.events.info(f"connected: {title}")
             try:
                 yield connected
             finally:
                 self.session = None
-                parts.presses.end("the connection is lost")
-                self._asked.drop()
+                self._requests.presses.end("the connection is lost")
+                self._requests.drop()
 
-    def _serve(self, connected: Connected) -> None:
+    def _serve(self, connected: ConnectedMachine) -> None:
         """Serve the machine until the worker is closed; raise BusError when the connection is lost."""
         began_s = time.monotonic()
         while not self._closing.is_set():

@@ -12,7 +12,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
-from steptwin.host.panel.desk.presses import BEAT_S
+from steptwin.host.panel.desk.jogs import BEAT_S
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live_rig import await_true

@@ -15,6 +15,7 @@ from steptwin.host.operate.recovering import emergency_stop, reset
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk import (
     Command,
+    DeclareHere,
     Desk,
     Disable,
     Enable,
@@ -31,11 +32,10 @@ from steptwin.host.panel.desk import (
     SwitchOutput,
     ToolJog,
     WriteSettings,
-    presses,
+    jogs,
     reports,
 )
-from steptwin.host.panel.desk.commands import DeclareHere
-from steptwin.host.panel.desk.presses import EXPIRED, RELEASED
+from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.positions import ToolPosition
@@ -50,7 +50,7 @@ TOOL_JOG = ToolJog("x", -20.0)
 def shared(fast_kernel: Kernel) -> Iterator[Rig]:
     """Make a rig that a busy computer does not disturb: presses and reports may be late."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(presses, "LEASE_S", 1.0)
+        patch.setattr(jogs, "LEASE_S", 1.0)
         patch.setattr(reports, "SILENT_S", 5.0)
         with rig(fast_kernel) as made:
             yield made

@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.host.panel.desk.commands import Jog, JointJog, ToolJog
-from steptwin.host.panel.desk.presses import BEAT_S, EXPIRED, LEASE_S, RELEASED, Presses
+from steptwin.host.panel.desk.jogs import BEAT_S, EXPIRED, LEASE_S, RELEASED, Jog, JointJog, Presses, ToolJog
 from steptwin.host.panel.desk.words import RefusedError
 from tests.host.panel.desk.clock import Clock
 

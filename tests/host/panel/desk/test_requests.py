@@ -1,13 +1,68 @@
-"""The desk's parts without a machine: stops, operators, events, history."""
+"""What is asked of the desk, without a machine: commands, stops, operators; and its events and history."""
 
 import numpy as np
 import pytest
 
+from steptwin.host.panel.desk import DeclareHere, Enable, JointJog, ResetFaults
 from steptwin.host.panel.desk.events import EVENTS_MAX, EventLog, Severity
 from steptwin.host.panel.desk.history import History
 from steptwin.host.panel.desk.operators import Operators
+from steptwin.host.panel.desk.requests import Command, Order, Requests
+from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
 from steptwin.host.panel.desk.words import RefusedError
+from steptwin.host.robots import load_robot
+
+
+def test_every_command_has_a_title_and_is_performed() -> None:
+    kinds = Command.__subclasses__()
+    assert len({kind.__name__ for kind in kinds}) == 13
+    assert [kind for kind in kinds if {"title", "perform"} - vars(kind).keys()] == []
+
+
+def test_one_command_waits_until_it_is_taken_or_dropped() -> None:
+    state = DeskState(load_robot("lab-scara"))
+    requests = Requests(state)
+    first = Order(Enable(), 3)
+    requests.ask(first)
+    assert state.activity is not None
+    assert (state.activity.name, state.activity.fraction) == ("switch on", 0.0)
+    with pytest.raises(RefusedError, match=r"^reset: not begun: switch on goes on$"):
+        requests.ask(Order(ResetFaults(), 3))
+    with pytest.raises(RefusedError, match=r"^switch on goes on already$"):
+        requests.ask(Order(Enable(), 3))
+    assert requests.take() is first
+    requests.drop()  # what is carried out goes on
+    assert state.activity is not None
+    state.end()
+    requests.ask(Order(DeclareHere((0.0,)), 4))
+    requests.drop()
+    assert requests.take() is None
+    idle = state.activity
+    assert idle is None
+
+
+def test_a_command_goes_before_a_held_button() -> None:
+    state = DeskState(load_robot("lab-scara"))
+    requests = Requests(state)
+    requests.presses.beat("a", 1, JointJog("th2", 10.0))
+    requests.ask(Order(Enable(), 3))
+    assert isinstance(requests.take(), Order)
+    press = requests.take()
+    assert press == requests.presses.present
+    assert state.activity is not None
+    assert (state.activity.name, state.activity.jogging) == ("jog th2", True)
+
+
+def test_another_operator_ends_what_was_asked_for_before() -> None:
+    requests = Requests(DeskState(load_robot("lab-scara")))
+    number = requests.shown.add()
+    requests.presses.beat("a", 1, JointJog("th2", 10.0))
+    requests.operators.take("b", "Bob")
+    assert requests.presses.present is None
+    assert requests.presses.release("a", 1) == "another client operates the machine"
+    with pytest.raises(RefusedError, match=r"^void, since the operator changed"):
+        requests.shown.require(number)
 
 
 def raised(stops: StopRequests) -> bool:

@@ -10,10 +10,13 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
-from typing import Final
+from typing import ClassVar, Final, NamedTuple
 
-from steptwin.host.panel.desk.commands import Jog
+from steptwin.host.operate.jogging import check_jog, jog, jog_tool
+from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.words import RefusedError
+from steptwin.host.planning.tool_by_hand import check_tool_jog
+from steptwin.host.robots.robot import Robot
 
 BEAT_S: Final = 0.08
 """Time after which a page repeats its beat."""
@@ -22,6 +25,63 @@ LEASE_S: Final = 0.25
 EXPIRED: Final = "the page has fallen silent: press the button again"
 RELEASED: Final = "the button was released"
 _MISSED_MAX: Final = 16
+
+
+class JogEnd(NamedTuple):
+    """The end of a jog: whether anything has moved, and whether it stands at the end of its travel."""
+
+    moved: bool
+    at_end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class JointJog:
+    """Move one joint at a speed with a sign, in mm/s or deg/s, for as long as the button is held."""
+
+    needs_homed: ClassVar[bool] = False
+    joint: str
+    speed: float
+
+    @property
+    def title(self) -> str:
+        """Its name, with the joint."""
+        return f"jog {self.joint}"
+
+    def check(self, robot: Robot) -> None:
+        """Raise InputError unless the joint exists and takes the speed."""
+        check_jog(robot, self.joint, self.speed)
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        """Jog until the button is released, or the joint stands at its limit."""
+        jogged = jog(session, self.joint, self.speed, None, until=released)
+        return JogEnd(jogged.end != jogged.start, jogged.at_limit)
+
+
+@dataclass(frozen=True, slots=True)
+class ToolJog:
+    """Move the tool along x, y or z of the world, or turn it by phi, for as long as the button is held."""
+
+    needs_homed: ClassVar[bool] = True
+    coordinate: str
+    speed: float
+    """In mm/s or deg/s, with a sign."""
+
+    @property
+    def title(self) -> str:
+        """Its name, with the coordinate."""
+        return f"jog {self.coordinate}"
+
+    def check(self, _robot: Robot) -> None:
+        """Raise InputError unless the coordinate exists and takes the speed."""
+        check_tool_jog(self.coordinate, self.speed)
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        """Jog until the button is released, or the tool can go no further."""
+        jogged = jog_tool(session, self.coordinate, self.speed, released)
+        return JogEnd(jogged.end != jogged.start, jogged.at_end)
+
+
+Jog = JointJog | ToolJog
 
 
 @dataclass(frozen=True, slots=True)
