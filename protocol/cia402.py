@@ -166,6 +166,7 @@ class Overrun(IntEnum):
 
 LINEAR_RAMP = 0
 JERK_LIMITED_RAMP = 3
+RAMPS = LINEAR_RAMP, JERK_LIMITED_RAMP
 """Motion profile types (6086h) of this drive; CiA 402's sin^2 and jerk-free ramps are not offered."""
 
 

@@ -1,12 +1,15 @@
-"""Hold the values of one node's object dictionary, with the checks of CiA 301 and hooks for values kept elsewhere."""
+"""Hold the values of one node's object dictionary, with the checks of CiA 301, bound to the parts of the firmware."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from functools import partial
+from operator import attrgetter
+from typing import Any, Final
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.entry import Access, DataType, Entry, decode, encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
+from steptwin.protocol.handlers import OBEYED_BY, READ_FROM
 from steptwin.protocol.objects import ENTRIES
 
 _RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
@@ -29,8 +32,6 @@ def check_cob_id(old: int, new: int, flags: int = 0) -> None:
         raise SdoAbortError(AbortCode.VALUE_RANGE)
 
 
-ReadHook = Callable[[], int]
-WriteHook = Callable[[int], None]
 TEXT_BYTES_MAX: Final = 64
 """Length of the longest text that an entry takes."""
 
@@ -43,12 +44,6 @@ class FlashPage:
     texts: dict[int, str] = field(default_factory=dict)
 
 
-def _bounds(entry: Entry) -> tuple[int, int]:
-    low = entry.data_type.low if entry.low is None else entry.low
-    high = entry.data_type.high if entry.high is None else entry.high
-    return low, high
-
-
 _INDICES: Final = frozenset(address >> 8 for address in ENTRIES)
 _TEXTS: Final = {
     address: str(entry.default) for address, entry in ENTRIES.items() if entry.data_type is DataType.VISIBLE_STRING
@@ -57,92 +52,103 @@ _TEXTS: Final = {
 _NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.items() if address not in _TEXTS]
 """Values of the other entries after power-up, less the node id of those that contain it."""
 _WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
-_GREATEST: Final = {address: ENTRIES[address].data_type.high for address, _ in _NUMBERS}
-"""Greatest value of each entry's type."""
-_BOUNDS: Final = {
-    address: _bounds(entry) for address, entry in ENTRIES.items() if entry.low is not None or entry.high is not None
-}
-"""Ranges of the entries whose range is narrower than that of their type."""
+
+
+def _by_class(handlers: dict[int, str]) -> dict[str, list[tuple[int, str]]]:
+    """Return the addresses, and the names within the class, of what "Class.name" names, by class."""
+    by_class: dict[str, list[tuple[int, str]]] = {}
+    for address, handler in handlers.items():
+        owner, _, name = handler.partition(".")
+        by_class.setdefault(owner, []).append((address, name))
+    return by_class
+
+
+_READ_FROM: Final = _by_class(READ_FROM)
+_OBEYED_BY: Final = _by_class(OBEYED_BY)
 
 
 class Cell:
-    """The place of one numeric value."""
+    """One numeric entry of a node: the value stored, the values allowed, and the firmware's part in it."""
 
-    __slots__ = ("value",)
+    __slots__ = ("_high", "_low", "_type", "_values", "obey", "supply", "value")
 
-    def __init__(self, value: int) -> None:
-        self.value = value
+    def __init__(self, entry: Entry) -> None:
+        self.value = 0
+        self._type = entry.data_type
+        self._low = entry.data_type.low if entry.low is None else entry.low
+        self._high = entry.data_type.high if entry.high is None else entry.high
+        self._values = entry.values
+        self.supply: Callable[[], int] | None = None
+        """Returns the present value; None if that is the value stored."""
+        self.obey: Callable[[int], None] | None = None
+        """Acts on a value before it is stored, or refuses it; None if storing it is all."""
 
-
-class Reader:
-    """Reads a numeric entry as `ObjectDictionary.get` does, without looking it up."""
-
-    __slots__ = ("_cell", "_hook")
-
-    def __init__(self, cell: Cell, hook: ReadHook | None) -> None:
-        self._cell = cell
-        self._hook = hook
+    @property
+    def plain(self) -> bool:
+        """True if every value of the entry's type is allowed and storing it is all."""
+        bounded = (self._low, self._high) != (self._type.low, self._type.high)
+        return not bounded and self._values is None and self.obey is None
 
     def get(self) -> int:
-        """Return the present value."""
-        return self._cell.value if self._hook is None else self._hook()
-
-
-class Writer:
-    """Writes a numeric entry as `ObjectDictionary.put` does, without looking it up."""
-
-    __slots__ = ("_bounded", "_cell", "_high", "_hook", "_low")
-
-    def __init__(self, cell: Cell, bounds: tuple[int, int] | None, hook: WriteHook | None) -> None:
-        self._cell = cell
-        self._bounded = bounds is not None
-        self._low, self._high = bounds or (0, 0)
-        self._hook = hook
+        """Return the present value; one beyond the range of the entry's type is shown as the end of that range."""
+        if self.supply is None:
+            return self.value
+        value = self.supply()
+        if value > self._type.high:
+            return self._type.high
+        return value if value >= self._type.low else self._type.low
 
     def put(self, value: int) -> None:
-        """Check the range, call the write hook, then store the value; raises as `ObjectDictionary.put`."""
-        if self._bounded and not self._low <= value <= self._high:
+        """Store a decoded value that came over the bus, after its checks; the firmware obeys it before it is stored.
+
+        Raises:
+            SdoAbortError: the value is not allowed or the firmware refuses it.
+        """
+        if not self._low <= value <= self._high:
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if value > self._high else AbortCode.VALUE_TOO_LOW)
-        if self._hook is not None:
-            self._hook(value)
-        self._cell.value = value
+        if self._values is not None and value not in self._values:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        if self.obey is not None:
+            self.obey(value)
+        self.value = value
 
-
-class Counter:
-    """Counts in an entry as `ObjectDictionary.count` does, without looking it up."""
-
-    __slots__ = ("_cell", "_greatest")
-
-    def __init__(self, cell: Cell, greatest: int) -> None:
-        self._cell = cell
-        self._greatest = greatest
-
-    def add_one(self) -> None:
-        """Add one, unless the counter has reached the greatest value of its type."""
-        if self._cell.value < self._greatest:
-            self._cell.value += 1
+    def count(self) -> None:
+        """Add one, unless the value is the highest of its type already."""
+        if self.value < self._type.high:
+            self.value += 1
 
 
 class ObjectDictionary:
     """One node's object dictionary.
 
     The bus uses `read` and `write`, which check access, length and range and raise SdoAbortError. The firmware uses
-    `get` and `set`, which check nothing. A read hook supplies a value that is kept elsewhere. A write hook acts on a
-    value that has passed the checks, before it is stored, and may refuse it with SdoAbortError.
+    `get` and `set`, which check nothing. The tables of `handlers` name the firmware's part that supplies an entry's
+    present value, and the one that obeys a value written; `bind` finds them there.
     """
 
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
         self.entries = ENTRIES
         self._node_id = node_id
         self._stored = FlashPage() if stored is None else stored
-        self._cells = {address: Cell(value) for address, value in _NUMBERS}
+        self._cells = {address: Cell(ENTRIES[address]) for address, _ in _NUMBERS}
         self._texts: dict[int, str] = {}
-        self.read_hooks: dict[int, ReadHook] = {}
-        self.write_hooks: dict[int, WriteHook] = {}
         self.reset()
 
+    def bind(self, part: object, *arguments: int) -> None:
+        """Let a part of the firmware supply and obey the entries that name its class.
+
+        Its methods are given `arguments` first, such as the axis if the part serves all axes of the board.
+        """
+        kind = type(part)
+        for address, name in _READ_FROM.get(kind.__name__, ()):
+            is_method = callable(getattr(kind, name, None))
+            method = _method(part, name, address, arguments) if is_method else partial(attrgetter(name), part)
+            self._cells[address].supply = method
+        for address, name in _OBEYED_BY.get(kind.__name__, ()):
+            self._cells[address].obey = _method(part, name, address, arguments)
+
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
-        """Give every entry in the index range its power-up value again, stored or default, without calling hooks."""
+        """Give every entry in the index range its power-up value again, stored or default; nothing obeys it."""
         cells, stored = self._cells, self._stored
         first, last = first_index << 8, last_index << 8 | 0xFF
         for address, value in _NUMBERS:
@@ -162,43 +168,20 @@ class ObjectDictionary:
 
     def get(self, address: int) -> int:
         """Return the present value of a numeric entry."""
-        return self.read_hooks[address]() if address in self.read_hooks else self._cells[address].value
+        cell = self._cells[address]
+        return cell.value if cell.supply is None else cell.get()
 
     def text(self, address: int) -> str:
         """Return the present value of a string."""
         return self._texts[address]
 
     def cell(self, address: int) -> Cell:
-        """Return the place of a numeric entry's stored value, for hot paths: it knows neither checks nor hooks."""
+        """Return the place of a numeric entry, for hot paths."""
         return self._cells[address]
 
-    def reader(self, address: int) -> Reader:
-        """Return a reader of a numeric entry, for hot paths; call this after all hooks are installed."""
-        return Reader(self._cells[address], self.read_hooks.get(address))
-
-    def writer(self, address: int) -> Writer:
-        """Return a writer of a numeric entry, for hot paths; call this after all hooks are installed."""
-        return Writer(self._cells[address], _BOUNDS.get(address), self.write_hooks.get(address))
-
     def set(self, address: int, value: int) -> None:
-        """Store a value of the firmware's own, without checks or hooks."""
+        """Store a value of the firmware's own, without checks."""
         self._cells[address].value = value
-
-    def counter(self, address: int) -> Counter:
-        """Return a counter, for hot paths."""
-        return Counter(self._cells[address], _GREATEST[address])
-
-    def count(self, address: int) -> None:
-        """Add one to a counter, unless it has reached the greatest value of its type."""
-        self.counter(address).add_one()
-
-    def put(self, address: int, value: int) -> None:
-        """Store a decoded value that came over the bus: check its range, call the write hook, then store it.
-
-        Raises:
-            SdoAbortError: the value is out of range or the hook refuses it.
-        """
-        self.writer(address).put(value)
 
     def read(self, address: int) -> bytes:
         """Return an entry's bytes.
@@ -217,8 +200,8 @@ class ObjectDictionary:
         """Write an entry from its bytes.
 
         Raises:
-            SdoAbortError: the entry does not exist or is read-only, or the value has the wrong length, is out of range
-                or is refused by the write hook.
+            SdoAbortError: the entry does not exist or is read-only, or the value has the wrong length, is not allowed
+                or is refused by the firmware.
         """
         size = self.size_to_write(address)
         if len(data) > size:
@@ -229,7 +212,7 @@ class ObjectDictionary:
             return
         if len(data) < size:
             raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
-        self.put(address, decode(data_type, data))
+        self._cells[address].put(decode(data_type, data))
 
     def size_to_write(self, address: int) -> int:
         """Return the number of bytes that a write to an entry must have, or may have if it is a string.
@@ -247,6 +230,13 @@ class ObjectDictionary:
         if entry is None:
             raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in _INDICES else AbortCode.NO_OBJECT)
         return entry
+
+
+def _method(part: object, name: str, address: int, arguments: tuple[int, ...]) -> Callable[..., Any]:
+    """Return a part's method, with the address of the entry if it takes it, else with the arguments of the part."""
+    method: Callable[..., Any] = getattr(part, name)
+    first = (address,) if name.endswith("_at") else arguments
+    return partial(method, *first) if first else method
 
 
 def _visible(data: bytes) -> str:

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
 from steptwin.protocol.objects import HISTORY_DEPTH
 
@@ -29,7 +30,6 @@ class EmergencyProducer:
     def __init__(self) -> None:
         self.history: deque[int] = deque(maxlen=HISTORY_DEPTH)
         """Error codes of the last errors, the newest first."""
-        self.inhibit = 0
         self.register = 0
         """Error register (1001h): the bits of all active errors."""
         self.lost = 0
@@ -57,10 +57,24 @@ class EmergencyProducer:
             self._set_active(left)
             self._queue(ErrorCode.NONE, 0)
 
+    @property
+    def history_length(self) -> int:
+        """Number of errors in the history."""
+        return len(self.history)
+
+    def history_at(self, address: int) -> int:
+        """Return the error in an entry of the history (1003h); 0 if there is none."""
+        i = od.ERROR_HISTORY.index(address)
+        return self.history[i] if i < len(self.history) else 0
+
+    def clear_history(self, _value: int = 0) -> None:
+        """Forget the last errors."""
+        self.history.clear()
+
     def forget(self) -> None:
         """Clear errors, history, queue and counter, as at power-up."""
         self._set_active(set())
-        self.history.clear()
+        self.clear_history()
         self._waiting.clear()
         self.lost = 0
 
@@ -94,11 +108,11 @@ class EmergencyProducer:
         """Instant from which the next frame may be sent; None if none waits."""
         return self._not_before_us if self._waiting else None
 
-    def poll(self, now_us: int) -> bytes | None:
+    def poll(self, now_us: int, inhibit_100us: int = 0) -> bytes | None:
         """Return the payload to send now; None if none is due. Once the queue is empty, no loss is active."""
         if not self._waiting or now_us < self._not_before_us:
             return None
-        self._not_before_us = now_us + self.inhibit * _UNIT_US
+        self._not_before_us = now_us + inhibit_100us * _UNIT_US
         _, payload = self._waiting.popleft()
         if not self._waiting:
             self.resolve(lambda code, detail: (code, detail) == _QUEUE_OVERRUN)

@@ -1,5 +1,6 @@
 """Describe entries and objects of the dictionary: name, type, access, unit, default and range."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -92,7 +93,7 @@ class Entry:
 
     `title` is the name, with "{unit}" where it says the unit, and perhaps an explanation after a colon. `default` is
     the value after power-up, to which the node id is added if `plus_node_id`. `low` and `high` bound the values that
-    may be written; None is the bound of the type.
+    may be written; None is the bound of the type. `values` are those allowed within the bounds, if not all are.
     """
 
     title: str
@@ -104,6 +105,7 @@ class Entry:
     mapping: Mapping = Mapping.NONE
     plus_node_id: bool = False
     unit: EntryUnit = EntryUnit.NONE
+    values: Collection[int] | None = None
 
     @property
     def name(self) -> str:

@@ -6,7 +6,6 @@ again with the next one after a loss. A boot-up message does not count: its send
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 from steptwin.protocol import od
@@ -36,8 +35,7 @@ class HeartbeatConsumer:
         self._dictionary = dictionary
         self._watches: dict[int, _Watch] = {}
         """Watched producers, by the address of the entry that names each."""
-        for address in od.CONSUMER_HEARTBEATS:
-            dictionary.write_hooks[address] = partial(self._write, address)
+        dictionary.bind(self)
         self.changed = True
         """True when the set of producers may have changed; the reader resets it."""
 
@@ -86,7 +84,7 @@ class HeartbeatConsumer:
             watch.lost = True
         return [watch.node_id for watch in late]
 
-    def _write(self, address: int, word: int) -> None:
+    def watch_at(self, address: int, word: int) -> None:
         """Watch another producer; a node may be named once (abort code of CiA 301, section 7.5.2.16)."""
         node_id = _node_of(word)
         if node_id and any(w.node_id == node_id for i, w in self._watches.items() if i != address):

@@ -11,7 +11,7 @@ from itertools import groupby
 from typing import Final
 
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, AbortConnection, DigitalOutput, Mode
+from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, RAMPS, AbortConnection, DigitalOutput, Mode
 from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_RPDO, COB_SYNC, COB_TPDO
 from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
@@ -90,6 +90,18 @@ STORES: Final = (od.STORE_ALL, od.STORE_COMMUNICATION, od.STORE_APPLICATION, od.
 RESTORES: Final = (od.RESTORE_ALL, od.RESTORE_COMMUNICATION, od.RESTORE_APPLICATION, od.RESTORE_BOARD)
 _GROUPS: Final = ("all parameters", "communication parameters", "application parameters", "board parameters")
 
+STEP_ENTRIES: Final = (
+    od.MICROSTEPS,
+    od.STEPLEN_NS,
+    od.STEPSPACE_NS,
+    od.DIRSETUP_NS,
+    od.DIRHOLD_NS,
+    od.MAX_PROFILE_VELOCITY,
+    od.POLARITY,
+    od.INVERT_MASK,
+)
+"""The entries that say how steps are made, in the order of `StepConfig`'s fields."""
+
 PULSE_NS_MIN: Final = 4_000
 TIMING_NS_MAX: Final = 1_000_000
 """Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
@@ -109,6 +121,11 @@ def _rate(title: str, full_steps: int, unit: EntryUnit, mapping: Mapping = Mappi
 
 def _timing(title: str, default_ns: int, low_ns: int) -> Entry:
     return Entry(f"{title} in {{unit}}", U32, RW, default_ns, low_ns, TIMING_NS_MAX, unit=NS)
+
+
+def _percent(title: str, default: int, values: tuple[int, ...]) -> Entry:
+    """Return an entry for a setting of the TB6560 in percent; `values` are those that its pins can select."""
+    return Entry(title, U8, RW, default, values[0], values[-1], unit=PERCENT, values=values)
 
 
 _ENTRIES = {
@@ -143,9 +160,9 @@ _ENTRIES = {
     od.COMMUNICATION_ERROR_BEHAVIOUR: Entry("Communication error", U8, RW, ErrorBehaviour.PRE_OPERATIONAL, 0, 2),
     # --- this board
     od.MICROSTEPS: Entry("Microsteps per full step", U8, RW, 16, 1, 16),
-    od.TORQUE_PERCENT: Entry("Torque in {unit} of the full current", U8, RW, 100, 20, 100, unit=PERCENT),
-    od.FAST_DECAY_PERCENT: Entry("Fast decay in {unit} of a chopping period", U8, RW, 0, 0, 100, unit=PERCENT),
-    od.REST_TORQUE_PERCENT: Entry("Torque at rest in {unit} of the full current", U8, RW, 100, 20, 100, unit=PERCENT),
+    od.TORQUE_PERCENT: _percent("Torque in {unit} of the full current", 100, (20, 50, 75, 100)),
+    od.FAST_DECAY_PERCENT: _percent("Fast decay in {unit} of a chopping period", 0, (0, 25, 50, 100)),
+    od.REST_TORQUE_PERCENT: _percent("Torque at rest in {unit} of the full current", 100, (20, 50, 75, 100)),
     od.STEPLEN_NS: _timing("steplen: CLK high", 33_000, PULSE_NS_MIN),
     od.STEPSPACE_NS: _timing("stepspace: CLK low", 33_666, PULSE_NS_MIN),
     od.DIRSETUP_NS: _timing("dirsetup: DIR stable before a CLK rise", 15_000, 0),
@@ -197,13 +214,13 @@ _ENTRIES = {
     od.ERROR_CODE: Entry("Error code", U16, RO, mapping=TX),
     od.CONTROLWORD: Entry("Controlword", U16, RW, mapping=RX),
     od.STATUSWORD: Entry("Statusword", U16, RO, mapping=TX),
-    od.QUICK_STOP_OPTION: Entry("Quick stop option code", I16, RW, 2, 0, 6),
+    od.QUICK_STOP_OPTION: Entry("Quick stop option code", I16, RW, 2, 0, 6, values=(0, 1, 2, 5, 6)),
     # CiA 402's own default is 0, which cuts the current: a vertical axis would fall.
     od.SHUTDOWN_OPTION: Entry("Shutdown option code", I16, RW, 1, 0, 1),
     od.DISABLE_OPERATION_OPTION: Entry("Disable operation option code", I16, RW, 1, 0, 1),
     od.HALT_OPTION: Entry("Halt option code", I16, RW, 1, 1, 2),
     od.FAULT_REACTION_OPTION: Entry("Fault reaction option code", I16, RW, 2, 0, 2),
-    od.MODE_OF_OPERATION: Entry("Modes of operation", I8, RW, Mode.NONE, mapping=RX),
+    od.MODE_OF_OPERATION: Entry("Modes of operation", I8, RW, Mode.NONE, mapping=RX, values=tuple(Mode)),
     od.MODE_OF_OPERATION_DISPLAY: Entry("Modes of operation display", I8, RO, mapping=TX),
     od.POSITION_DEMAND: Entry("Position demand value", I32, RO, mapping=TX, unit=POSITION),
     od.POSITION_ACTUAL: Entry("Position actual value", I32, RO, mapping=TX, unit=POSITION),
@@ -225,7 +242,7 @@ _ENTRIES = {
     od.PROFILE_DECELERATION: _rate("Profile deceleration", 5_000, ACCELERATION, RX),
     od.QUICK_STOP_DECELERATION: _rate("Quick stop deceleration", 20_000, ACCELERATION),
     od.MOTION_PROFILE_TYPE: Entry(
-        "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, 0, 3
+        "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", I16, RW, LINEAR_RAMP, 0, 3, values=RAMPS
     ),
     od.ENCODER_UNITS: Entry("Units", U32, CONST, _UNITS_PER_REVOLUTION, unit=POSITION),
     od.ENCODER_MOTOR_REVOLUTIONS: Entry("Motor revolutions", U32, CONST, 1, unit=REVOLUTIONS),
@@ -233,7 +250,9 @@ _ENTRIES = {
     od.GEAR_SHAFT_REVOLUTIONS: Entry("Shaft revolutions", U32, CONST, 1, unit=REVOLUTIONS),
     od.FEED_UNITS: Entry("Feed in {unit}", U32, CONST, _UNITS_PER_REVOLUTION, unit=POSITION),
     od.FEED_SHAFT_REVOLUTIONS: Entry("Shaft revolutions", U32, CONST, 1, unit=REVOLUTIONS),
-    od.HOMING_METHOD: Entry("Homing method", I8, RW, HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS)),
+    od.HOMING_METHOD: Entry(
+        "Homing method", I8, RW, HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS), values=HOMING_METHODS
+    ),
     od.HOMING_SEARCH_SPEED: _rate("Speed during search for switch", 500, VELOCITY),
     od.HOMING_ZERO_SPEED: _rate("Speed during search for zero", 50, VELOCITY),
     od.HOMING_ACCELERATION: _rate("Homing acceleration", 2_000, ACCELERATION),

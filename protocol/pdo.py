@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.dictionary import ObjectDictionary, Reader, Writer, check_cob_id
+from steptwin.protocol.dictionary import Cell, ObjectDictionary, check_cob_id
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import ANY_CHANGE, PDO_COUNT, PDO_ENTRIES_MAX
+from steptwin.protocol.objects import ANY_CHANGE, PDO_COUNT
 from steptwin.protocol.od import address_of
 
 _LAST_SYNCHRONOUS: Final = 240
@@ -33,10 +33,17 @@ _integer: Final = int.from_bytes  # to look it up costs time, for every frame
 _NO_ERROR: Final = ErrorCode.NONE  # to fetch a member from its enum costs time, and this is returned for every frame
 
 
+_COMMUNICATION: Final = dict(
+    zip((*od.RPDO_MAPPING, *od.TPDO_MAPPING), (*od.RPDO_COMMUNICATION, *od.TPDO_COMMUNICATION), strict=True)
+)
+"""Index of a PDO's communication parameter, by that of its mapping."""
+
+
 class _Field(NamedTuple):
     """One mapped entry and its place in the PDO's integer."""
 
     address: int
+    cell: Cell
     shift: int
     mask: int
     sign_bit: int
@@ -48,35 +55,10 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
     for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
         word = dictionary.get(address_of(mapping_index, subindex))
         address, bits = word >> 8, word & 0xFF
-        signed = dictionary.entries[address].data_type.signed
-        fields.append(_Field(address, shift, (1 << bits) - 1, 1 << bits - 1 if signed else 0))
+        sign_bit = 1 << bits - 1 if dictionary.entries[address].data_type.signed else 0
+        fields.append(_Field(address, dictionary.cell(address), shift, (1 << bits) - 1, sign_bit))
         shift += bits
     return fields, shift // 8
-
-
-class _Target:
-    """A mapped entry that a receive PDO writes, and how many bits it takes of the PDO's integer."""
-
-    __slots__ = ("bits", "mapping", "mask", "sign_bit", "writer")
-
-    def __init__(self, writer: Writer, field: _Field) -> None:
-        self.writer = writer
-        self.mapping = field.address << 8 | field.mask.bit_length()
-        """Index, sub-index and bits, as a mapping entry has them."""
-        self.bits = field.mask.bit_length()
-        self.mask = field.mask
-        self.sign_bit = field.sign_bit
-
-
-class _Source:
-    """A mapped entry that a transmit PDO reads, and its place in the PDO's integer."""
-
-    __slots__ = ("mask", "reader", "shift")
-
-    def __init__(self, reader: Reader, field: _Field) -> None:
-        self.reader = reader
-        self.shift = field.shift
-        self.mask = field.mask
 
 
 class ReceivePdo:
@@ -89,9 +71,9 @@ class ReceivePdo:
         """True if its COB-ID is valid."""
         self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
         fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
-        self._targets = [_Target(dictionary.writer(field.address), field) for field in fields]
+        self._targets = [(field, field.cell, field.cell.plain) for field in fields]
         self._latched: bytes | None = None
-        self._refused = dictionary.counter(od.RPDO_VALUES_REFUSED)
+        self._refused = dictionary.cell(od.RPDO_VALUES_REFUSED)
         self._last_refused = dictionary.cell(od.RPDO_LAST_REFUSED)
 
     def receive(self, data: bytes) -> ErrorCode:
@@ -111,15 +93,17 @@ class ReceivePdo:
             self._apply(data)
 
     def _apply(self, data: bytes) -> None:
-        left = _integer(data[: self._length], "little")
-        for target in self._targets:
-            value = left & target.mask
-            left >>= target.bits
+        bits = _integer(data[: self._length], "little")
+        for field, cell, plain in self._targets:
+            value = ((bits >> field.shift & field.mask) ^ field.sign_bit) - field.sign_bit
+            if plain:  # most values are the fields of a PVT record, whose last one queues it
+                cell.value = value
+                continue
             try:
-                target.writer.put((value ^ target.sign_bit) - target.sign_bit)
+                cell.put(value)
             except SdoAbortError:
-                self._refused.add_one()
-                self._last_refused.value = target.mapping
+                self._refused.count()
+                self._last_refused.value = field.address << 8 | field.mask.bit_length()
 
 
 class TransmitPdo:
@@ -134,7 +118,7 @@ class TransmitPdo:
         self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
         fields, self._length = _fields(dictionary, od.TPDO_MAPPING[number])
-        self._sources = [_Source(dictionary.reader(field.address), field) for field in fields]
+        self._fields = fields
         self.addresses = frozenset(field.address for field in fields)
         self.event_driven = self.transmission_type >= ANY_CHANGE
         """True if the PDO is sent when a mapped value changes."""
@@ -206,8 +190,8 @@ class TransmitPdo:
 
     def _frame(self) -> Frame:
         bits = 0
-        for source in self._sources:
-            bits |= (source.reader.get() & source.mask) << source.shift
+        for field in self._fields:
+            bits |= (field.cell.get() & field.mask) << field.shift
         return Frame(self.cob_id & COB_ID_MASK, bits.to_bytes(self._length, "little"))
 
 
@@ -218,10 +202,7 @@ class ProcessData:
         self._dictionary = dictionary
         self.receive_pdos: list[ReceivePdo] = []
         self.transmit_pdos: list[TransmitPdo] = []
-        for communication, mapping in zip(od.RPDO_COMMUNICATION, od.RPDO_MAPPING, strict=True):
-            self._install_hooks(communication, mapping, Mapping.RECEIVE)
-        for communication, mapping in zip(od.TPDO_COMMUNICATION, od.TPDO_MAPPING, strict=True):
-            self._install_hooks(communication, mapping, Mapping.TRANSMIT)
+        dictionary.bind(self)
         self.configurable = True
         """True in PRE-OPERATIONAL, the only state in which PDO parameters may be written."""
         self._changed = True
@@ -245,53 +226,47 @@ class ProcessData:
             if address in pdo.addresses:
                 pdo.trigger()
 
-    def _install_hooks(self, communication: int, mapping: int, access: Mapping) -> None:
-        hooks = self._dictionary.write_hooks
-        hooks[address_of(communication, od.PDO_COB_ID)] = lambda value: self._write_cob_id(communication, value)
-        hooks[address_of(communication, od.PDO_TRANSMISSION_TYPE)] = self._write_transmission_type
-        if access is Mapping.TRANSMIT:
-            hooks[address_of(communication, od.PDO_INHIBIT_TIME)] = lambda _: self._write_while_invalid(communication)
-            hooks[address_of(communication, od.PDO_EVENT_TIMER)] = lambda _: self._write_parameter()
-            hooks[address_of(communication, od.PDO_SYNC_START)] = lambda _: self._write_while_invalid(communication)
-        hooks[address_of(mapping, 0)] = lambda value: self._write_count(communication, mapping, value)
-        words = (address_of(mapping, subindex) for subindex in range(1, PDO_ENTRIES_MAX + 1))
-        hooks |= dict.fromkeys(words, lambda word: self._write_entry(communication, mapping, access, word))
-
-    def _write_parameter(self) -> None:
+    def check_configurable(self, _value: int) -> None:
+        """Refuse any change of a parameter outside of PRE-OPERATIONAL; a change that is allowed rebuilds the PDOs."""
         if not self.configurable:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         self._changed = True
 
-    def _write_cob_id(self, communication: int, value: int) -> None:
-        self._write_parameter()
-        check_cob_id(self._dictionary.get(address_of(communication, od.PDO_COB_ID)), value, COB_ID_NO_RTR)
+    def check_cob_id_at(self, address: int, value: int) -> None:
+        """Refuse what is no COB-ID of a PDO, and another one for a PDO that exists."""
+        self.check_configurable(value)
+        check_cob_id(self._dictionary.get(address), value, COB_ID_NO_RTR)
 
-    def _write_transmission_type(self, value: int) -> None:
+    def check_transmission_type(self, value: int) -> None:
         """Refuse types 241 to 251, which are reserved, and 252 and 253, which need remote frames."""
-        self._write_parameter()
+        self.check_configurable(value)
         if _LAST_SYNCHRONOUS < value < ANY_CHANGE:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
-    def _write_while_invalid(self, communication: int) -> None:
+    def check_while_invalid_at(self, address: int, value: int) -> None:
         """Refuse a change of mapping, inhibit time or SYNC start value while the PDO exists."""
-        self._write_parameter()
+        self.check_configurable(value)
+        communication = _COMMUNICATION.get(address >> 8, address >> 8)
         if not self._dictionary.get(address_of(communication, od.PDO_COB_ID)) & COB_ID_INVALID:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
-    def _write_count(self, communication: int, mapping: int, count: int) -> None:
-        self._write_while_invalid(communication)
-        words = [self._dictionary.get(address_of(mapping, i)) for i in range(1, count + 1)]
+    def check_count_at(self, address: int, count: int) -> None:
+        """Refuse a number of mapped entries of which some are not given, or which are too long together."""
+        self.check_while_invalid_at(address, count)
+        words = [self._dictionary.get(address + i) for i in range(1, count + 1)]
         if 0 in words:
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
         if sum(word & 0xFF for word in words) > 64:
             raise SdoAbortError(AbortCode.PDO_TOO_LONG)
 
-    def _write_entry(self, communication: int, mapping: int, access: Mapping, word: int) -> None:
-        self._write_while_invalid(communication)
-        if self._dictionary.get(address_of(mapping, 0)):
+    def check_mapped_at(self, address: int, word: int) -> None:
+        """Refuse what cannot be mapped into this kind of PDO, and any change while the number of entries is not 0."""
+        self.check_while_invalid_at(address, word)
+        if self._dictionary.get(address_of(address >> 8)):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         entry = self._dictionary.entries.get(word >> 8)
-        if word and (entry is None or not _mappable(entry, access, word & 0xFF)):
+        kind = Mapping.RECEIVE if address >> 8 in od.RPDO_MAPPING else Mapping.TRANSMIT
+        if word and (entry is None or not _mappable(entry, kind, word & 0xFF)):
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
 
 

@@ -6,8 +6,7 @@ no axis moves and no output switches because the power came back; the profile's 
 """
 
 from collections.abc import Callable
-from functools import partial
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
@@ -17,8 +16,6 @@ from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
 _Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
-_ON_COMMAND = 1
-"""Value that 1010h and 1011h read as: parameters are stored and restored on command, not automatically."""
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
 _NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, *STORES, *RESTORES))
@@ -27,27 +24,31 @@ _NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENC
 class ParameterStorage:
     """Keeps a node's parameters in its flash page; `busy` is true while writing flash would disturb the board."""
 
+    ability: Final = 1
+    """Value that 1010h and 1011h read as: parameters are stored and restored on command, not automatically."""
+
     def __init__(self, dictionary: ObjectDictionary, page: FlashPage, busy: Callable[[], bool]) -> None:
         self._dictionary = dictionary
         self._page = page
         self._busy = busy
-        for store, restore, (first, last) in zip(STORES, RESTORES, PARAMETER_GROUPS, strict=True):
-            for address, action in ((store, self._save), (restore, self._load)):
-                dictionary.read_hooks[address] = lambda: _ON_COMMAND
-                dictionary.write_hooks[address] = partial(action, first, last)
+        dictionary.bind(self)
 
-    def _save(self, first: int, last: int, signature: int) -> None:
+    def save_at(self, address: int, signature: int) -> None:
+        """Store the parameters of the group that belongs to an entry of 1010h."""
         self._check(signature, _SAVE)
-        for address, entry in self._dictionary.entries.items():
-            if not (first <= address >> 8 <= last and _is_parameter(address, entry)):
+        first, last = PARAMETER_GROUPS[STORES.index(address)]
+        for place, entry in self._dictionary.entries.items():
+            if not (first <= place >> 8 <= last and _is_parameter(place, entry)):
                 continue
             if entry.data_type is DataType.VISIBLE_STRING:
-                self._page.texts[address] = self._dictionary.text(address)
+                self._page.texts[place] = self._dictionary.text(place)
             else:
-                self._page.values[address] = self._dictionary.get(address)
+                self._page.values[place] = self._dictionary.get(place)
 
-    def _load(self, first: int, last: int, signature: int) -> None:
+    def load_at(self, address: int, signature: int) -> None:
+        """Forget the stored parameters of the group that belongs to an entry of 1011h."""
         self._check(signature, _LOAD)
+        first, last = PARAMETER_GROUPS[RESTORES.index(address)]
         self._page.values = _outside(first, last, self._page.values)
         self._page.texts = _outside(first, last, self._page.texts)
 

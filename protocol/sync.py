@@ -15,7 +15,7 @@ class SyncConsumer:
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._dictionary = dictionary
-        dictionary.write_hooks[od.SYNC_COUNTER_OVERFLOW] = self._write_overflow
+        dictionary.bind(self)
 
     def counter_of(self, data: bytes) -> int | None:
         """Return the counter of a SYNC frame, 0 if SYNC carries none; None if the frame's length is wrong."""
@@ -24,7 +24,7 @@ class SyncConsumer:
             return None
         return data[0] if counted else 0
 
-    def _write_overflow(self, value: int) -> None:
+    def check_overflow(self, value: int) -> None:
         """Refuse 1 (the object table bounds the value to 0..240), and any value while a cycle period is set.
 
         Source: CiA 301, section 7.5.2.19.

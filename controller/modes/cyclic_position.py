@@ -35,7 +35,6 @@ from steptwin.controller.motion.board_motion import Refusal
 from steptwin.controller.motion.kernel import TICKS_PER_MS, way_q16
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.axis_stop import AxisStop
-from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.controller.node.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
@@ -133,7 +132,7 @@ class CyclicPosition(DriveMode):
 
     def __init__(self, context: AxisContext, records: Interpolation, stop: AxisStop) -> None:
         super().__init__(context)
-        self._limits = SoftLimits(context.dictionary)
+        self._limits = context.limits
         self._clock = context.board.sync_clock
         self._trip = context.trip
         self._records = records
@@ -154,13 +153,14 @@ class CyclicPosition(DriveMode):
         """Number of slots bridged since that set-point."""
         self._lost = 0
         self._at_limit = False
-        context.dictionary.write_hooks[od.TARGET_POSITION] = self._write_set_point
-        context.dictionary.write_hooks[od.INTERPOLATION_PERIOD] = self._write_period
+        context.dictionary.bind(self)
 
-    def _write_set_point(self, _units: int) -> None:
+    def note_set_point(self, _units: int) -> None:
+        """Note that a set-point is being written."""
         self._written = True
 
-    def _write_period(self, _period_ms: int) -> None:
+    def check_period(self, _period_ms: int) -> None:
+        """Refuse another period while the axis follows."""
         if self._following:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 

@@ -15,7 +15,7 @@ from steptwin.controller.motion.board_motion import Refusal
 from steptwin.controller.motion.kernel import I32_MAX
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.axis_stop import AxisStop
-from steptwin.controller.node.soft_limits import SoftLimits, hull
+from steptwin.controller.node.soft_limits import hull
 from steptwin.controller.node.stops import StopKind
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
@@ -32,7 +32,8 @@ class Interpolation(DriveMode):
         super().__init__(context)
         self._errors = context.errors
         self._stop = stop
-        self._next_sequence = 0
+        self.next_sequence = 0
+        """Number that the next record must have."""
         self._sticky = 0
         """Flags that stay set until they are cleared."""
         self._running = False
@@ -41,33 +42,21 @@ class Interpolation(DriveMode):
         """True while the drive is enabled in this mode: a queue with records is then armed."""
         self.on_record: Callable[[PvtRecord], None] | None = None
         """Called with each record that the queue has taken, if set."""
-        self._install_hooks()
         dictionary = context.dictionary
-        self._limits = SoftLimits(dictionary)
+        dictionary.bind(self)
+        self._limits = context.limits
         self._displacement_units = dictionary.cell(od.PVT_DISPLACEMENT)
         self._end_velocity = dictionary.cell(od.PVT_END_VELOCITY)
         self._duration_ms = dictionary.cell(od.PVT_DURATION_MS)
         self._least_fill = dictionary.cell(od.PVT_LEAST_FILL)
-        self._accepted = dictionary.counter(od.PVT_ACCEPTED)
-
-    def _install_hooks(self) -> None:
-        self._dictionary.write_hooks[od.PVT_SEQUENCE] = self._record_arrived
-        self._dictionary.write_hooks[od.BUFFER_CLEAR] = self._clear
-        self._dictionary.read_hooks |= {
-            od.PVT_NEXT_SEQUENCE: lambda: self._next_sequence,
-            od.PVT_FREE_RECORDS: lambda: self._free(self._motion.queued(self._axis)),
-            od.PVT_FLAGS: self._flags,
-            od.PVT_EXECUTING_SEQUENCE: self._executing,
-            od.DELAYED_STEPS: lambda: self._motion.delayed_steps(self._axis),
-            od.BUFFER_POSITION: lambda: self._motion.queued(self._axis),
-        }
+        self._accepted = dictionary.cell(od.PVT_ACCEPTED)
 
     # --- records in
 
-    def _record_arrived(self, sequence: int) -> None:
+    def take_record(self, sequence: int) -> None:
         """Queue the record whose sequence number is being written; its other fields have been written before."""
         queued = self._motion.queued(self._axis)
-        verdict = judge(sequence, self._next_sequence, self._free(queued))
+        verdict = judge(sequence, self.next_sequence, 0 if self._closed else QUEUE_DEPTH - queued)
         if verdict is Verdict.STALE:
             return
         if verdict is not Verdict.PUSH:
@@ -80,10 +69,10 @@ class Interpolation(DriveMode):
         if refusal is not Refusal.ACCEPTED:
             self._reject(sequence, refusal)
             return
-        self._next_sequence = (sequence + 1) % SEQUENCE_MODULUS
+        self.next_sequence = (sequence + 1) % SEQUENCE_MODULUS
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
-        self._accepted.add_one()
+        self._accepted.count()
         if self.on_record:
             self.on_record(PvtRecord(units, velocity, duration_ms, sequence))
 
@@ -100,7 +89,7 @@ class Interpolation(DriveMode):
     def _drop(self, verdict: Verdict) -> None:
         """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
         flag = _STICKY[verdict]
-        self._dictionary.count(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS)
+        self._dictionary.cell(od.PVT_GAPS if verdict is Verdict.GAP else od.PVT_OVERFLOWS).count()
         if not self._sticky & flag:
             self._sticky |= flag
             self._flags_changed()
@@ -111,7 +100,7 @@ class Interpolation(DriveMode):
         self._flags_changed()
         raise SdoAbortError(AbortCode.VALUE_RANGE)
 
-    def _clear(self, value: int) -> None:
+    def clear(self, value: int) -> None:
         """Empty the queue and expect sequence number 0 next, when 0 is written; refuse while the axis moves."""
         if value:
             return
@@ -122,7 +111,7 @@ class Interpolation(DriveMode):
 
     def restart(self) -> None:
         """Expect sequence number 0, clear the flags, and open the queue."""
-        self._next_sequence = 0
+        self.next_sequence = 0
         self._sticky = 0
         self._errors.resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
@@ -184,7 +173,7 @@ class Interpolation(DriveMode):
     def underrun(self) -> None:
         """Handle a queue that has run out while the axis moves."""
         self._sticky |= PvtFlag.UNDERRUN
-        self._dictionary.count(od.PVT_UNDERRUNS)
+        self._dictionary.cell(od.PVT_UNDERRUNS).count()
         self.stopped()
 
     @property
@@ -198,10 +187,12 @@ class Interpolation(DriveMode):
 
     # --- status and counters
 
-    def _free(self, queued: int) -> int:
-        return 0 if self._closed else QUEUE_DEPTH - queued
+    def free_records(self) -> int:
+        """Return the number of records that the queue has room for."""
+        return 0 if self._closed else QUEUE_DEPTH - self._motion.queued(self._axis)
 
-    def _flags(self) -> int:
+    def flags(self) -> int:
+        """Return the flags of the PVT status (2012h:03)."""
         flags = self._sticky
         queued = self._motion.queued(self._axis)
         if queued == 0:
@@ -214,6 +205,7 @@ class Interpolation(DriveMode):
             flags |= PvtFlag.ARMED
         return flags
 
-    def _executing(self) -> int:
+    def executing_sequence(self) -> int:
+        """Return the number of the record that is being executed, or was last."""
         behind = self._motion.queued(self._axis) + 1
-        return (self._next_sequence - behind) % SEQUENCE_MODULUS
+        return (self.next_sequence - behind) % SEQUENCE_MODULUS

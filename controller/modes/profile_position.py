@@ -18,7 +18,6 @@ from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.profile import Limits
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.objects import WINDOW_OFF
@@ -36,7 +35,7 @@ class ProfilePosition(DriveMode):
 
     def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
         super().__init__(context)
-        self._limits = SoftLimits(context.dictionary)
+        self._limits = context.limits
         self._feed = feed
         self._active: _SetPoint | None = None
         """The set-point in progress; a halt does not end it."""

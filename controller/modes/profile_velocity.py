@@ -9,7 +9,6 @@ profile objects as they are at that moment.
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -20,7 +19,7 @@ class ProfileVelocity(DriveMode):
 
     def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
         super().__init__(context)
-        self._limits = SoftLimits(context.dictionary)
+        self._limits = context.limits
         self._feed = feed
         self._enabled = False
         """True while the drive is in OPERATION ENABLED in this mode."""
@@ -28,6 +27,7 @@ class ProfileVelocity(DriveMode):
         self._wanted_units_per_s = 0
         self._velocity = 0
         """Velocity being followed, in 1/64 unit per ms: the wanted one, reduced to the axis' limit."""
+        context.dictionary.bind(self)
 
     def control(self, controlword: int, _previous: int) -> None:
         """Obey the halt bit; follow the target velocity as soon as the drive is enabled in this mode."""
@@ -37,8 +37,9 @@ class ProfileVelocity(DriveMode):
         self._enabled, self._halted = True, halted
         self._follow(self._dictionary.get(od.TARGET_VELOCITY))
 
-    def write_target(self, units_per_s: int) -> None:
+    def follow_target(self, units_per_s: int) -> None:
         """Follow a new target velocity at once, if the drive is enabled in this mode."""
+        self._context.touch()
         if self._enabled:
             self._follow(units_per_s)
 

@@ -228,6 +228,10 @@ class BoardMotion:
         grouped = self._get(axis, k.IN_GROUP)
         return self._velocity_at(axis, self.group.rate_q16(self.tick) if grouped else k.FULL_RATE_Q16)
 
+    def velocity_units_per_s(self, axis: int) -> int:
+        """Return the demanded velocity in wire units per second."""
+        return self.velocity(axis) * 1000 // VELOCITY_PER_UNIT_PER_MS
+
     def planned_velocity(self, axis: int) -> int:
         """Return the velocity that the segment plans at this point of the path, as if the group ran at full rate."""
         return self._velocity_at(axis, k.FULL_RATE_Q16)

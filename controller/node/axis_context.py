@@ -4,9 +4,10 @@ from typing import NamedTuple, Protocol
 
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.node.axis_errors import AxisErrors
-from steptwin.controller.node.measurements import BoardReadings, Monitor, ShaftReader
+from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import AxisPins
 from steptwin.controller.node.position_reference import PositionReference
+from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue
 from steptwin.protocol.cia402 import ErrorCode
@@ -29,15 +30,13 @@ class BoardContext(NamedTuple):
 
     motion: BoardMotion
     measurements: BoardReadings
-    monitor: Monitor
-    shaft: ShaftReader
     sync_clock: SyncClock
     transmit: TransmitQueue
     trip: Trip
 
 
 class AxisContext:
-    """One axis' dictionary, process data, errors, pins and position reference; the time of the call being served."""
+    """One axis' dictionary, process data, errors, pins, limits and reference; the time of the call being served."""
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
@@ -48,7 +47,10 @@ class AxisContext:
         self.heartbeats = HeartbeatConsumer(self.dictionary)
         self.errors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
         self.pins = AxisPins()
-        self.reference = PositionReference(axis, board.motion, board.monitor)
+        self.limits = SoftLimits(self.dictionary)
+        self.reference = PositionReference(axis, board.motion, self.dictionary)
+        self.dictionary.bind(board.measurements)
+        self.dictionary.bind(board.motion, axis)
         self.now_us = 0
         """Time of the call being served."""
         self.touched = False

@@ -10,19 +10,16 @@ from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.modes.profile_position import ProfilePosition
 from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.axis_errors import FaultCount
 from steptwin.controller.node.axis_stop import AxisStop
 from steptwin.controller.node.driver_settings import DriverSettings
 from steptwin.controller.node.pins import Pin
 from steptwin.controller.node.power_states import ENERGISED, next_state
-from steptwin.controller.node.soft_limits import refuse_crossed_limits
-from steptwin.controller.node.stops import DISABLES, OPTIONS, QUICK_STOPS, SHUTDOWNS, StopKind, fault_stop
+from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, StopKind, fault_stop
 from steptwin.controller.node.supervision import Supervision
 from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
-from steptwin.protocol.dictionary import WriteHook
-from steptwin.protocol.homing_methods import HOMING_METHODS
+from steptwin.protocol.entry import DataType
 
 _ABORT_CONTROLWORDS = {
     AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,
@@ -53,11 +50,13 @@ class AxisDrive:
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._controlword = 0
-        self._emergency_stopped = False
+        self.emergency_stopped = False
         """True from an emergency stop by a program (2015h) until the fault reset."""
         self._after_stop: State | None = None
         """State to enter when the stop in progress has ended."""
-        self._faults = FaultCount(context.dictionary, lambda: context.now_us, self._reset_fault)
+        self.fault_number = 0
+        """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
+        self._fault_us = 0
         self.settings = DriverSettings(context.dictionary, context.pins.set)
         self.supervision = Supervision(context)
         self.stop = AxisStop(context)
@@ -73,26 +72,13 @@ class AxisDrive:
             Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
         }
         self.mode_number = int(Mode.NONE)
-        self._install_hooks()
-
-    def _install_hooks(self) -> None:
-        write = self._dictionary.write_hooks
-        write[od.CONTROLWORD] = self._write_controlword
-        write[od.MODE_OF_OPERATION] = self._write_mode
-        write[od.TARGET_VELOCITY] = self._write_target_velocity
-        write[od.EMERGENCY_STOP] = self._write_emergency_stop
-        self._dictionary.read_hooks[od.EMERGENCY_STOP] = lambda: int(self._emergency_stopped)
-        refuse_crossed_limits(self._dictionary)
-        for address, values in OPTIONS.items():
-            write[address] = _one_of(values)
-        write[od.HOMING_METHOD] = _one_of(frozenset(HOMING_METHODS))
-        write[od.MOTION_PROFILE_TYPE] = _one_of(frozenset((cia402.LINEAR_RAMP, cia402.JERK_LIMITED_RAMP)))
+        context.dictionary.bind(self)
 
     def reset(self) -> None:
         """Lose everything that a power cycle would lose; end the pulses at once. A standing axis keeps its position."""
         self.stop.cut()
         self._controlword = 0
-        self._emergency_stopped = False
+        self.emergency_stopped = False
         self.mode.interrupted()
         self.mode_number = int(Mode.NONE)
         self.interpolation.restart()
@@ -105,7 +91,7 @@ class AxisDrive:
 
     # --- commands
 
-    def _write_controlword(self, controlword: int) -> None:
+    def obey_controlword(self, controlword: int) -> None:
         """Obey a controlword; the mode's own bits only count in OPERATION ENABLED.
 
         So a bit that rises in the word that enables the drive starts nothing: the mode sees no edge.
@@ -125,12 +111,18 @@ class AxisDrive:
         """True in OPERATION ENABLED, unless a ramp leads out of it."""
         return self.state is State.OPERATION_ENABLED and self._after_stop is None
 
-    def _reset_fault(self) -> None:
-        """Leave FAULT as by a rising edge of the controlword's bit 7 (transition 15); elsewhere do nothing."""
+    def reset_numbered_fault(self, number: int) -> None:
+        """Leave FAULT as by a rising edge of the controlword's bit 7 (transition 15); elsewhere do nothing.
+
+        A fault reset by controlword answers whatever has come until it arrives. A frame that the network held up would
+        so release an emergency stop that came later. The reset that names a number does not.
+        """
+        if number != self.fault_number:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)  # another fault has come since
         if self.state is State.FAULT:
             for controlword in (0, Control.FAULT_RESET):
                 self._dictionary.set(od.CONTROLWORD, controlword)
-                self._write_controlword(controlword)
+                self.obey_controlword(controlword)
 
     def _obey(self, target: State) -> None:
         """Change the state by command. A moving axis first stops, in the way that the option codes select."""
@@ -139,7 +131,7 @@ class AxisDrive:
         if self.state is State.FAULT:
             if any(self.supervision.causes()):
                 return  # a fault cannot be reset while its cause lasts
-            self._emergency_stopped = False
+            self.emergency_stopped = False
             self._set_error(ErrorCode.NONE)
             self._context.errors.acknowledge_faults()
         kind, end = self._stop_towards(target)
@@ -170,9 +162,8 @@ class AxisDrive:
             self.stop.ramp_down(kind, stop_ms)
             self.mode.interrupted()
 
-    def _write_mode(self, mode: int) -> None:
-        if mode not in self._modes:
-            raise SdoAbortError(AbortCode.VALUE_RANGE)
+    def select_mode(self, mode: int) -> None:
+        """Change to another mode of operation, unless the axis moves."""
         if mode != self.mode_number and self._motion.running(self.axis):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if mode != self.mode_number:
@@ -182,10 +173,6 @@ class AxisDrive:
             if self.state is State.OPERATION_ENABLED:
                 # The same word twice shows the new mode levels but no edge, so that no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
-
-    def _write_target_velocity(self, units_per_s: int) -> None:
-        self._context.touch()
-        self._profile_velocity.write_target(units_per_s)
 
     def abort_connection(self) -> None:
         """Obey the controlword that the abort connection option code (6007h) gives for a lost connection, if any.
@@ -227,6 +214,14 @@ class AxisDrive:
 
     # --- faults
 
+    def _count_fault(self) -> None:
+        self.fault_number = self.fault_number % DataType.UNSIGNED32.high + 1
+        self._fault_us = self._context.now_us
+
+    def fault_age_ms(self) -> int:
+        """Return the age of the last fault, rounded down; the highest value without one."""
+        return (self._context.now_us - self._fault_us) // 1000 if self.fault_number else DataType.UNSIGNED32.high
+
     def _fault_stop(self, code: ErrorCode, detail: int) -> StopKind:
         return fault_stop(code, detail, self._dictionary.get(od.FAULT_REACTION_OPTION))
 
@@ -242,7 +237,7 @@ class AxisDrive:
         """
         if not self.energised:
             return
-        self._faults.note()
+        self._count_fault()
         kind = self._fault_stop(code, detail)
         reacting = self.state is State.FAULT_REACTION_ACTIVE
         if reacting and kind is not StopKind.CUT:
@@ -254,13 +249,13 @@ class AxisDrive:
             self._bring_to_rest(kind, stop_ms)
         self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
 
-    def _write_emergency_stop(self, value: int) -> None:
+    def stop_at_once(self, value: int) -> None:
         """Stop as the e-stop input does (2015h); only a fault reset leads out of FAULT, also if the drive was off."""
         if not value:
             raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
         self._context.touch()
-        self._faults.note()
-        self._emergency_stopped = True
+        self._count_fault()
+        self.emergency_stopped = True
         if self.energised:
             self._context.trip(ErrorCode.ESTOP, BY_PROGRAM)
         elif self.state is not State.FAULT:
@@ -283,7 +278,7 @@ class AxisDrive:
         if inputs == self.supervision.inputs:
             return
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
-            self._faults.note()
+            self._count_fault()
         self.supervision.inputs = inputs
         self._context.changed(od.DIGITAL_INPUTS)
         if self.energised:
@@ -338,11 +333,3 @@ class AxisDrive:
         if enabled:
             word |= self.mode.status_bits()
         return word
-
-
-def _one_of(values: frozenset[int]) -> WriteHook:
-    def check(value: int) -> None:
-        if value not in values:
-            raise SdoAbortError(AbortCode.VALUE_RANGE)
-
-    return check

@@ -16,42 +16,10 @@ from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
-from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
 from steptwin.protocol.sync import SyncConsumer
-
-_I32_MIN: Final = -(1 << 31)
-_I32_MAX: Final = (1 << 31) - 1
-
-
-def install_present_values(context: AxisContext, drive: AxisDrive) -> None:
-    """Install the read hooks of positions, velocity, inputs and measurements."""
-    axis, motion, board = context.axis, context.motion, context.board
-    context.dictionary.read_hooks |= {
-        od.BOARD_TEMPERATURE: lambda: board.measurements.temperature_decidegc,
-        od.SUPPLY_VOLTAGE: lambda: board.measurements.supply_10mv,
-        od.ROTOR_POSITION_STEPS: lambda: board.monitor(axis).rotor_steps,
-        od.LOST_STEPS: lambda: board.monitor(axis).lost_steps,
-        od.DRIVER_VIOLATIONS: lambda: board.monitor(axis).violations,
-        od.DRIVER_MICROSTEPS: lambda: board.monitor(axis).microsteps,
-        od.SHAFT_POSITION: lambda: _saturated(board.shaft(axis).position_units),
-        od.SLIPPED_FULL_STEPS: lambda: board.shaft(axis).slipped_full_steps,
-        od.MODE_OF_OPERATION_DISPLAY: lambda: drive.mode_number,
-        od.POSITION_DEMAND: lambda: _saturated(motion.demand_units(axis)),
-        od.POSITION_ACTUAL: lambda: _saturated(motion.counter_units(axis)),
-        od.VELOCITY_ACTUAL: lambda: motion.velocity(axis) * 1000 // VELOCITY_PER_UNIT_PER_MS,
-        od.FOLLOWING_ERROR_ACTUAL: lambda: _saturated(context.reference.following_error_units),
-        od.POSITION_DEMAND_STEPS: lambda: motion.demand_steps(axis),
-        od.DIGITAL_INPUTS: lambda: drive.supervision.inputs,
-    }
-
-
-def _saturated(units: int) -> int:
-    """Limit a position to i32: within a segment, or rounded to a step, an axis may be a little beyond that range."""
-    return _I32_MIN if units < _I32_MIN else min(units, _I32_MAX)
-
 
 _RETRY_US: Final = 1000
 """Time after which an EMCY that found no place in the transmit queue tries again."""
@@ -94,25 +62,35 @@ class AxisNode:
         self._charge = Charge(self.dictionary)
         self.drive = AxisDrive(context)
         self._steps = StepSettings(context, self.drive)
-        install_present_values(context, self.drive)
-        self._install_hooks()
+        self.dictionary.bind(self)
         ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 
-    def _install_hooks(self) -> None:
-        read, write, get = self.dictionary.read_hooks, self.dictionary.write_hooks, self.dictionary.get
-        read[od.TIME_STAMP] = lambda: self._context.now_us - self._clock_zero_us & 0xFFFF_FFFF
-        read[od.BOARD_CLOCK_US] = lambda: self._context.now_us & 0xFFFF_FFFF
-        read[od.STATUSWORD] = self.statusword
-        read[od.ROBOT_NAME_CRC] = lambda: checksum(self.dictionary.text(od.ROBOT_NAME))
-        write[od.TIME_STAMP] = self._set_clock
-        write[od.PRODUCER_HEARTBEAT_TIME] = self._set_heartbeat_period
-        write[od.DIGITAL_OUTPUTS] = lambda levels: self.pins.switch_outputs(levels & get(od.DIGITAL_OUTPUTS_MASK))
-        write[od.DIGITAL_OUTPUTS_MASK] = lambda mask: self.pins.switch_outputs(get(od.DIGITAL_OUTPUTS) & mask)
+    @property
+    def board_clock_us(self) -> int:
+        """Time since power-up, within 32 bits."""
+        return self._context.now_us & 0xFFFF_FFFF
 
-    def _set_clock(self, time_us: int) -> None:
+    @property
+    def time_stamp_us(self) -> int:
+        """The high resolution time stamp (1013h)."""
+        return self._context.now_us - self._clock_zero_us & 0xFFFF_FFFF
+
+    def set_clock(self, time_us: int) -> None:
+        """Set the high resolution time stamp."""
         self._clock_zero_us = self._context.now_us - time_us
 
-    def _set_heartbeat_period(self, period_ms: int) -> None:
+    @property
+    def robot_name_crc(self) -> int:
+        """Checksum of the robot's name (2016h)."""
+        return checksum(self.dictionary.text(od.ROBOT_NAME))
+
+    def switch_outputs_at(self, address: int, value: int) -> None:
+        """Switch the digital outputs (60FEh:01) that the mask (60FEh:02) lets through; one of the two is new."""
+        other = od.DIGITAL_OUTPUTS if address == od.DIGITAL_OUTPUTS_MASK else od.DIGITAL_OUTPUTS_MASK
+        self.pins.switch_outputs(value & self.dictionary.get(other))
+
+    def set_heartbeat_period(self, period_ms: int) -> None:
+        """Send a heartbeat with this period from now on; 0: none."""
         self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
 
     def _board_moves(self) -> bool:
@@ -180,8 +158,8 @@ class AxisNode:
     def _reset_communication(self) -> None:
         self.dictionary.reset(last_index=0x1FFF)
         self._sdo.reset()
-        self._set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
-        self._errors.reset_communication()
+        self.set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
+        self._emergency.reset_communication()
         self._heartbeats.restart()
         self._outbox.reset()
         self._charge.forget()

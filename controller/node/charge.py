@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from steptwin.protocol.dictionary import ObjectDictionary
@@ -14,29 +13,30 @@ class Charge:
     """The token of the program in charge, until that program gives it back or falls silent."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
-        self._token = FREE
+        self.token = FREE
+        """The token of the program in charge; FREE while none is."""
         self._claimed = False
         self.due_us: int | None = None
         """Time of the next call of `poll`; None while no program is in charge."""
-        dictionary.read_hooks[od.CHARGE_TOKEN] = lambda: self._token
-        dictionary.write_hooks[od.CHARGE_TOKEN] = self._claim
-        dictionary.write_hooks[od.CHARGE_RELEASE] = self._release
+        dictionary.bind(self)
 
-    def _claim(self, token: int) -> None:
+    def claim(self, token: int) -> None:
+        """Lend the axis to the program with this token, unless another one is in charge."""
         if token == FREE:
             raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
-        if self._token not in (FREE, token):
+        if self.token not in (FREE, token):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
-        self._token, self._claimed = token, True
+        self.token, self._claimed = token, True
 
-    def _release(self, token: int) -> None:
-        if self._token != token:
+    def release(self, token: int) -> None:
+        """Take the axis back from the program in charge, which has this token."""
+        if self.token != token:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         self.forget()
 
     def forget(self) -> None:
         """Let the axis be free: the program in charge has released it, was lost, or the node is reset."""
-        self._token, self._claimed, self.due_us = FREE, False, None
+        self.token, self._claimed, self.due_us = FREE, False, None
 
     def settle(self, now_us: int) -> None:
         """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis, or claimed it again."""

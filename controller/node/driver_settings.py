@@ -1,12 +1,10 @@
 """Set the TB6560's static inputs by the driver objects (2000h): excitation mode, torque, decay, rest torque."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Final
 
 from steptwin.controller.node.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 
 IDLE_AFTER_US: Final = 500_000
@@ -22,9 +20,6 @@ class DriverSettings:
         self._idle = False
         self.due_us: int | None = None
         """Time when a standing axis' torque is lowered; None if that has happened or does not apply."""
-        dictionary.write_hooks[od.TORQUE_PERCENT] = partial(_check, TORQUE_LEVELS)
-        dictionary.write_hooks[od.REST_TORQUE_PERCENT] = partial(_check, TORQUE_LEVELS)
-        dictionary.write_hooks[od.FAST_DECAY_PERCENT] = partial(_check, DECAY_LEVELS)
 
     def set_microsteps(self, microsteps: int) -> None:
         """Select the excitation mode. The chip takes a new one only in reset (page 15), which also resets its angle."""
@@ -50,8 +45,3 @@ class DriverSettings:
     def _set(self, high: Pin, low: Pin, levels: tuple[int, int]) -> None:
         self._set_pin(high, levels[0])
         self._set_pin(low, levels[1])
-
-
-def _check(levels: dict[int, tuple[int, int]], value: int) -> None:
-    if value not in levels:
-        raise SdoAbortError(AbortCode.VALUE_RANGE)

@@ -14,7 +14,7 @@ from steptwin.controller.motion.group_ramp import ramp_group
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardContext
 from steptwin.controller.node.axis_node import AxisNode
-from steptwin.controller.node.measurements import BoardReadings, Monitor, ShaftReader, no_monitor, no_shaft
+from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue
@@ -64,8 +64,6 @@ class Firmware:
         axis_count: int,
         flash: list[FlashPage] | None = None,
         first_node_id: int = FIRST_NODE_ID,
-        monitor: Monitor = no_monitor,
-        shaft: ShaftReader = no_shaft,
     ) -> None:
         """Set the board up.
 
@@ -74,8 +72,6 @@ class Firmware:
             axis_count: number of axes, 1 to 8.
             flash: a page for each axis, read at boot and written when the host stores parameters.
             first_node_id: node id of the first axis; the next axes have the next ids.
-            monitor: counts an axis' steps at the driver (see `measurements`); by default none are lost.
-            shaft: tells where an axis' rotor really is.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -91,7 +87,7 @@ class Firmware:
         """The axes that request the fault reaction, and their errors."""
         self.transmit = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
-        board = BoardContext(self.motion, self._measurements, monitor, shaft, SyncClock(), self.transmit, self._trip)
+        board = BoardContext(self.motion, self._measurements, SyncClock(), self.transmit, self._trip)
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""

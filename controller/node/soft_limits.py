@@ -17,6 +17,17 @@ class SoftLimits:
     def __init__(self, dictionary: ObjectDictionary) -> None:
         self._low = dictionary.cell(od.POSITION_LIMIT_MIN)
         self._high = dictionary.cell(od.POSITION_LIMIT_MAX)
+        dictionary.bind(self)
+
+    def check_low(self, low: int) -> None:
+        """Refuse a low limit above the high one."""
+        if low > self._high.value:
+            raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
+
+    def check_high(self, high: int) -> None:
+        """Refuse a high limit below the low one."""
+        if high < self._low.value:
+            raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
 
     def range(self) -> tuple[int, int]:
         """Return the lowest and highest position allowed. The kernel's range is symmetric, so -2^31 is not."""
@@ -27,18 +38,6 @@ class SoftLimits:
         """Return the nearest position within the limits."""
         low, high = self.range()
         return max(low, min(position_units, high))
-
-
-def refuse_crossed_limits(dictionary: ObjectDictionary) -> None:
-    """Refuse a low limit above the high one, whichever is written."""
-
-    def check(low: int, high: int) -> None:
-        if low > high:
-            raise SdoAbortError(AbortCode.MAX_BELOW_MIN)
-
-    write, get = dictionary.write_hooks, dictionary.get
-    write[od.POSITION_LIMIT_MIN] = lambda low: check(low, get(od.POSITION_LIMIT_MAX))
-    write[od.POSITION_LIMIT_MAX] = lambda high: check(get(od.POSITION_LIMIT_MIN), high)
 
 
 def hull(

@@ -1,7 +1,6 @@
 """Pass the step configuration of one axis from its object dictionary to the motion and the driver."""
 
 from dataclasses import replace
-from functools import partial
 
 from steptwin.controller.motion.step_config import INVERT_DIR, REVERSED, StepConfig
 from steptwin.controller.node.axis_context import AxisContext
@@ -9,18 +8,7 @@ from steptwin.controller.node.axis_drive import AxisDrive
 from steptwin.controller.node.pins import MODE_LEVELS
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-
-_ADDRESSES = (
-    od.MICROSTEPS,
-    od.STEPLEN_NS,
-    od.STEPSPACE_NS,
-    od.DIRSETUP_NS,
-    od.DIRHOLD_NS,
-    od.MAX_PROFILE_VELOCITY,
-    od.POLARITY,
-    od.INVERT_MASK,
-)
-"""Addresses of the entries, in the order of StepConfig's fields."""
+from steptwin.protocol.objects import STEP_ENTRIES
 
 _CHOICES = {
     od.MICROSTEPS: tuple(MODE_LEVELS),
@@ -36,10 +24,9 @@ class StepSettings:
     def __init__(self, context: AxisContext, drive: AxisDrive) -> None:
         self._context = context
         self._drive = drive
-        for address in _ADDRESSES:
-            context.dictionary.write_hooks[address] = partial(self._write, address)
+        context.dictionary.bind(self)
 
-    def _write(self, address: int, value: int) -> None:
+    def change_at(self, address: int, value: int) -> None:
         """Reconfigure the steps while the driver is off: a TB6560 changes its mode only in reset (page 15).
 
         Drop the records that wait: they were accepted within the old limits. The speed limit (607Fh) may change while
@@ -60,7 +47,7 @@ class StepSettings:
         """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
         changes = changes or {}
         axis, motion, get = self._context.axis, self._context.motion, self._context.dictionary.get
-        config = StepConfig(*(changes.get(address, get(address)) for address in _ADDRESSES))
+        config = StepConfig(*(changes.get(address, get(address)) for address in STEP_ENTRIES))
         if config.microsteps != motion.config(axis).microsteps:
             self._drive.select_microsteps(config.microsteps)
         motion.configure(axis, config)

@@ -74,14 +74,6 @@ HALTS = {1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
 """By the halt option code (605Dh)."""
 FAULT_REACTIONS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STOP}
 """By the fault reaction option code (605Eh)."""
-OPTIONS: dict[int, frozenset[int]] = {
-    od.QUICK_STOP_OPTION: frozenset(QUICK_STOPS),
-    od.SHUTDOWN_OPTION: frozenset(SHUTDOWNS),
-    od.DISABLE_OPERATION_OPTION: frozenset(DISABLES),
-    od.HALT_OPTION: frozenset(HALTS),
-    od.FAULT_REACTION_OPTION: frozenset(FAULT_REACTIONS),
-}
-"""The values that each option code may take."""
 
 _FIXED_REACTIONS = {
     ErrorCode.UNDERVOLTAGE: StopKind.CUT,  # without its supply the driver cannot follow a ramp

@@ -38,6 +38,7 @@ class Supervision:
         """The axis' present input levels."""
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if there is nothing to watch."""
+        context.dictionary.bind(self)
 
     # --- causes that are levels
 

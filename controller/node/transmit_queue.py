@@ -184,7 +184,7 @@ class Outbox:
         return self._queue.room(self._node, service)
 
     def _lost(self, now_us: int) -> None:
-        self._dictionary.count(od.FRAMES_LOST)
+        self._dictionary.cell(od.FRAMES_LOST).count()
         self.due_us = now_us + QUIET_US
         self._errors.report(ErrorCode.CAN_OVERRUN, Overrun.TRANSMIT_QUEUE)
 

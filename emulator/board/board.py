@@ -2,17 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.firmware import Firmware
-from steptwin.controller.node.measurements import BoardReadings, DriverMonitor, Shaft
+from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.drivers.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank
+from steptwin.emulator.drivers.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.tb6560 import FULL_STEP_SIXTEENTHS, Excitation, OutputFollower
 from steptwin.emulator.faults.operations import (
@@ -33,6 +34,7 @@ from steptwin.emulator.faults.operations import (
 )
 from steptwin.emulator.world.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.world.switches import Switch, Travel
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
@@ -63,6 +65,15 @@ class BoardConfig:
     def __post_init__(self) -> None:
         if abs(self.crystal_ppm) > CRYSTAL_PPM_MAX:
             raise ValueError(f"crystal_ppm {self.crystal_ppm} is not from {-CRYSTAL_PPM_MAX} to {CRYSTAL_PPM_MAX}")
+
+
+class Shaft(NamedTuple):
+    """Where one axis' rotor really is."""
+
+    position_units: int
+    """Since power-up, in wire units."""
+    slipped_full_steps: int
+    """Full steps by which it has fallen out of step since power-up, signed: four for each electrical turn."""
 
 
 class Board:
@@ -105,9 +116,7 @@ class Board:
 
     def _power_up(self) -> None:
         """Make a new firmware and a new CAN controller, as power-up does."""
-        self.firmware = Firmware(
-            self._kernel, self.config.axis_count, self.flash, self.config.first_node_id, self._monitor, self.shaft
-        )
+        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
         self.can = self._make_controller()
         """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
         self._inputs.restart_count()
@@ -117,7 +126,8 @@ class Board:
         """True if the inputs must be read at the start of the next tick."""
         for axis, listener in self._on_record.items():
             self.on_record(axis, listener)
-        self._monitored = [self._drivers.count(axis) for axis in range(self.config.axis_count)]
+        for axis, node in enumerate(self.firmware.nodes):
+            node.dictionary.bind(EmulatedAxis(self, axis))
 
     def _make_controller(self) -> CanController:
         firmware = self.firmware
@@ -423,16 +433,10 @@ class Board:
         motion = self.firmware.motion
         self._drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
 
-    def _monitor(self, axis: int) -> DriverMonitor:
-        """Return the driver's counts for an axis since power-up, including the pulses of the tick in progress."""
+    def driver_counts(self, axis: int) -> DriverMonitor:
+        """Return the counts of an axis' driver, including the pulses of the tick in progress."""
         self.drain_axis(axis)
-        counted, before = self._drivers.count(axis), self._monitored[axis]
-        return DriverMonitor(
-            counted.rotor_steps - before.rotor_steps,
-            counted.lost_steps - before.lost_steps,
-            counted.violations - before.violations,
-            counted.microsteps,
-        )
+        return self._drivers.count(axis)
 
     def shaft(self, axis: int) -> Shaft:
         """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
@@ -508,3 +512,27 @@ class Board:
         """Return the trace of an axis since power-up, or since it was taken last."""
         self.drain_axis(axis)
         return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)
+
+
+_DRIVER_ENTRIES = od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS, od.DRIVER_MICROSTEPS
+"""In the order of DriverMonitor's fields."""
+_ROTOR_ENTRIES = od.SHAFT_POSITION, od.SLIPPED_FULL_STEPS
+"""In the order of Shaft's fields."""
+
+
+class EmulatedAxis:
+    """The entries of one axis that only an emulator can supply (2F00h): its driver since power-up, and its rotor."""
+
+    def __init__(self, board: Board, axis: int) -> None:
+        self._board = board
+        self._axis = axis
+        self._before = board.driver_counts(axis)._replace(microsteps=0)
+
+    def count_at(self, address: int) -> int:
+        """Return a count of the driver since power-up, or its present mode."""
+        i = _DRIVER_ENTRIES.index(address)
+        return self._board.driver_counts(self._axis)[i] - self._before[i]
+
+    def rotor_at(self, address: int) -> int:
+        """Return where the rotor is, or by how much it has slipped."""
+        return self._board.shaft(self._axis)[_ROTOR_ENTRIES.index(address)]

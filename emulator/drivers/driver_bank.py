@@ -2,12 +2,12 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.motion.board_motion import PinEdges
-from steptwin.controller.node.measurements import DriverMonitor
 from steptwin.controller.node.pins import MODE_LEVELS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
@@ -42,6 +42,19 @@ SUPPLIES = (LevelPin.VDD, LevelPin.VM)
 
 _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
 """Pins that fall before all others when the power goes: M1 and M2 may change in reset only."""
+
+
+class DriverMonitor(NamedTuple):
+    """Counts of one axis' driver and its mode."""
+
+    rotor_steps: int
+    """Number of steps that the driver has counted, signed."""
+    lost_steps: int
+    """Steps made less steps counted, both signed: how far the rotor has fallen behind."""
+    violations: int
+    """Number of pulses that broke a limit of the driver."""
+    microsteps: int = 0
+    """Microsteps per full step, by the chip's pins or the module's switches; 0: unknown."""
 
 
 @dataclass(frozen=True, slots=True)

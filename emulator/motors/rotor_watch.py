@@ -18,8 +18,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
-from steptwin.controller.node.measurements import Shaft
-from steptwin.emulator.board.board import Board
+from steptwin.emulator.board.board import Board, Shaft
 from steptwin.emulator.board.edges import FloatArray
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.emulator.drivers.tb6560 import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, FieldTurns, OutputChanges, Steady

@@ -4,11 +4,14 @@ from collections.abc import Iterator
 
 import pytest
 
+from steptwin.controller.node.pins import DECAY_LEVELS, TORQUE_LEVELS
+from steptwin.controller.node.stops import DISABLES, FAULT_REACTIONS, HALTS, QUICK_STOPS, SHUTDOWNS
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
-from steptwin.protocol.objects import OBJECTS
+from steptwin.protocol.handlers import OBEYED_BY, READ_FROM
+from steptwin.protocol.objects import ENTRIES, OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
 
@@ -165,3 +168,31 @@ def test_all_other_indices_do_not_exist() -> None:
             for command in (0x40, 0x2F, 0x21, 0xA0, 0xC0):
                 [answer] = sdo.handle(bytes((command,)) + head(index, 0) + b"\1\0\0\0")
                 assert abort_of(answer) == AbortCode.NO_OBJECT
+
+
+def test_every_handler_is_a_part_of_the_firmware(board: BenchBoard) -> None:
+    """All but the emulator's: each entry that the tables name is bound, and no other."""
+    dictionary = board.firmware.nodes[0].dictionary
+    numbers = [address for address, entry in ENTRIES.items() if entry.data_type is not DataType.VISIBLE_STRING]
+    emulated = {address for address, handler in READ_FROM.items() if handler.startswith("EmulatedAxis.")}
+    assert {a for a in numbers if dictionary.cell(a).supply} == set(READ_FROM) - emulated
+    assert {a for a in numbers if dictionary.cell(a).obey} == set(OBEYED_BY)
+
+
+@pytest.mark.parametrize(
+    ("address", "values"),
+    [
+        (od.TORQUE_PERCENT, TORQUE_LEVELS),
+        (od.REST_TORQUE_PERCENT, TORQUE_LEVELS),
+        (od.FAST_DECAY_PERCENT, DECAY_LEVELS),
+        (od.QUICK_STOP_OPTION, QUICK_STOPS),
+        (od.SHUTDOWN_OPTION, SHUTDOWNS),
+        (od.DISABLE_OPERATION_OPTION, DISABLES),
+        (od.HALT_OPTION, HALTS),
+        (od.FAULT_REACTION_OPTION, FAULT_REACTIONS),
+    ],
+)
+def test_the_table_allows_what_the_firmware_can_do(address: int, values: dict[int, object]) -> None:
+    entry = ENTRIES[address]
+    low, high = limits(entry)
+    assert {value for value in range(low, high + 1) if value in (entry.values or range(low, high + 1))} == set(values)

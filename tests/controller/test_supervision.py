@@ -6,7 +6,6 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.firmware import Firmware
-from steptwin.controller.node.measurements import DriverMonitor
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
 from steptwin.protocol.frame import Frame
@@ -269,12 +268,15 @@ def test_fault_reactions(board: BenchBoard, option: int, ramp_ms: int) -> None:
 
 
 class SlippingBoard(BenchBoard):
-    """A bench board whose monitor reports the lost steps that the test sets."""
+    """A bench board with the lost steps that the test sets."""
 
     def __init__(self, kernel: Kernel) -> None:
         super().__init__(kernel)
         self.lost_steps = 0
-        self.firmware = Firmware(kernel, 1, monitor=lambda _axis: DriverMonitor(-self.lost_steps, self.lost_steps, 0))
+        self.firmware = Firmware(kernel, 1)
+        dictionary = self.firmware.nodes[0].dictionary
+        dictionary.cell(od.LOST_STEPS).supply = lambda: self.lost_steps
+        dictionary.cell(od.ROTOR_POSITION_STEPS).supply = lambda: -self.lost_steps
         self.firmware.boot(0)
         configure(self)
 

@@ -15,13 +15,13 @@ def test_a_counter_stays_at_its_greatest_value() -> None:
     dictionary = ObjectDictionary(0x10)
     dictionary.set(od.PVT_GAPS, GAPS_MAX - 1)
     for counted in (GAPS_MAX, GAPS_MAX):
-        dictionary.count(GAPS)
+        dictionary.cell(GAPS).count()
         assert dictionary.get(od.PVT_GAPS) == counted
 
 
 def test_a_reader_follows_the_value_through_a_reset() -> None:
     dictionary = ObjectDictionary(0x10)
-    read = dictionary.reader(FOLLOWING_WINDOW).get
+    read = dictionary.cell(FOLLOWING_WINDOW).get
     default = read()
     dictionary.set(od.FOLLOWING_ERROR_WINDOW, 5)
     assert read() == 5
@@ -29,11 +29,11 @@ def test_a_reader_follows_the_value_through_a_reset() -> None:
     assert read() == default != 5
 
 
-def test_a_reader_is_the_hook_where_the_value_lives_elsewhere() -> None:
+def test_a_reader_asks_the_firmware_where_the_value_lives_elsewhere() -> None:
     dictionary = ObjectDictionary(0x10)
     places = [7]
-    dictionary.read_hooks[POSITION] = lambda: places[0]
-    read = dictionary.reader(POSITION).get
+    dictionary.cell(POSITION).supply = lambda: places[0]
+    read = dictionary.cell(POSITION).get
     assert read() == 7
     places[0] = -8
     assert read() == dictionary.get(od.POSITION_ACTUAL) == -8
@@ -41,7 +41,7 @@ def test_a_reader_is_the_hook_where_the_value_lives_elsewhere() -> None:
 
 def test_a_writer_stores_where_there_is_nothing_to_check() -> None:
     dictionary = ObjectDictionary(0x10)
-    write = dictionary.writer(FOLLOWING_WINDOW).put
+    write = dictionary.cell(FOLLOWING_WINDOW).put
     write(5)
     assert dictionary.get(od.FOLLOWING_ERROR_WINDOW) == 5
     dictionary.reset()
@@ -54,7 +54,7 @@ def test_a_writer_keeps_the_range(value: int, code: AbortCode | None) -> None:
     """The synchronous counter overflow value (1019h) is at most 240."""
     dictionary = ObjectDictionary(0x10)
     dictionary.set(od.SYNC_COUNTER_OVERFLOW, 3)
-    write = dictionary.writer(od.SYNC_COUNTER_OVERFLOW).put
+    write = dictionary.cell(od.SYNC_COUNTER_OVERFLOW).put
     if code is None:
         write(value)
         assert dictionary.get(od.SYNC_COUNTER_OVERFLOW) == value
@@ -65,9 +65,65 @@ def test_a_writer_keeps_the_range(value: int, code: AbortCode | None) -> None:
     assert dictionary.get(od.SYNC_COUNTER_OVERFLOW) == 3
 
 
-def test_a_writer_tells_the_hook_before_it_stores() -> None:
+def test_the_firmware_obeys_before_the_value_is_stored() -> None:
     dictionary = ObjectDictionary(0x10)
     heard: list[tuple[int, int]] = []
-    dictionary.write_hooks[MODE] = lambda mode: heard.append((mode, dictionary.get(od.MODE_OF_OPERATION)))
-    dictionary.writer(MODE).put(7)
+    dictionary.cell(MODE).obey = lambda mode: heard.append((mode, dictionary.get(od.MODE_OF_OPERATION)))
+    dictionary.cell(MODE).put(7)
     assert (heard, dictionary.get(od.MODE_OF_OPERATION)) == ([(7, 0)], 7)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(1 << 31, (1 << 31) - 1), (-(1 << 40), -(1 << 31)), (-5, -5)])
+def test_a_value_beyond_the_type_is_shown_as_the_end_of_its_range(value: int, shown: int) -> None:
+    dictionary = ObjectDictionary(0x10)
+    dictionary.cell(POSITION).supply = lambda: value
+    assert dictionary.get(POSITION) == shown
+    assert dictionary.read(POSITION) == shown.to_bytes(4, "little", signed=True)
+
+
+@pytest.mark.parametrize("mode", [2, 9, -1])
+def test_a_choice_takes_none_but_its_values(mode: int) -> None:
+    dictionary = ObjectDictionary(0x10)
+    with pytest.raises(SdoAbortError) as caught:
+        dictionary.cell(MODE).put(mode)
+    assert caught.value.code is AbortCode.VALUE_RANGE
+    assert dictionary.get(MODE) == 0
+
+
+class Charge:
+    """A part that has the name of the firmware's."""
+
+    token = 3
+
+    def claim(self, token: int) -> None:
+        self.token = token
+
+    def release(self, _token: int) -> None:
+        raise SdoAbortError(AbortCode.DEVICE_STATE)
+
+
+class BoardMotion:
+    """A part that serves several axes."""
+
+    def delayed_steps(self, axis: int) -> int:
+        return 100 + axis
+
+    demand_units = counter_units = velocity_units_per_s = demand_steps = queued = delayed_steps
+
+
+def test_a_part_is_bound_by_the_name_of_its_class() -> None:
+    dictionary = ObjectDictionary(0x10)
+    dictionary.bind(Charge())
+    assert dictionary.get(od.CHARGE_TOKEN) == 3
+    dictionary.cell(od.CHARGE_TOKEN).put(8)
+    assert dictionary.get(od.CHARGE_TOKEN) == 8
+    with pytest.raises(SdoAbortError):
+        dictionary.cell(od.CHARGE_RELEASE).put(8)
+
+
+def test_a_part_of_several_axes_is_given_the_axis() -> None:
+    first, second = ObjectDictionary(0x10), ObjectDictionary(0x11)
+    motion = BoardMotion()
+    first.bind(motion, 0)
+    second.bind(motion, 1)
+    assert (first.get(od.DELAYED_STEPS), second.get(od.DELAYED_STEPS)) == (100, 101)

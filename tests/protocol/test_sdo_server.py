@@ -173,7 +173,9 @@ def test_every_entry_is_written_within_its_range_only(item: DictionaryObject, su
     writable = entry.access in (Access.READ_WRITE, Access.WRITE_ONLY)
     for value in {low, high}:
         answer = write(sdo, item, subindex, entry, value)
-        if writable:
+        if writable and entry.values is not None and value not in entry.values:
+            assert abort_code(answer) == AbortCode.VALUE_RANGE
+        elif writable:
             assert answer == bytes((0x60, item.index & 0xFF, item.index >> 8, subindex, 0, 0, 0, 0))
         else:
             assert abort_code(answer) == AbortCode.READ_ONLY

@@ -122,13 +122,13 @@ class TestEmergency:
 
     def test_inhibit_time_spaces_the_frames(self) -> None:
         emergency = EmergencyProducer()
-        emergency.inhibit = 30  # 3 ms
+        inhibit_100us = 30  # 3 ms
         emergency.raise_error(ErrorCode.PVT_UNDERRUN)
         emergency.raise_error(ErrorCode.PARAMETER)
-        assert emergency.poll(1000) is not None
+        assert emergency.poll(1000, inhibit_100us) is not None
         assert emergency.due_us == 4000
-        assert emergency.poll(3999) is None
-        assert emergency.poll(4000) is not None
+        assert emergency.poll(3999, inhibit_100us) is None
+        assert emergency.poll(4000, inhibit_100us) is not None
 
     def test_a_communication_reset_ends_communication_errors_and_drops_what_waits(self) -> None:
         emergency = EmergencyProducer()

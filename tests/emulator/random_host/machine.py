@@ -180,10 +180,11 @@ class Machine:
     def _watch_targets(self, axis: int) -> None:
         """Note each target and each start that an axis takes while its drive is enabled."""
         node, watch = self.board.firmware.nodes[axis], self.axes[axis]
-        hooks = node.dictionary.write_hooks
 
         def watched(address: int, starts: Callable[[int], bool]) -> None:
-            obey = hooks[address]
+            cell = node.dictionary.cell(address)
+            obey = cell.obey
+            assert obey is not None
 
             def write(value: int) -> None:
                 was_enabled = node.drive.state is State.OPERATION_ENABLED
@@ -191,7 +192,7 @@ class Machine:
                 enabled = node.drive.state is State.OPERATION_ENABLED
                 watch.given = enabled and ((watch.given and was_enabled) or starts(value))
 
-            hooks[address] = write
+            cell.obey = write
 
         watched(od.TARGET_VELOCITY, lambda _: True)
         watched(od.TARGET_POSITION, lambda _: True)
