@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from steptwin.bench import scaling
+from steptwin.bench import kernel_speed
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.record.plots.canvas import COUNTED, PLANNED, STYLE, WIDTH_INCHES
 from steptwin.host.studies.step_methods.evaluation import MethodErrors, ideal_of
@@ -93,16 +93,16 @@ def growth(kernel: Kernel) -> Figure:
     figure = Figure(figsize=(WIDTH_INCHES, 7.6), layout="constrained")
     figure.suptitle("What the kernel's cost grows with (one core)", x=0.01, ha="left", weight="bold")
     (by_axes, by_rate), (by_points, by_length) = figure.subplots(2, 2)
-    _costs(by_axes, "axes, all at 14 kHz", scaling.by_axes(kernel))
-    _costs(by_rate, "step rate of seven axes [Hz]", scaling.by_rate(kernel))
-    _costs(by_points, "PVT points per second and axis", scaling.by_points(kernel))
+    _costs(by_axes, "axes, all at 14 kHz", kernel_speed.by_axes(kernel))
+    _costs(by_rate, "step rate of seven axes [Hz]", kernel_speed.by_rate(kernel))
+    _costs(by_points, "PVT points per second and axis", kernel_speed.by_points(kernel))
     for panel in (by_rate, by_points):
         panel.set_xscale("log")
-    _lengths(by_length, scaling.by_length())
+    _lengths(by_length, kernel_speed.by_length())
     return figure
 
 
-def _costs(panel: Axes, label: str, costs: list[scaling.Cost]) -> None:
+def _costs(panel: Axes, label: str, costs: list[kernel_speed.Cost]) -> None:
     x = [cost.x for cost in costs]
     tick_ns = [cost.ns_per_axis_tick for cost in costs]
     panel.plot(x, tick_ns, "o-", color=COUNTED)
@@ -117,7 +117,7 @@ def _costs(panel: Axes, label: str, costs: list[scaling.Cost]) -> None:
     beside.grid(visible=False)
 
 
-def _lengths(panel: Axes, lengths: list[scaling.Length]) -> None:
+def _lengths(panel: Axes, lengths: list[kernel_speed.Length]) -> None:
     steps = [length.steps for length in lengths]
     panel.plot(steps, [length.wall_s for length in lengths], "o-", color=COUNTED)
     panel.set_xscale("log")
@@ -126,10 +126,10 @@ def _lengths(panel: Axes, lengths: list[scaling.Length]) -> None:
     panel.set_ylabel("s for all of it (dots)")
     beside = panel.twinx()
     beside.plot(steps, [length.peak_mb for length in lengths], "s--", color=GREY)
-    beside.axhline(scaling.MEMORY_MAX_MB, color=GREY, linestyle=":")
-    beside.text(steps[0], scaling.MEMORY_MAX_MB, f"bound: {scaling.MEMORY_MAX_MB} MB", va="bottom", size=8)
+    beside.axhline(kernel_speed.MEMORY_MAX_MB, color=GREY, linestyle=":")
+    beside.text(steps[0], kernel_speed.MEMORY_MAX_MB, f"bound: {kernel_speed.MEMORY_MAX_MB} MB", va="bottom", size=8)
     beside.set_ylabel("peak memory, MB (squares)")
-    beside.set_ylim(0, scaling.MEMORY_MAX_MB * 1.15)
+    beside.set_ylim(0, kernel_speed.MEMORY_MAX_MB * 1.15)
     beside.grid(visible=False)
 
 

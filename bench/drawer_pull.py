@@ -5,11 +5,20 @@ that makes each of the run's frames, finds who listens to its identifier, calls 
 emulation that is driven frame by frame can be faster than that, and the ratio to it hardly depends on the machine.
 """
 
+import subprocess
+import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import median
+from typing import Final
 
+from rich.table import Table
+
+from steptwin.bench.bench_table import bench_table
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator import simulation
 from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -19,6 +28,29 @@ from steptwin.host.verify import compare, verify_comparison
 from steptwin.protocol.frame import Frame
 
 REPEATS = 9
+ROUNDS: Final = 3
+_MEASURE: Final = """
+import sys
+from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
+
+package, compiled = sys.argv[1], sys.argv[2] == "compiled"
+if not compiled:
+    only_sources = FileFinder.path_hook((SourceFileLoader, SOURCE_SUFFIXES))
+
+    def ours(path):
+        if not path.startswith(package):
+            raise ImportError(path)
+        return only_sources(path)
+
+    sys.path_hooks.insert(0, ours)
+
+from steptwin.bench.drawer_pull import compiled_here, measure
+from steptwin.controller.motion.backend import fastest_kernel
+
+assert compiled_here() is compiled
+figure = measure(fastest_kernel())
+print(figure.emulation_s, figure.bare_bus_ratio)
+"""
 
 
 @dataclass(frozen=True)
@@ -88,3 +120,42 @@ def _bare_bus_s(log: list[tuple[int, Frame]]) -> float:
     assert delivered == log
     assert len(heard) == len(log)
     return bare_s
+
+
+def drawer_pull_table(kernels: Iterable[Kernel]) -> Table:
+    """Measure with each kernel."""
+    return bench_table(
+        "Drawer pull: six axes over CAN at 100 points/s, 10 s of motion",
+        "kernel|frames|emulation s|verification s|x real time|x bare bus|position error, steps|timing p50, us",
+        (
+            f"{row.kernel}|{row.frames}|{row.emulation_s:.3f}|{row.verification_s:.3f}|{row.simulated_per_wall:.0f}|"
+            f"{row.bare_bus_ratio:.0f}|{row.error_steps_max:.4f}|{row.timing_us_p50:.2f}"
+            for row in map(measure, kernels)
+        ),
+    )
+
+
+def compiled_here() -> bool:
+    """Return whether this installation has its hot modules compiled."""
+    return Path(str(simulation.__file__)).suffix != ".py"
+
+
+def compiled_text() -> str:
+    """Return what compiling the hot modules saves: the shortest of ROUNDS medians with them and with their sources."""
+    if not compiled_here():
+        return "No modules are compiled here: docs/benchmarks.md says how to install a wheel with compiled ones"
+    rounds = [(_measured("compiled"), _measured("sources")) for _ in range(ROUNDS)]
+    (compiled_s, compiled_ratio), (sources_s, sources_ratio) = map(min, zip(*rounds, strict=True))
+    return (
+        f"Drawer pull with compiled modules {compiled_s:.3f} s, with their sources {sources_s:.3f} s:"
+        f" {sources_s / compiled_s:.2f} times as long;"
+        f" {compiled_ratio:.0f} and {sources_ratio:.0f} times as long as a bare bus with the same frames"
+    )
+
+
+def _measured(how: str) -> tuple[float, float]:
+    """Return the emulation's time, s, and its ratio to a bare bus, measured in a process of its own."""
+    package = str(Path(str(simulation.__file__)).parents[1])
+    command = [sys.executable, "-c", _MEASURE, package, how]
+    emulation_s, ratio = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return float(emulation_s), float(ratio)

@@ -8,11 +8,13 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 from multiprocessing import get_context
 from statistics import median
 from typing import Final
 
+from rich.table import Table
+
+from steptwin.bench.bench_table import bench_table
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.campaign.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
 from steptwin.host.studies.campaign.workers import cluster, run_batch, run_on
@@ -23,21 +25,8 @@ _RUNS_EACH: Final = 40
 _ROBOT: Final = "warehouse-scara"
 
 
-@dataclass(frozen=True)
-class WorkersFigure:
-    """Medians over all rounds.
-
-    Attributes:
-        workers: runs a second by one and by two workers of a local cluster.
-        processes: the same by one and by two plain processes.
-    """
-
-    workers: tuple[float, float]
-    processes: tuple[float, float]
-
-
-def measure() -> WorkersFigure:
-    """Make the same runs by one and two workers and processes, in turns, after a warm-up of each."""
+def workers_table() -> Table:
+    """Make the same runs by one and two workers and processes, in turns, after a warm-up of each; take medians."""
     campaign = _drawer_pulls()
     with ExitStack() as stack:
         pool = stack.enter_context(ProcessPoolExecutor(2, mp_context=get_context("spawn")))
@@ -58,7 +47,14 @@ def measure() -> WorkersFigure:
     rates = [
         count * _RUNS_EACH / median(column) for (_, count), column in zip(ways, zip(*seconds, strict=True), strict=True)
     ]
-    return WorkersFigure(workers=(rates[1], rates[3]), processes=(rates[0], rates[2]))
+    return bench_table(
+        "Campaigns: drawer pulls a second, verified, without recovery",
+        "made by|one|two|two against one",
+        (
+            f"{words}|{one:.2f}|{two:.2f}|{two / one:.2f}"
+            for words, one, two in (("plain processes", *rates[::2]), ("workers", *rates[1::2]))
+        ),
+    )
 
 
 def _seconds(make: Callable[[int, int], None], count: int) -> float:

@@ -25,7 +25,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 SOCKET_PATH: Final = "/_nicegui_ws/"
 """Where the packets come: as messages of a web socket, or as bodies of requests, several in one."""
 _BETWEEN_PACKETS: Final = "\x1e"
-_CONTROL: Final = frozenset(("1", "2", "2probe", "3", "3probe", "5", "6", "40", "41"))
+_CONTROL: Final = frozenset(("1", "2", "2probe", "3", "3probe", "5", "6", "40", "40{}", "41"))
 """Packets without an event: close, ping, pong, upgrade, no operation; connect and disconnect."""
 _EVENT: Final = re.compile(r"42\d{0,9}(\[.*\])", re.DOTALL)
 """An event, with or without the number under which an answer is awaited."""

@@ -40,7 +40,7 @@ def test_what_a_page_sends_passes(name: str) -> None:
     assert is_packet(_event(name, SENT[name] | {"shown": 3}, number="17"))
 
 
-@pytest.mark.parametrize("packet", ["1", "2", "2probe", "3", "5", "40", "41"])
+@pytest.mark.parametrize("packet", ["1", "2", "2probe", "3", "5", "40", "40{}", "41"])
 def test_packets_without_an_event_pass(packet: str) -> None:
     assert is_packet(packet)
 

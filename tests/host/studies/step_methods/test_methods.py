@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.bench.scaling import run_length
+from steptwin.bench.kernel_speed import run_length
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.step_methods.austin import ramp

@@ -13,20 +13,21 @@ import time
 from ast import literal_eval
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from statistics import median
 from threading import Event
 from typing import Any, Final
 from urllib.parse import urlencode
 from urllib.request import urlopen
 from uuid import uuid4
 
-from steptwin.bench.live.round_trips import move_all
-from steptwin.bench.live.server import ROBOT, SERVE, Server, serving
-from steptwin.bench.live.streamed_points import cpu_s
+from steptwin.bench.live_server import ROBOT, SERVE, Server, cpu_s, move_all, serving, silence_python_can
 
 VIEWERS: Final = 5
 TIMES: Final = 3
+LATENESS_RATIO_MAX: Final = 1.5
+CORES_MAX: Final = 0.25
+START_MAX_S: Final = 4.0
 _SETTLE_S: Final = 1.0
 _MEASURE_S: Final = 2.5
 """Time of which the load is taken; the motion lasts longer."""
@@ -144,23 +145,25 @@ async def _opened(url: str) -> Viewer:
 # --- the start
 
 
-@dataclass(frozen=True)
-class Start:
-    """Seconds from a command to its page's first answer, and to the first numbers in it."""
+def start_texts() -> Iterator[str]:
+    """Start `panel` beside a board that is served already, and `serve --panel`, several times each.
 
-    command: str
-    page_s: float
-    numbers_s: float
-
-
-def measure_starts(times: int = TIMES) -> list[Start]:
-    """Start `panel` beside a board that is served already, and `serve --panel`, several times each."""
+    Yield the seconds from each command to its page's first answer, and to the first numbers in it.
+    """
     with serving(*SERVE) as server:
-        starts = [_start("panel", *panel_of(server)) for _ in range(times)]
-    return starts + [_start("serve --panel", "serve", ROBOT, "--panel", "--port", "0") for _ in range(times)]
+        yield _start_text("panel", *panel_of(server))
+    yield _start_text("serve --panel", "serve", ROBOT, "--panel", "--port", "0")
 
 
-def _start(name: str, *words: str) -> Start:
+def _start_text(command: str, *words: str) -> str:
+    page_s, numbers_s = map(median, zip(*(_start(*words) for _ in range(TIMES)), strict=True))
+    return (
+        f"{command}: the page is there {page_s:.1f} s after the command, with numbers in it after {numbers_s:.1f} s"
+        f" (medians of {TIMES}; limit {START_MAX_S:g} s)"
+    )
+
+
+def _start(*words: str) -> tuple[float, float]:
     with panel(*words) as opened:
         _page(opened.url)
         page_s = time.monotonic() - opened.started_s
@@ -171,35 +174,25 @@ def _start(name: str, *words: str) -> Start:
             await viewer.close()
             return seconds
 
-        return Start(name, page_s, asyncio.run(numbers_s()))
+        return page_s, asyncio.run(numbers_s())
 
 
 # --- the load
 
 
-@dataclass(frozen=True)
-class ServerLoad:
-    """What the page's server needs while the machine moves.
-
-    Attributes:
-        viewers: number of browsers.
-        cores: processor time of the server's process a second.
-        ticks_per_s: messages with numbers that each browser gets a second.
-    """
-
-    viewers: int
-    cores: float
-    ticks_per_s: float
-
-
-def measure_load(viewers: int = VIEWERS) -> ServerLoad:
-    """Let browsers watch six axes move."""
+def load_text() -> str:
+    """Return what the page's server needs while browsers watch six axes move."""
     with serving(*SERVE) as server, panel(*panel_of(server)) as opened, server.client() as bus:
-        return asyncio.run(_load(opened, viewers, lambda: move_all(bus)))
+        cores, ticks_per_s = asyncio.run(_load(opened, lambda: move_all(bus)))
+    return (
+        f"The page's server with {VIEWERS} browsers, each with {ticks_per_s:.0f} updates a second:"
+        f" {cores:.0%} of a core (limit {CORES_MAX:.0%})"
+    )
 
 
-async def _load(opened: OpenedPanel, number: int, move: Callable[[], None]) -> ServerLoad:
-    viewers = [await _opened(opened.url) for _ in range(number)]
+async def _load(opened: OpenedPanel, move: Callable[[], None]) -> tuple[float, float]:
+    """Return the processor time of the server's process a second, and the messages with numbers a browser gets."""
+    viewers = [await _opened(opened.url) for _ in range(VIEWERS)]
     moving = asyncio.create_task(asyncio.to_thread(move))
     await asyncio.sleep(_SETTLE_S)
     before = _now(opened, viewers)
@@ -208,11 +201,31 @@ async def _load(opened: OpenedPanel, number: int, move: Callable[[], None]) -> S
     await moving
     for viewer in viewers:
         await viewer.close()
-    return ServerLoad(number, used_s / wall_s, ticks / number / wall_s)
+    return used_s / wall_s, ticks / VIEWERS / wall_s
 
 
 def _now(opened: OpenedPanel, viewers: list[Viewer]) -> tuple[float, float, int]:
     return time.monotonic(), cpu_s(opened.process.pid), sum(viewer.ticks for viewer in viewers)
+
+
+def lateness_text(times: int = TIMES) -> str:
+    """Move a board without a panel, then another one with a panel that a browser shows, in turns."""
+    silence_python_can()
+    pairs = [(_tick_late_us(lambda _server: nullcontext()), _tick_late_us(watched)) for _ in range(times)]
+    alone_us, watched_us = map(median, zip(*pairs, strict=True))
+    return (
+        "99th percentile of the served board's tick lateness while six axes move, medians of"
+        f" {times} runs: {watched_us:.0f} us with a panel that a browser shows,"
+        f" {alone_us:.0f} us without: x {watched_us / alone_us:.2f} (limit {LATENESS_RATIO_MAX:g})"
+    )
+
+
+def _tick_late_us(company: Callable[[Server], AbstractContextManager[None]]) -> float:
+    with serving(*SERVE) as server:
+        with company(server), server.client() as bus:
+            move_all(bus)
+        late_us: float = server.end()["real_time"]["ticks"]["late_us_p99"]
+    return late_us
 
 
 # --- a board that dies

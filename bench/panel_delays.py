@@ -4,19 +4,19 @@ A second client of the bus takes the times, so they are those of the bus and not
 reports the end of its motion within 5 ms, the inhibit time of TPDO1.
 """
 
-import logging
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from statistics import median
 from typing import Final
 
 import can
+from rich.table import Table
 
-from steptwin.bench.live.round_trips import move_all
-from steptwin.bench.live.server import SERVE, Server, serving
-from steptwin.bench.panel import page_load as panel_page
+from steptwin.bench import panel_page
+from steptwin.bench.bench_table import bench_table
+from steptwin.bench.live_server import Server, serving, silence_python_can
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, JointJog, RefusedError, ResetFaults, ToolJog
@@ -29,6 +29,7 @@ ROBOT: Final = load_robot("lab-scara")
 HERE: Final = (150.0, 10.0, 40.0, 20.0)
 """Joint positions from which the tool can go in all directions."""
 TIMES: Final = 10
+GREY_MAX_MS: Final = 500.0
 _HELD_S: Final = 0.6
 """Time for which a button is held once the machine moves."""
 _TIMEOUT_S: Final = 20.0
@@ -175,44 +176,11 @@ class _Panel:
         self.observer.close()
 
 
-def _silence_python_can() -> None:
-    """Keep python-can from warning of each frame that TCP delivers in two pieces."""
-    logging.getLogger("can").addHandler(logging.NullHandler())
-
-
 def _await(condition: Callable[[], bool]) -> None:
     until_s = time.monotonic() + _TIMEOUT_S
     while not condition():
         assert time.monotonic() < until_s, "the machine does not do it"
         time.sleep(0.001)
-
-
-@dataclass(frozen=True)
-class TickLateness:
-    """The 99th percentiles of a served board's tick lateness in us, while six axes move, without and with a panel."""
-
-    alone_us: tuple[float, ...]
-    watched_us: tuple[float, ...]
-
-    @property
-    def ratio(self) -> float:
-        """By how many times a tick is later with a panel that a browser shows: the ratio of the medians."""
-        return median(self.watched_us) / median(self.alone_us)
-
-
-def measure_lateness(times: int = 3) -> TickLateness:
-    """Move a board without a panel, then another one with a panel, in turns."""
-    _silence_python_can()
-    pairs = [(_tick_late_us(lambda _server: nullcontext()), _tick_late_us(panel_page.watched)) for _ in range(times)]
-    return TickLateness(tuple(alone_us for alone_us, _ in pairs), tuple(watched_us for _, watched_us in pairs))
-
-
-def _tick_late_us(company: Callable[[Server], AbstractContextManager[None]]) -> float:
-    with serving(*SERVE) as server:
-        with company(server), server.client() as bus:
-            move_all(bus)
-        late_us: float = server.end()["real_time"]["ticks"]["late_us_p99"]
-    return late_us
 
 
 def _desk(server: Server, robot: Robot) -> Desk:
@@ -221,7 +189,7 @@ def _desk(server: Server, robot: Robot) -> Desk:
 
 def measure(times: int = TIMES) -> list[DelayRow]:
     """Return a row for each delay; buttons move to and fro."""
-    _silence_python_can()
+    silence_python_can()
     joint = [JointJog("th2", speed) for speed in (10.0, -10.0)]
     tool = [ToolJog("y", speed) for speed in (-50.0, 50.0)]
     with serving("steptwin", "serve", ROBOT.name, "--port", "0", "--json") as server:
@@ -238,3 +206,26 @@ def measure(times: int = TIMES) -> list[DelayRow]:
             ]
         finally:
             panel.close()
+
+
+def panel_tables() -> Iterator[Table | str]:
+    """Measure delays, lateness, load and start, each with the limit that it keeps."""
+    delays = measure()
+    with_page = find_spec("nicegui") is not None
+    if with_page:
+        for death, number in panel_page.DEATHS.items():
+            delays.append(DelayRow(f"board {death} to a grey page", GREY_MAX_MS, panel_page.measure_grey(number)))
+    yield bench_table(
+        "The operator's panel: delays, desk or page's server and served board as two processes",
+        "from, to|median, ms|worst, ms|limit, ms|within|trials",
+        (
+            f"{row.what}|{row.median_ms:.0f}|{max(row.delays_ms):.0f}|{row.limit_ms:g}|{row.kept}|{len(row.delays_ms)}"
+            for row in delays
+        ),
+    )
+    if not with_page:
+        yield "the page is not measured: the extra `panel` is not installed"
+        return
+    yield panel_page.lateness_text()
+    yield panel_page.load_text()
+    yield from panel_page.start_texts()

@@ -1,0 +1,143 @@
+"""Measure what the host computes in bulk: poses of kinematics beside numpy's sine, text of waveforms beside a copy."""
+
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
+from rich.table import Table
+
+from steptwin.bench.bench_table import bench_table
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, Window
+from steptwin.host.record.waveforms.vcd import csv, vcd
+from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+from steptwin.host.studies.step_methods.loads import AXES
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+BATCH: Final = 8192
+_CALCULATIONS: Final = 50
+_RATE_HZ: Final = 14_000
+_DURATION_S: Final = 30
+_REPEATS: Final = 3
+_CLK_HIGH_COUNTS: Final = 2_376
+
+
+def kinematics_table() -> Table:
+    """Measure forward and inverse kinematics of every robot: the best of all runs, for all branches together.
+
+    The sines are as many as joint values are read or, over all branches, written.
+    """
+    return bench_table(
+        f"Kinematics: batches of {BATCH}, one core; ratio to the sines of all joint values",
+        "robot|way|branches|M poses/s|ns a pose|x numpy sin",
+        (row for name in robot_names() for row in _kinematics_rows(load_robot(name))),
+    )
+
+
+def _kinematics_rows(robot: Robot) -> list[str]:
+    """Measure one robot with poses that it reaches."""
+    kinematics = make_kinematics(robot)
+    joints = _reached(robot)
+    poses = kinematics.forward(joints)
+    branches = len(kinematics.branches)
+    return [
+        _kinematics_row(robot, "forward", 1, joints, lambda: kinematics.forward(joints)),
+        _kinematics_row(
+            robot, "inverse", branches, np.tile(joints, branches), lambda: kinematics.inverse(poses, joints)
+        ),
+    ]
+
+
+def _reached(robot: Robot) -> FloatArray:
+    """Return random joint positions within the limits whose poses the first branch reaches."""
+    kinematics = make_kinematics(robot)
+    lower, upper = [joint.lower for joint in robot.joints], [joint.upper for joint in robot.joints]
+    joints = np.random.default_rng(1).uniform(lower, upper, (4 * BATCH, len(lower)))
+    branch = kinematics.solve(kinematics.forward(joints), kinematics.branches[0], joints)
+    return joints[np.logical_and.reduce([constraint.kept for constraint in branch.mechanism])][:BATCH]
+
+
+def _kinematics_row(robot: Robot, way: str, branches: int, values: FloatArray, calculate: Callable[[], object]) -> str:
+    sines = np.empty_like(values)
+    angles = np.deg2rad(values)
+    sin_s, taken_s = _best_s(lambda: np.sin(angles, out=sines), calculate)
+    return (
+        f"{robot.name}|{way}|{branches}|{BATCH / taken_s / 1e6:.2f}|{1e9 * taken_s / BATCH:.0f}|{taken_s / sin_s:.1f}"
+    )
+
+
+def _best_s(*calculations: Callable[[], object]) -> list[float]:
+    """Return each calculation's shortest time; they take turns, so that a slow moment of the machine affects all."""
+    best_s = [float("inf")] * len(calculations)
+    for _ in range(_CALCULATIONS):
+        for which, calculate in enumerate(calculations):
+            started = time.perf_counter()
+            calculate()
+            best_s[which] = min(best_s[which], time.perf_counter() - started)
+    return best_s
+
+
+def waveform_table() -> Table:
+    """Measure STEP and DIR of all axes near the drivers' highest rate; the text is made in pieces and dropped.
+
+    Memory is the largest that is used beside the edges, then that for a tenth of them.
+    """
+    return bench_table(
+        f"Waveforms: {AXES} axes for {_DURATION_S} s at 14 kHz; ratio to copying the text once",
+        "file|edges|M edges/s|x numpy copy|MB beside the edges|a tenth",
+        map(_waveform_row, ("vcd 1us", "vcd 100ns", "csv")),
+    )
+
+
+def _waveform_row(form: str) -> str:
+    signals, window = _record(_DURATION_S)
+    edges = sum(_changes(signal) for signal in signals)
+    seconds, copy_s = min(_once(form, signals, window) for _ in range(_REPEATS))
+    peak_mb, peak_mb_tenth = (_peak_mb(form, *_record(duration_s)) for duration_s in (_DURATION_S, _DURATION_S // 10))
+    return f"{form}|{edges}|{edges / seconds / 1e6:.1f}|{seconds / copy_s:.0f}|{peak_mb:.0f}|{peak_mb_tenth:.0f}"
+
+
+def _record(duration_s: int) -> tuple[list[Signal], Window]:
+    """Make axes with slightly different rates, so that edges do not coincide, and a reversal every 1000 steps."""
+    signals = []
+    for axis in range(AXES):
+        rises = np.arange(0, duration_s * COUNTS_PER_SECOND, COUNTS_PER_SECOND // _RATE_HZ + 7 * axis)
+        turns = rises[500::1000] - 1_200
+        levels = (np.arange(turns.size) % 2).astype(np.int8)
+        signals.append(Signal(f"axis{axis}", "step", SignalKind.WIRE, Pulses(rises, rises + _CLK_HIGH_COUNTS)))
+        signals.append(Signal(f"axis{axis}", "dir", SignalKind.WIRE, HeldValues(turns, levels, 1)))
+    return signals, Window(0, duration_s * COUNTS_PER_SECOND, 0)
+
+
+def _changes(signal: Signal) -> int:
+    return int(signal.changes.between(-1, 1 << 62)[0].size)
+
+
+def _pieces(form: str, signals: list[Signal], window: Window) -> Iterator[bytes]:
+    if form == "csv":
+        return csv(signals, window)
+    return vcd(signals, window, SCALES[form.removeprefix("vcd ")], "bench")
+
+
+def _once(form: str, signals: list[Signal], window: Window) -> tuple[float, float]:
+    started = time.process_time()
+    copy_s = 0.0
+    for piece in _pieces(form, signals, window):
+        source = np.frombuffer(piece, np.uint8)
+        before = time.process_time()
+        source.copy()
+        copy_s += time.process_time() - before
+    return time.process_time() - started - copy_s, copy_s
+
+
+def _peak_mb(form: str, signals: list[Signal], window: Window) -> float:
+    tracemalloc.start()
+    for _ in _pieces(form, signals, window):
+        pass
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak_bytes / 1e6

@@ -1,1 +1,0 @@
-"""Benchmarks of a live board as other programs see it."""
