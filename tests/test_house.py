@@ -23,7 +23,7 @@ def test_a_file_name_exists_at_most_twice(house: House) -> None:
 
 
 def test_a_function_has_few_parameters(house: House) -> None:
-    assert max(house.parameters().values()) <= 27
+    assert max(house.parameters().values()) <= 12
 
 
 def test_what_is_counted(house: House) -> None:

@@ -3,6 +3,7 @@
 from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
 from docs.generate.driver_page import DRIVER_PAGE, render_driver, write_driver_pictures
 from docs.generate.faults import FAULTS_PAGE, render_faults
+from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
 from docs.generate.papers import write_papers
 from docs.generate.pictures import (
     write_calibration_picture,
@@ -23,6 +24,7 @@ def main() -> None:
     DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
     write_driver_pictures()
     FAULTS_PAGE.write_text(render_faults(), encoding="utf-8")
+    MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
     PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")
     ROBOT_FILES_PAGE.write_text(render_robot_files(), encoding="utf-8")
     write_robot_drawings()

@@ -11,6 +11,7 @@ from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import code, table
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import (
     DISABLE_VOLTAGE,
@@ -66,7 +67,7 @@ def session() -> str:
 def _played() -> EmbeddedBoard:
     whole = load_robot("teaching-scara")
     robot = replace(whole, joints=whole.joints[:1], home=whole.home[:1], outputs={}, places={})
-    board = EmbeddedBoard(robot, [0.0], fastest_kernel())
+    board = EmbeddedBoard(robot, fastest_kernel(), MachineOptions(stand_at=[0.0]))
     machine = Machine(board, robot.joint_names)
     machine.connect()
     machine.configure((_SETTINGS,))

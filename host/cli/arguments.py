@@ -1,14 +1,13 @@
 """Arguments and options that several commands share, and the reading of their texts."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from steptwin.host.cli.output import warn
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError, StepTwinError
@@ -56,51 +55,6 @@ RobotAndJoints = Annotated[
     typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
-DriverProfileName = Annotated[
-    str | None,
-    typer.Option(
-        "--driver-profile",
-        metavar="NAME",
-        help="Put other drivers on the emulated board, unknown to planner and firmware: chip-100pf, chip-330pf,"
-        " chip-1000pf, 3a-module, slow-blue-board. They have their usual settings instead of the robot file's"
-        " current_a and the like.",
-    ),
-]
-
-DipMicrosteps = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--dip-microsteps",
-        metavar="JOINT=N",
-        help="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's;"
-        " repeatable.",
-    ),
-]
-
-ShelfStock = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--stock",
-        metavar="PLACE=BOX",
-        help="Box in a slot of the emulated shelf or at a spot, in place of the usual ones; repeatable.",
-    ),
-]
-
-LockedDrawer = Annotated[
-    list[str] | None,
-    typer.Option("--locked-drawer", metavar="SLOT", help="Lock a drawer of the emulated shelf; repeatable."),
-]
-
-
-def dip_settings(texts: list[str] | None) -> dict[str, int] | None:
-    """Return the microsteps by joint that --dip-microsteps gives; None without it."""
-    if texts is None:
-        return None
-    settings = name_value_pairs(texts)
-    for name, text in settings.items():
-        if not (text.isascii() and text.isdecimal()):
-            raise InputError(f"--dip-microsteps {name}={text}: {text!r} is not a whole number")
-    return {name: int(text) for name, text in settings.items()}
 
 
 def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
@@ -132,18 +86,6 @@ def one_robot(name: str | None, robot_file: str | None) -> "Robot":
     return robot
 
 
-def warn_of_settings_left_out(robot: "Robot", driver_profile: str | None) -> None:
-    """Warn of the robot file's settings that do not apply to drivers other than its own.
-
-    Raises:
-        InputError: no driver profile has this name.
-    """
-    from steptwin.host.twin.machine.drivers import settings_left_out
-
-    if keys := settings_left_out(robot.board, driver_profile):
-        warn(f"--driver-profile {driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
-
-
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:
     """Return joint positions, in mm and degrees, from the command line.
 
@@ -151,9 +93,14 @@ def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[fl
         InputError: a text is not a number, or there are too few or too many.
     """
     values = [finite_number(text, what) for text in texts]
+    check_one_each(values, names, what)
+    return values
+
+
+def check_one_each(values: Collection[object], names: tuple[str, ...], what: str) -> None:
+    """Raise InputError unless there are as many values as joints."""
     if len(values) != len(names):
         raise InputError(f"{what}: {len(values)} values for the {len(names)} joints {' '.join(names)}")
-    return values
 
 
 def finite_number(text: str, what: str) -> float:
@@ -227,20 +174,6 @@ def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[
         if name in chosen[:i]:
             raise InputError(f"{option} {name}: is given twice")
     return chosen
-
-
-def name_value_pairs(texts: list[str]) -> dict[str, str]:
-    """Return NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
-    pairs: dict[str, str] = {}
-    for text in texts:
-        name, separator, value = text.partition("=")
-        if not separator:
-            raise InputError(f"'{text}' is not of the form NAME=VALUE")
-        key, given = name.strip(), value.strip()
-        if key in pairs:
-            raise InputError(f"{key} is given twice: {pairs[key]} and {given}")
-        pairs[key] = given
-    return pairs
 
 
 PositionsFile = Annotated[

@@ -1,4 +1,4 @@
-"""Print `--help`: usage, text, a box each for arguments, options and groups of commands, examples.
+"""Print `--help`: usage, text, a box each for arguments, groups of options and of commands, examples.
 
 typer has a layout like this one, but imports a Markdown parser, a highlighter of programs and more for it, which takes
 as long as all the rest of `--help`.
@@ -41,9 +41,16 @@ def print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
     texts = [_marked(Text(first)), *(_marked(Text(f"\n{text}", style="dim")) for text in others)]
     console.print(Padding(Group(*texts), (0, 1, 1, 1)))
     shown = [parameter for parameter in command.get_params(context) if not getattr(parameter, "hidden", False)]
-    arguments = [parameter for parameter in shown if isinstance(parameter, TyperArgument)]
-    _print_box(console, "Arguments", _parameters(arguments, context))
-    _print_box(console, "Options", _parameters((each for each in shown if each not in arguments), context))
+    boxes: dict[str, list[Any]] = {"Arguments": [], "Options": []}
+    for parameter in shown:
+        title = (
+            "Arguments"
+            if isinstance(parameter, TyperArgument)
+            else getattr(parameter, "rich_help_panel", None) or "Options"
+        )
+        boxes.setdefault(title, []).append(parameter)
+    for title, parameters in boxes.items():
+        _print_box(console, title, _parameters(parameters, context))
     if isinstance(command, TyperGroup):
         _print_commands(console, command, context)
     if command.epilog:

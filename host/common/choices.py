@@ -1,7 +1,9 @@
-"""The words for the levels of digital inputs, outputs and buttons."""
+"""Words of command lines: levels, when motors turn, names with values."""
 
 from enum import StrEnum
 from typing import Final
+
+from steptwin.host.common.errors import InputError
 
 
 class MotorsTurn(StrEnum):
@@ -14,4 +16,18 @@ class MotorsTurn(StrEnum):
 
 
 LEVELS: Final = {"on": True, "off": False}
-"""Levels by their words."""
+"""Levels of digital inputs, outputs and buttons by their words."""
+
+
+def name_value_pairs(texts: list[str]) -> dict[str, str]:
+    """Return NAME=VALUE texts as a mapping; InputError for another form, or a name given twice."""
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, separator, value = text.partition("=")
+        if not separator:
+            raise InputError(f"'{text}' is not of the form NAME=VALUE")
+        key, given = name.strip(), value.strip()
+        if key in pairs:
+            raise InputError(f"{key} is given twice: {pairs[key]} and {given}")
+        pairs[key] = given
+    return pairs

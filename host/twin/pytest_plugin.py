@@ -6,7 +6,7 @@ asks for a board.
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import pytest
 
@@ -16,11 +16,10 @@ if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.faults.bus_faults import BusFault
     from steptwin.emulator.faults.operations import Scheduled
-    from steptwin.host.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
-    from steptwin.host.twin.machine.boards import Standing
+    from steptwin.host.twin.machine.machine_options import MachineKeywords
 
     MakeBoard = Callable[..., BoardUnderTest]
 
@@ -28,8 +27,6 @@ _MARKER = "steptwin"
 _INI = "steptwin_robot"
 _ARTEFACTS_INI = "steptwin_artefacts"
 _ARTEFACTS_OPTION = "--steptwin-artefacts"
-_SERVED_SETTINGS = ("robot", "stand_at", "driver_profile", "dip_microsteps")
-"""Arguments of the marker that a served board takes, too."""
 _FAILED = pytest.StashKey[bool]()
 """True for a test whose setup or call has failed."""
 
@@ -54,8 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, stand_at, schedule, bus_faults, driver_profile, dip_microsteps, motors, scenario,"
-        " crystal_ppm): which board `steptwin_board` is",
+        f"{_MARKER}(robot, schedule, bus_faults, **machine): which board `steptwin_board` is (docs/ci.md)",
     )
 
 
@@ -75,14 +71,10 @@ def steptwin_make_board(
 
     Its arguments, all optional:
         robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's robot.
-        stand_at: joint positions at which the machine stands, mm and degrees: all, or some by name; else its home.
         schedule: operations on the machine beside its motion, each with its instant.
         bus_faults: faults by which the bus loses, disturbs or delays frames.
-        driver_profile: name of the drivers that the board has instead of those in the robot's file.
-        dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
-        motors: True if the robot's motors turn with the board, so that its switches follow the rotors.
-        scenario: faults that happen to the board, or the path of the file with them from pytest's root directory.
-        crystal_ppm: how fast the board's crystal is, in parts per million from -1000 to 1000.
+        machine: how the machine differs from the robot's file, and what happens to it: the fields of `MachineOptions`;
+            a scenario's path begins at pytest's root directory.
     """
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.fixtures.artefacts import stalling_homings
@@ -93,27 +85,17 @@ def steptwin_make_board(
     def make(
         robot: str = "",
         *,
-        stand_at: "Standing | None" = None,
         schedule: "Iterable[Scheduled]" = (),
         bus_faults: "Sequence[BusFault]" = (),
-        driver_profile: str | None = None,
-        dip_microsteps: "Mapping[str, int] | None" = None,
-        motors: bool = False,
-        scenario: "Scenario | str | None" = None,
-        crystal_ppm: int = 0,
+        **machine: "Unpack[MachineKeywords]",
     ) -> BoardUnderTest:
         try:
             board = BoardUnderTest(
                 _robot(robot or request.config.getini(_INI), request.config),
-                stand_at=stand_at,
                 kernel=steptwin_kernel,
                 schedule=schedule,
                 bus_faults=bus_faults,
-                driver_profile=driver_profile,
-                dip_microsteps=dip_microsteps,
-                motors=motors,
-                scenario=request.config.rootpath / scenario if isinstance(scenario, str) else scenario,
-                crystal_ppm=crystal_ppm,
+                **_from_root(machine, request.config),
             )
         except InputError as error:
             pytest.fail(f"steptwin: {error}", pytrace=False)
@@ -179,16 +161,17 @@ def steptwin_served_board(
     from steptwin.host.common.errors import InputError, StepTwinError
     from steptwin.host.twin.fixtures.artefacts import last_frames
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.machine.machine_options import MachineKeywords
 
     node, config = request.node, request.config
     settings = _settings(node)
     try:
-        if foreign := [name for name in settings if name not in _SERVED_SETTINGS]:
-            takes = ", ".join(_SERVED_SETTINGS)
-            raise InputError(f"{foreign[0]}: is for steptwin_board; a served board takes {takes}")
+        takes = ("robot", *MachineKeywords.__annotations__)
+        if foreign := [name for name in settings if name not in takes]:
+            raise InputError(f"{foreign[0]}: is for steptwin_board; a served board takes {', '.join(takes)}")
         robot = _robot(settings.pop("robot", "") or config.getini(_INI), config)
         folder = tmp_path_factory.mktemp("served")
-        board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **settings)
+        board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **_from_root(settings, config))
     except StepTwinError as error:
         pytest.fail(f"steptwin: {error}", pytrace=False)
     yield board
@@ -208,6 +191,13 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
     for marker in node.iter_markers(_MARKER):  # the closest comes first
         settings = dict(zip(("robot",), marker.args, strict=False)) | dict(marker.kwargs) | settings
     return settings
+
+
+def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKeywords":
+    """Return a machine's options with the path of their scenario, if it has one, from pytest's root directory."""
+    scenario = machine.get("scenario")
+    placed = {"scenario": config.rootpath / scenario} if isinstance(scenario, str) else {}
+    return cast("MachineKeywords", {**machine, **placed})
 
 
 def _robot(name: str, config: pytest.Config) -> "Robot":

@@ -13,6 +13,7 @@ import pytest
 from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
 from docs.generate.driver_page import DRIVER_PAGE, render_driver
 from docs.generate.faults import FAULTS_PAGE, render_faults
+from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
 from docs.generate.papers import PAPERS_FOLDER
 from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
@@ -44,6 +45,7 @@ ALL_TEXT = (
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
     + (PAGE.parent / "campaigns.md").read_text(encoding="utf-8")
     + FAULTS_PAGE.read_text(encoding="utf-8")
+    + MACHINE_PAGE.read_text(encoding="utf-8")
     + CONTROL_PORT_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
@@ -86,6 +88,10 @@ def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_page_of_the_control_port_is_up_to_date() -> None:
     assert render_control_port() == CONTROL_PORT_PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_machines_options_is_up_to_date() -> None:
+    assert render_machine_options() == MACHINE_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_driver_page_is_up_to_date() -> None:

@@ -16,6 +16,7 @@ from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.input_changes import InputChange
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from tests.end_to_end.command_line import refusal, run_json
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
@@ -121,7 +122,7 @@ class TestLive:
         robot = load_robot(name)
         program = parse_program(EXAMPLES[name].read_text(), Findings())
         example = plan(robot, compile_program(program, robot).trajectory)
-        board = EmbeddedBoard(robot, example.start_joints, kernel)
+        board = EmbeddedBoard(robot, kernel, MachineOptions(stand_at=example.start_joints))
         session = Session(board, robot)
         with session.in_charge("preset", known=False) as machine:
             machine.preset(example.start_units)

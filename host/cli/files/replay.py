@@ -9,30 +9,26 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
     AsJson,
-    DipMicrosteps,
-    DriverProfileName,
-    LockedDrawer,
     RobotFile,
     RobotName,
-    ShelfStock,
-    dip_settings,
-    joint_values,
-    name_value_pairs,
     naming_options,
     one_robot,
     run_folder,
 )
+from steptwin.host.cli.option_groups import Without
 from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.run.emulated_machine import check_standing, naming_machine_options
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
-from steptwin.host.common.errors import InputError
+from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, StoredMachine
+    from steptwin.host.twin.replay import Replayed, StoredMachine
 
 
 @command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
 def replay(
+    machine: Annotated[MachineOptions, Without(("scenario", "motors"))],
     log: Annotated[
         Path,
         typer.Argument(metavar="LOG", help="Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder."),
@@ -44,55 +40,36 @@ def replay(
         typer.Option(metavar="DIR", help="Folder of the run that was recorded: where it began, and its edges."),
     ] = None,
     out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to write the replay in, like a run's.")] = None,
-    stand_at: Annotated[
-        str | None,
-        typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stood; by default the run's, or its home."),
-    ] = None,
     new_board: Annotated[
         bool, typer.Option("--new-board", help="The board had never stored the robot's settings, as `run`'s have not.")
     ] = False,
-    boards: Annotated[
-        str | None,
-        typer.Option(metavar="N,N,...", help="Axes on each board, in the joints' order; by default the run's."),
-    ] = None,
-    bitrate: Annotated[
-        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="Bit rate; by default the robot file's.")
-    ] = None,
     channel: Annotated[
         str | None, typer.Option("--channel", "-c", metavar="NAME", help="Channel of a recording with several.")
     ] = None,
-    driver_profile: DriverProfileName = None,
-    dip_microsteps: DipMicrosteps = None,
-    stock: ShelfStock = None,
-    locked_drawer: LockedDrawer = None,
     as_json: AsJson = False,
 ) -> None:
     """Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.
 
     Exit code 0 if the board's frames are the recorded ones, and its edges those of the run; 1 if not: the first
     difference is told. A log of StepTwin's own is compared to the microsecond; one of a computer's clock by what each
-    node says, and by the drivers' steps.
+    node says, and by the drivers' steps. The machine is by default that of the run.
     """
     from steptwin.host.record.recorded_bus import read_bus
+    from steptwin.host.twin.replay import MachineAtPowerUp
     from steptwin.host.twin.replay import replay as replayed
 
     bus_file, folder = _recording(log, against)
     loaded = _robot(robot, robot_file, folder)
     stored = None if folder is None else _stored(folder, loaded)
-    power_up = _power_up(loaded, stored, boards, bitrate)
-    power_up = replace(
-        power_up,
-        joints=power_up.joints
-        if stand_at is None
-        else joint_values(stand_at.split(), loaded.joint_names, "--stand-at"),
-        commissioned=power_up.commissioned and not new_board,
-        driver_profile=driver_profile or power_up.driver_profile,
-        dip_microsteps=dip_settings(dip_microsteps) or power_up.dip_microsteps,
-        stock=name_value_pairs(stock) if stock else power_up.stock,
-        locked_drawers=locked_drawer or power_up.locked_drawers,
-    )
+    stood = MachineAtPowerUp() if stored is None else stored.power_up
+    check_standing(loaded, machine)
+    options = machine.over(stood.options)
+    with naming_machine_options():
+        options.bits_per_s(loaded)
+        options.boards_of(loaded)
+    power_up = replace(stood, options=options, commissioned=stood.commissioned and not new_board)
     to = run_folder(out)
-    with naming_options("channel", "dip_microsteps", "stock", locked_drawers="--locked-drawer"):
+    with naming_machine_options("channel"):
         bus = read_bus(bus_file, channel)
         result = replayed(bus, loaded, power_up, against=stored)
     if to is not None:
@@ -131,27 +108,6 @@ def _stored(folder: Path, robot: "Robot") -> "StoredMachine":
     from steptwin.host.twin.replay import stored_machine
 
     return stored_machine(folder, robot)
-
-
-def _power_up(
-    robot: "Robot", stored: "StoredMachine | None", boards: str | None, bitrate: int | None
-) -> "MachineAtPowerUp":
-    """Return how the machine stood at power-up: as in the run, or at home."""
-    from steptwin.host.twin.machine.axes_per_board import check_axes_per_board, read_axes_per_board
-    from steptwin.host.twin.replay import MachineAtPowerUp
-    from steptwin.protocol.frame import BITRATES
-
-    power_up = stored.power_up if stored else MachineAtPowerUp(robot.home, (len(robot.joints),), robot.board.bitrate)
-    if bitrate is not None:
-        if bitrate not in BITRATES:
-            raise InputError(f"--bitrate {bitrate}: is not one of {', '.join(map(str, BITRATES))}")
-        power_up = replace(power_up, bitrate=bitrate)
-    if boards is not None:
-        with naming_options(axes_per_board="--boards"):
-            counts = read_axes_per_board(boards, len(robot.joints))
-            check_axes_per_board(counts, len(robot.joints))
-        power_up = replace(power_up, axes_per_board=counts)
-    return power_up
 
 
 def say_result(result: "Replayed") -> None:

@@ -87,6 +87,9 @@ class BoardAddress:
         return found
 
 
+NOT_CONNECTED: Final = BoardAddress()
+"""No board is named."""
+
 Force = Annotated[bool, _live_option("--force", help="Go on although the board carries another robot's name.")]
 
 

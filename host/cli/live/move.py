@@ -12,13 +12,13 @@ from steptwin.host.cli.arguments import (
     check_percent,
     finite_number,
     joint_values,
-    name_value_pairs,
     saved_position,
 )
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.output import fixed, pose_text
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:

@@ -24,6 +24,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.listening import listen
 
 if TYPE_CHECKING:
+    from steptwin.host.cli.live.serve import EndpointOptions
     from steptwin.host.twin.live.served_board import ServedBoard
 
 _END_S: Final = 5.0
@@ -47,31 +48,25 @@ def require_free(port: int | None) -> None:
 
 
 def panel_words(
-    served: "ServedBoard",
-    robot: Sequence[str],
-    host: str | None,
-    interface: str | None,
-    channel: str | None,
-    port: int | None,
+    served: "ServedBoard", robot: Sequence[str], endpoint: "EndpointOptions", port: int | None
 ) -> list[str]:
     """Return the words of the command that opens the panel of a served board.
 
     Args:
         served: the board.
         robot: the words that name the robot.
-        host: address at which the board listens, as given.
-        interface: interface of python-can that the board is on instead, as given; likewise its channel.
-        channel: see above.
+        endpoint: where the board is, as given.
         port: port of the page; None lets the panel choose it.
     """
     from steptwin.host.client.links.connecting import in_url
 
     words = ["panel", *robot]
-    if interface is None:
+    if endpoint.interface is None:
+        host = endpoint.host
         address = socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host
         words += ["--connect", f"{in_url(address)}:{served.port}"]
     else:
-        words += ["-i", interface, *(() if channel is None else ("-c", channel))]
+        words += ["-i", endpoint.interface, *(() if endpoint.channel is None else ("-c", endpoint.channel))]
     if port is not None:
         words += ["--port", str(port)]
     return words if served.control is None else [*words, "--control", served.control.address]

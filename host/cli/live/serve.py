@@ -1,31 +1,23 @@
 """`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import (
-    AsJson,
-    DipMicrosteps,
-    DriverProfileName,
-    LockedDrawer,
-    RobotFile,
-    RobotName,
-    ShelfStock,
-    joint_values,
-    one_robot,
-)
+from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
 from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
 from steptwin.host.cli.live.served_words import banner, print_served, status_line
 from steptwin.host.cli.output import print_json, say, warn
-from steptwin.host.cli.run.emulated_machine import machine_keywords, naming_machine_options
-from steptwin.host.cli.run.faults_on_purpose import Faults, raise_unless_struck
+from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
+from steptwin.host.cli.run.faults_on_purpose import raise_unless_struck
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
 from steptwin.host.common.processes import ClockStood, Slowness, collecting_often, on_signals
+from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -33,29 +25,62 @@ if TYPE_CHECKING:
     from steptwin.host.twin.live.served_board import ServedBoard
     from steptwin.host.twin.motors.figures import RotorFigures
 
-_PARAMETERS: Final = (
-    *("host", "port", "control_port", "allow_remote", "interface", "channel", "bitrate", "speed"),
-    *("out", "log", "replace", "motors"),
-)
-"""Parameters of a served board whose options have their names."""
 _STATUS_EVERY_S = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndpointOptions:
+    """The options that say where programs reach a served board."""
+
+    host: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help=f"Address to listen at; {socketcand.LOOPBACK} by default.")
+    ] = None
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
+    ] = None
+    control_port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
+    ] = None
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
+    ] = False
+    interface: Annotated[
+        str | None,
+        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on an interface of python-can instead."),
+    ] = None
+    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel.")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingOptions:
+    """The options that say which files a served board writes."""
+
+    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")] = (
+        None
+    )
+    log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Let --out and --log replace what the folder or the file holds.")
+    ] = False
+
+
+_NAMED: Final = (
+    "speed",
+    "motors",
+    *(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),
+)
+"""Arguments of a served board that errors name by their options."""
 
 
 @command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
 def serve(
+    endpoint: EndpointOptions,
+    recording: RecordingOptions,
+    machine: MachineOptions,
     robot: RobotName = None,
     robot_file: RobotFile = None,
-    host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help=f"Address to listen at; {socketcand.LOOPBACK} by default.")
-    ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
-    ] = None,
-    control_port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
-    ] = None,
     panel: Annotated[
         bool, typer.Option("--panel", help="Show the machine in a browser, too; with a control port for its hardware.")
     ] = False,
@@ -66,48 +91,7 @@ def serve(
             help="Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free.",
         ),
     ] = None,
-    allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
-    ] = False,
-    interface: Annotated[
-        str | None,
-        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on an interface of python-can instead."),
-    ] = None,
-    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel.")] = None,
-    bitrate: Annotated[
-        int | None, typer.Option("--bitrate", "-b", metavar="BIT/S", help="Bit rate; by default the robot file's.")
-    ] = None,
-    boards: Annotated[
-        str | None,
-        typer.Option(metavar="N,N,...", help="Axes on each board, in the joints' order; by default one board has all."),
-    ] = None,
     speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second.")] = 1.0,
-    stand_at: Annotated[
-        str | None, typer.Option(metavar="'Q1 Q2 ...'", help="Joints where the machine stands; by default its home.")
-    ] = None,
-    driver_profile: DriverProfileName = None,
-    dip_microsteps: DipMicrosteps = None,
-    stock: ShelfStock = None,
-    locked_drawer: LockedDrawer = None,
-    motors: Annotated[
-        bool,
-        typer.Option(
-            "--motors",
-            help="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
-        ),
-    ] = False,
-    faults: Faults = None,
-    crystal: Annotated[
-        str | None,
-        typer.Option(metavar="PPM,...", help="How fast each board's crystal is, from -1000 to 1000 parts per million."),
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")
-    ] = None,
-    log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Let --out and --log replace what the folder or the file holds.")
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
@@ -121,39 +105,26 @@ def serve(
     panel = panel or panel_port is not None
     if panel:
         require_extra()
-        control_port = control_port or 0
         require_free(panel_port)
-    standing = None if stand_at is None else _standing(loaded, stand_at)
-    machine = machine_keywords(  # bad input is reported before a port is opened
-        loaded,
-        driver_profile=driver_profile,
-        dip_microsteps=dip_microsteps,
-        stock=stock,
-        locked_drawers=locked_drawer,
-        faults=faults,
-        motors=motors,
-        crystal=0 if crystal is None else crystal,
-        boards=boards,
-    )
-    if motors:
-        _warn_of_steep_homings(loaded, driver_profile)
+    machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
+    _warn_outside(loaded, machine)
+    if machine.motors:
+        _warn_of_steep_homings(loaded, machine.driver_profile)
     with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
-        with naming_machine_options(*_PARAMETERS):
+        with naming_machine_options(*_NAMED):
             served = ServedBoard(
                 loaded,
-                stand_at=standing,
-                host=host,
-                port=port,
-                control_port=control_port,
-                allow_remote=allow_remote,
-                interface=interface,
-                channel=channel,
-                bitrate=bitrate,
+                host=endpoint.host,
+                port=endpoint.port,
+                control_port=endpoint.control_port or (0 if panel else endpoint.control_port),
+                allow_remote=endpoint.allow_remote,
+                interface=endpoint.interface,
+                channel=endpoint.channel,
                 speed=speed,
-                out=out,
-                log=log,
-                replace=replace,
-                **machine,
+                out=recording.out,
+                log=recording.log,
+                replace=recording.replace,
+                **machine.keywords,
             )
         if served.endpoint.remote:
             warn(f"{served.title}: other machines can drive this board")
@@ -161,19 +132,12 @@ def serve(
 
         def announce() -> None:
             say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
-            open_panel(panel_words(served, name, host, interface, channel, panel_port))
+            open_panel(panel_words(served, name, endpoint, panel_port))
 
-        document, failure = _serve(served, announce, out, as_json=as_json)
+        document, failure = _serve(served, announce, recording.out, as_json=as_json)
     if failure:
         raise failure
     raise_unless_struck(document)
-
-
-def _standing(robot: "Robot", stand_at: str) -> list[float]:
-    """Return where the machine stands; warn of joints outside their limits."""
-    standing = joint_values(stand_at.split(), robot.joint_names, "--stand-at")
-    _warn_outside(robot, standing)
-    return standing
 
 
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
@@ -200,10 +164,11 @@ def _serve(
     return document, failure
 
 
-def _warn_outside(robot: "Robot", standing: list[float]) -> None:
+def _warn_outside(robot: "Robot", machine: MachineOptions) -> None:
     """Warn of joints outside their limits: a machine may stand on a limit switch, but a typing error is likelier."""
     from steptwin.host.operate.moving import check_goal
 
+    standing = machine.joints(robot)
     try:
         check_goal(robot, standing)
     except InputError as error:

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+import typer
 
 from steptwin.host.cli.arguments import check_percent, naming_options, positive_number, with_options
 from steptwin.host.cli.output import say, warn
@@ -43,9 +45,21 @@ _REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep clos
 class FileOptions:
     """The options that only a trajectory file takes; None where one is not given."""
 
-    interpolate: InterpolationName | None = None
-    ramps: str | None = None
-    units: str | None = None
+    interpolate: Annotated[
+        InterpolationName | None,
+        typer.Option(
+            metavar="spline|linear|stop",
+            help="Motion between a file's points: a spline, straight lines of the joints with blends, or with stops.",
+        ),
+    ] = None
+    ramps: Annotated[
+        str | None,
+        typer.Option(metavar="SECONDS", help="Duration of a run-in and run-out for a file that is in motion there."),
+    ] = None
+    units: Annotated[
+        str | None,
+        typer.Option(metavar="rad,m", help="Units of a file's angles, deg or rad, and of its lengths, mm or m."),
+    ] = None
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, beside a job or a program."""
@@ -67,6 +81,37 @@ class FileOptions:
             return read_file_motion(
                 path, robot, interpolate=self.interpolate, ramps_s=ramps_s, elbow=elbow, units=self.units
             )
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedOptions:
+    """The options that make a motion slower; None where one is not given."""
+
+    stretch: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FACTOR|auto", help="Make the motion this many times slower; auto: just as slow as it must be."
+        ),
+    ] = None
+    speed: Annotated[
+        str | None,
+        typer.Option(metavar="PERCENT", help="Speed of the motion, from 1: 50 is the same as --stretch 2."),
+    ] = None
+
+    @property
+    def given(self) -> bool:
+        """True if the motion is to be slower."""
+        return self.stretch is not None or self.speed is not None
+
+    def factor(self) -> float | None:
+        """Return how many times slower the motion is to be; None as it is, and as slow as it must be."""
+        if self.stretch is not None and self.speed is not None:
+            raise InputError(f"--stretch {self.stretch} --speed {self.speed}: give only one of them")
+        if self.speed is not None:
+            percent = positive_number(self.speed, "--speed")
+            check_percent(percent, "--speed")
+            return 100.0 / percent
+        return None if self.stretch in (None, "auto") else positive_number(self.stretch, "--stretch")
 
 
 def say_file_motion(path: str, file: "FileMotion", plan: "Plan", doubted: str | None, *, to_stderr: bool) -> None:
@@ -135,17 +180,11 @@ class ChosenMotion:
 
 
 def choose_motion(
-    robot: "Robot",
-    job: str,
-    options: dict[str, str],
-    file_options: FileOptions,
-    *,
-    stretch: str | None,
-    speed: str | None,
+    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, speed_options: SpeedOptions
 ) -> ChosenMotion:
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
     trajectory, file, explained = _motion(robot, job, options, file_options)
-    plan = _planned(robot, trajectory, stretch, speed, explained)
+    plan = _planned(robot, trajectory, speed_options, explained)
     if file is None or file_options.units:
         return ChosenMotion(job, plan, file)
     from steptwin.host.planning.trajectory_file import doubt
@@ -203,15 +242,13 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Traje
     return compiled.trajectory, None, explained
 
 
-def _planned(
-    robot: "Robot", trajectory: "Trajectory", stretch: str | None, speed: str | None, explained: _Explained
-) -> "Plan":
-    """Plan a motion with the slowness that --stretch or --speed asks for, and say what that makes of it."""
+def _planned(robot: "Robot", trajectory: "Trajectory", speed_options: SpeedOptions, explained: _Explained) -> "Plan":
+    """Plan a motion as slow as the options want it, and say what that makes of it."""
     from steptwin.host.planning.planner import plan, plan_stretched
 
-    factor = _stretch_factor(stretch, speed)
+    factor = speed_options.factor()
     with naming_options("stretch", "interpolate", ramps_s="--ramps"), explained(factor or 1.0):
-        if stretch is None and speed is None:
+        if not speed_options.given:
             return plan(robot, trajectory)
         planned = plan_stretched(robot, trajectory, factor)
     new_s, old_s = planned.trajectory.duration_s, trajectory.duration_s
@@ -220,14 +257,3 @@ def _planned(
     else:
         say(f"stretched {new_s / old_s:.4g} times: {new_s:.3f} s instead of {old_s:.3f} s", err=True)
     return planned
-
-
-def _stretch_factor(stretch: str | None, speed: str | None) -> float | None:
-    """Return the factor that --stretch or --speed gives; None without them, and for `auto`."""
-    if stretch is not None and speed is not None:
-        raise InputError(f"--stretch {stretch} --speed {speed}: give only one of them")
-    if speed is not None:
-        percent = positive_number(speed, "--speed")
-        check_percent(percent, "--speed")
-        return 100.0 / percent
-    return None if stretch in (None, "auto") else positive_number(stretch, "--stretch")

@@ -1,33 +1,13 @@
-"""Faults on purpose: read a scenario's file, print what answered."""
+"""Faults on purpose: print what has become of them."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Any, Final
 
 import typer
 
 from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
-
-if TYPE_CHECKING:
-    from steptwin.host.faults.scenario import Scenario
-    from steptwin.host.robots.robot import Robot
-
-Faults = Annotated[
-    str | None,
-    typer.Option(
-        "--faults", metavar="FILE", help="Let the faults of a scenario happen: TOML with [[fault]] (docs/faults.md)."
-    ),
-]
-
-
-def chosen_scenario(path: str | None, robot: "Robot") -> "Scenario | None":
-    """Return the scenario in the file of --faults; None without one. Raises InputError for what is wrong in it."""
-    if path is None:
-        return None
-    from steptwin.host.faults.scenario import read_scenario
-
-    return read_scenario(path, robot)
 
 
 def print_faults(document: Mapping[str, Any]) -> None:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, keep_files, name_value_pairs
+from steptwin.host.cli.arguments import AsJson, Replace, keep_files
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import whole_file
 

@@ -1,17 +1,17 @@
 """Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from steptwin.host.cli.arguments import finite_number, joint_values, run_folder
+from steptwin.host.cli.arguments import finite_number, run_folder
+from steptwin.host.cli.option_groups import MACHINE_PANEL, Without, given_options
 from steptwin.host.cli.output import print_json, say
 from steptwin.host.cli.progress import progress_bar
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.emulated_machine import machine_keywords, naming_machine_options
+from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.run.motor_report import (
     check_motors,
@@ -25,85 +25,77 @@ from steptwin.host.cli.run.shelf_errand import ShelfErrand
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
     from steptwin.host.twin.machine.kernels import Kernel
-    from steptwin.host.twin.machine.machine_options import MachineKeywords
     from steptwin.host.twin.motors import MotorVerdict
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""
 
 
-@dataclass(frozen=True, slots=True)
-class EmulatedMachine:
-    """The options of `steptwin run` that concern the emulated machine and the record of what it does, as given.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualRunOptions:
+    """The options of a run in virtual time: the emulated machine, what happens in the run, what is kept of it."""
 
-    Attributes:
-        out: folder for all files.
-        stand_at: where the machine stands, joint by joint.
-        cut_stream_s: time at which the host stops sending points.
-        driver_profile: drivers instead of the robot file's.
-        dip_microsteps: microsteps set by the drivers' switches, as JOINT=N.
-        kernel: form of the firmware's kernel.
-        inputs: changes of digital inputs, as NAME=on@SECONDS.
-        stock: boxes of the shelf, as PLACE=BOX.
-        locked_drawers: slots whose drawers are locked.
-        faults: file of a scenario.
-        motors: when the motors turn; None: they do not.
-        crystal_ppm: how fast the board's crystal is.
-    """
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder to write report, edges, bus log and pictures into.")
+    ] = None
+    inventory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Inventory of the shelf: gives a box a free slot or finds it, and is written after a verified run.",
+        ),
+    ] = None
+    cut_stream: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Time at which the host stops sending points, as if it hung."),
+    ] = None
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME=on|off@SECONDS",
+            help="Change a digital input of the emulated machine, in simulated seconds since the motion's start;"
+            " repeatable.",
+        ),
+    ] = None
+    kernel: Annotated[
+        KernelName,
+        typer.Option(
+            metavar="NAME",
+            help="Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or"
+            " auto: the fastest.",
+        ),
+    ] = "auto"
+    motors: Annotated[
+        MotorsTurn | None,
+        typer.Option(
+            metavar="[=loop]",
+            help="Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it"
+            " goes, and the switches follow them (docs/motors.md).",
+            rich_help_panel=MACHINE_PANEL,
+        ),
+    ] = None
+    machine: Annotated[MachineOptions, Without(("motors", "bitrate"))]
 
-    out: str | None
-    stand_at: str | None
-    cut_stream_s: float | None
-    driver_profile: str | None
-    dip_microsteps: list[str] | None
-    kernel: KernelName
-    inputs: list[str] | None
-    stock: list[str] | None
-    locked_drawers: list[str] | None
-    faults: str | None
-    motors: MotorsTurn | None
-    crystal_ppm: int
+    def refuse(self) -> None:
+        """Raise InputError for an option that is given, with a live board."""
+        for option in given_options(self):
+            raise InputError(f"{option}: is for a run in virtual time, without --connect or -i")
 
-    @property
-    def given(self) -> Mapping[str, Any]:
-        """The value of each option by its name on the command line; None for one that was not given."""
-        return {
-            "--out": self.out,
-            "--stand-at": self.stand_at,
-            "--cut-stream": self.cut_stream_s,
-            "--driver-profile": self.driver_profile,
-            "--dip-microsteps": self.dip_microsteps or None,
-            "--kernel": None if self.kernel == "auto" else self.kernel,
-            "--input": self.inputs or None,
-            "--stock": self.stock or None,
-            "--locked-drawer": self.locked_drawers or None,
-            "--faults": self.faults,
-            "--motors": self.motors,
-            "--crystal": self.crystal_ppm or None,
-        }
-
-    def keywords(self, robot: "Robot") -> "MachineKeywords":
-        """Return how the machine differs from the robot's file, read; raises as `machine_keywords`."""
-        return machine_keywords(
-            robot,
-            driver_profile=self.driver_profile,
-            dip_microsteps=self.dip_microsteps,
-            stock=self.stock,
-            locked_drawers=self.locked_drawers,
-            faults=self.faults,
-            motors=self.motors is MotorsTurn.IN_LOOP,
-            crystal=self.crystal_ppm,
-        )
+    def machine_for(self, robot: "Robot") -> MachineOptions:
+        """Return the machine's options, read; raises as the function of this name."""
+        return machine_for(robot, replace(self.machine, motors=self.motors is MotorsTurn.IN_LOOP))
 
 
 def run_virtual(
-    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, machine: EmulatedMachine, *, as_json: bool
+    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, options: VirtualRunOptions, *, as_json: bool
 ) -> None:
     """Run a motion, tell what it did, and keep it where that is asked for.
 
@@ -111,25 +103,23 @@ def run_virtual(
         DeviceFaultError: a fault has ended a run without a scenario.
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
-    if machine.motors:
+    if options.motors:
         check_motors(robot)
-    outcome, folder = _executed(robot, motion, job, errand, machine, as_json=as_json)
-    verdict = _told(outcome, folder, machine, as_json=as_json)
+    outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
+    verdict = _told(outcome, folder, options, as_json=as_json)
     _raise_unless_right(outcome, kept_step=verdict is None or verdict.kept_step)
     if outcome.passed:
         errand.keep(robot, to_stderr=as_json)
 
 
 def _executed(
-    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, machine: EmulatedMachine, *, as_json: bool
+    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, options: VirtualRunOptions, *, as_json: bool
 ) -> "tuple[Outcome, Path | None]":
     """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
     from steptwin.host.twin.embedded.execution import execute
 
-    stand_at = machine.stand_at
-    standing = None if stand_at is None else joint_values(stand_at.split(), robot.joint_names, "--stand-at")
-    folder = run_folder(machine.out)
-    options = machine.keywords(robot)
+    folder = run_folder(options.out)
+    machine = options.machine_for(robot)
     motion.say_summary(to_stderr=as_json)
     with (
         progress_bar(f"{robot.name} {job}") as progress,
@@ -139,24 +129,25 @@ def _executed(
         outcome = execute(
             motion.plan,
             job,
-            _kernel(machine.kernel),
-            stand_at=standing,
-            cut_stream_s=machine.cut_stream_s,
-            inputs=[_input_change(text) for text in machine.inputs or ()],
+            _kernel(options.kernel),
+            cut_stream_s=options.cut_stream,
+            inputs=[_input_change(text) for text in options.inputs or ()],
             errand=errand.errand,
-            progress=telling_time(progress, "run") if machine.motors is MotorsTurn.IN_LOOP else progress,
-            **options,
+            progress=telling_time(progress, "run") if machine.motors else progress,
+            **machine.keywords,
         )
     return outcome, folder
 
 
-def _told(outcome: "Outcome", folder: Path | None, machine: EmulatedMachine, *, as_json: bool) -> "MotorVerdict | None":
+def _told(
+    outcome: "Outcome", folder: Path | None, options: VirtualRunOptions, *, as_json: bool
+) -> "MotorVerdict | None":
     """Write the folder and print the report; return the verdict on the motors, None if they have not turned."""
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
 
     document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
     pictures = folder is not None and outcome.save(folder)
-    ran = motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors) if machine.motors else None
+    ran = motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors) if options.motors else None
     verdict = None if ran is None else ran.verdict
     if ran is not None and folder is not None:
         keep_motors(folder, ran, outcome.report.run, pictures=pictures)

@@ -12,8 +12,7 @@ from steptwin.host.planning.motions.stretched import STRETCH_MAX
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
 from steptwin.host.robots.board_settings import DRIVER_PROFILES
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
-from steptwin.host.twin.machine.boards import check_crystals
+from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.motors import check_described
 from steptwin.host.twin.motors.ramps import with_managed_ramps

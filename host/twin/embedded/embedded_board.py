@@ -41,7 +41,6 @@ class EmbeddedBoard:
     def __init__(
         self,
         robot: Robot,
-        start_joints: list[float],
         kernel: Kernel,
         options: MachineOptions = AS_FILED,
         *,
@@ -54,7 +53,6 @@ class EmbeddedBoard:
 
         Args:
             robot: the machine.
-            start_joints: positions at which it stands, mm and degrees.
             kernel: form of the firmware's kernel.
             options: how it differs from the robot's file, and what happens to it.
             bus_faults: script of the bus' faults.
@@ -70,12 +68,10 @@ class EmbeddedBoard:
         for each in schedule:
             check_motors(each.operation, turning=options.motors)
         self.robot = robot
-        self._parts = MachineParts.of(
-            robot, start_joints, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors
-        )
+        self._parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
         self.driver_profile = self._parts.driver_profile
         self._start_steps = self._parts.start_steps
-        self._simulation = self._parts.simulation(Bus(robot.board.bitrate, bus_faults), schedule)
+        self._simulation = self._parts.simulation(Bus(options.bits_per_s(robot), bus_faults), schedule)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
         if watch := self._simulation.rotor_watch:
@@ -85,7 +81,7 @@ class EmbeddedBoard:
         self._target = Target.of(robot, self._simulation, self._start_steps)
         self.operations = OperationLog(robot, self._simulation)
         """What is done to the machine beside its bus."""
-        scenario = options.scenario
+        scenario = options.scenario_for(robot)
         self.network = self._network(harmed=scenario is not None and scenario.harms_host)
         self.engine = None if scenario is None else Engine(scenario, self._target, self.host)
         """Plays the scenario; None without one."""

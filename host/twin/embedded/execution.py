@@ -38,7 +38,6 @@ def execute(
     job: str,
     kernel: Kernel | None = None,
     *,
-    stand_at: list[float] | None = None,
     cut_stream_s: float | None = None,
     bus_faults: FaultScript | None = None,
     inputs: Sequence[InputChange] = (),
@@ -53,7 +52,6 @@ def execute(
         plan: the motion, checked and converted by `plan`.
         job: name of the motion in reports.
         kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
-        stand_at: joint positions at which the emulated machine stands, mm and degrees; by default the plan's start.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
         bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
         inputs: changes of the machine's digital inputs during the motion.
@@ -62,8 +60,8 @@ def execute(
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
         machine: how the emulated machine differs from the robot's file, and what happens to it: the fields of
-            `MachineOptions`. The plan is not told; the outcome says whether each fault of a scenario was answered as
-            documented.
+            `MachineOptions`; by default it stands at the plan's start. The plan is not told; the outcome says whether
+            each fault of a scenario was answered as documented.
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
@@ -73,17 +71,19 @@ def execute(
             `NotBegunError` as well, which has its report. A fault in motion is part of the outcome instead.
     """
     robot = plan.robot
-    if stand_at is not None:
-        plan.check_start(stand_at)
+    options = MachineOptions(**machine)
+    if options.stand_at is None:
+        options = replace(options, stand_at=plan.start_joints)
+    else:
+        plan.check_start(options.joints(robot))
     stream = _Stream.of(plan, cut_stream_s)
     expected_shelf = errand.planned(robot.shelf) if errand and robot.shelf else None
-    options = _stocked(MachineOptions(**machine), errand)
+    options = _stocked(options, errand)
     kernel = kernel or fastest_kernel()
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
     board = EmbeddedBoard(
         robot,
-        plan.start_joints if stand_at is None else stand_at,
         kernel,
         options,
         bus_faults=bus_faults,

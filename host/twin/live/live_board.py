@@ -108,12 +108,10 @@ class LiveBoard:
     def __init__(
         self,
         robot: Robot,
-        stand_at: list[float],
         kernel: Kernel,
         options: MachineOptions = AS_FILED,
         *,
-        bitrate: int,
-        speed: float,
+        speed: float = 1.0,
         out: Path | None = None,
         log: Path | None = None,
     ) -> None:
@@ -121,11 +119,9 @@ class LiveBoard:
 
         Args:
             robot: the machine.
-            stand_at: joint positions at which it stands, mm and degrees.
             kernel: form of the firmware's kernel.
             options: how it differs from the robot's file, and what happens to it; times of a scenario count from the
                 first motion that a SYNC starts.
-            bitrate: of the bus, in bit/s.
             speed: simulated seconds per second.
             out: folder for all files.
             log: file for the bus log.
@@ -134,11 +130,11 @@ class LiveBoard:
             InputError: as `MachineParts.of`, or the scenario has a fault of the host, which is a program of its own.
             OSError: a file cannot be written.
         """
-        scenario = options.scenario
+        scenario = options.scenario_for(robot)
         if scenario is not None and scenario.harms_host:
             raise InputError(f"{scenario.name}: {_NO_HOST}")
         self.robot = robot
-        self._parts = parts = MachineParts.of(robot, stand_at, kernel, options, stretch_ticks=_STRETCH_TICKS)
+        self._parts = parts = MachineParts.of(robot, kernel, options, stretch_ticks=_STRETCH_TICKS)
         self._boards = parts.boards
         self._axes = axes_of(self._boards)
         """Board of each joint, and the number of the joint's axis on it."""
@@ -162,6 +158,7 @@ class LiveBoard:
         self._bus_log = None if log is None else BusLog(log)
         self._plan = None if out is None else LivePlan(robot, self._axes, parts.start_steps)
         self._motion = FollowedMotion(self._axes, self._plan)
+        bitrate = options.bits_per_s(robot)
         self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
         self.bus = Bus(bitrate, log=self._log)
         simulation = parts.simulation(self.bus)

@@ -18,9 +18,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.control_port import ControlPort
 from steptwin.host.twin.live.endpoint import open_endpoint
 from steptwin.host.twin.live.live_board import LiveBoard
-from steptwin.host.twin.machine.boards import Standing, standing_joints
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
-from steptwin.protocol.frame import BITRATES
 
 
 class ServedBoard:
@@ -40,14 +38,12 @@ class ServedBoard:
         self,
         robot: Robot,
         *,
-        stand_at: Standing | None = None,
         host: str | None = None,
         port: int | None = None,
         control_port: int | None = None,
         allow_remote: bool = False,
         interface: str | None = None,
         channel: str | None = None,
-        bitrate: int | None = None,
         speed: float = 1.0,
         kernel: Kernel | None = None,
         out: Path | str | None = None,
@@ -59,7 +55,6 @@ class ServedBoard:
 
         Args:
             robot: the machine.
-            stand_at: joint positions at which it stands, mm and degrees: all, or some by name; else the robot's home.
             host: address at which the socketcand server listens; by default 127.0.0.1.
             port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
             control_port: TCP port of this machine at which programs press its emergency stop, let its switches stick
@@ -67,7 +62,6 @@ class ServedBoard:
             allow_remote: allow an address that other machines reach.
             interface: python-can's name of an interface on which the board is put instead.
             channel: of that interface.
-            bitrate: of the bus, in bit/s; by default as in the robot's file.
             speed: simulated seconds per second.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             out: folder that receives report, edges and bus log.
@@ -82,10 +76,10 @@ class ServedBoard:
             OSError: a file cannot be written.
         """
         options = MachineOptions(**machine)
-        bits_per_s = _checked_bitrate(robot.board.bitrate if bitrate is None else bitrate)
+        bits_per_s = options.bits_per_s(robot)
         if not SPEED_MIN <= speed <= SPEED_MAX:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
-        standing = standing_joints(robot, stand_at)
+        options.joints(robot)
         if options.motors and not find_spec("numba"):
             raise InputError(
                 "motors=True: without numba the rotors cannot keep real time; pip install 'steptwin[fast]'"
@@ -101,10 +95,8 @@ class ServedBoard:
                 on_error.callback(self.control.close)
             self.board = LiveBoard(
                 robot,
-                standing,
                 kernel or fastest_kernel(),
                 options,
-                bitrate=bits_per_s,
                 speed=speed,
                 out=folder,
                 log=None if log is None else Path(log),
@@ -194,13 +186,6 @@ class ServedBoard:
     def call_every(self, dt_s: float, callback: Callable[[], None]) -> None:
         """Call back every `dt_s` seconds of wall time while the board runs; must be called before it runs."""
         self._loop.call_every(dt_s, callback)
-
-
-def _checked_bitrate(bitrate: int) -> int:
-    """Return a bit rate; raise InputError unless the bus can have it."""
-    if bitrate not in BITRATES:
-        raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
-    return bitrate
 
 
 def _check_replaced(out: Path | str | None, log: Path | str | None, *, replace: bool) -> None:

@@ -1,10 +1,11 @@
-"""Make the emulated boards of a robot; tell which axis each joint has there, where its motor is, and its microsteps.
+"""Spread a robot's axes over emulated boards, and make these; tell where each joint's motor is, and its microsteps.
 
-So a program that configures nothing finds an axis that makes the robot's steps. `steptwin run` begins with a new board
-instead, which has its factory defaults, and writes every setting.
+Node ids continue from board to board, so a program that talks to the axes need not know where one board ends. A
+commissioned board has the robot's settings in its flash: a program that configures nothing finds an axis that makes the
+robot's steps. `steptwin run` begins with a new board instead, which has its factory defaults, and writes every setting.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -14,12 +15,11 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.drifting_board import make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
-from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.joint import Joint
-from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.robot import AXES_MAX, Robot
 from steptwin.host.robots.transmission import Transmission
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import FlashPage
@@ -28,12 +28,29 @@ from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.robot_name import stored_name
 
 
-def read_crystals(text: str) -> list[int]:
-    """Return the parts per million of each board from a text such as `100,-100`; raise InputError for another form."""
-    try:
-        return [int(word) for word in text.split(",")]
-    except ValueError:
-        raise InputError(f"crystal_ppm={text}: is not a whole number of ppm for each board, as in 100,-100") from None
+def check_axes_per_board(counts: Sequence[int], axes: int) -> None:
+    """Raise InputError unless each board can drive its number of axes and together they are the robot's."""
+    given, nearest = _listed(counts), _listed(_spread(counts, axes))
+    for count in counts:
+        if not 1 <= count <= AXES_MAX:
+            limits = f"a board drives 1 to {AXES_MAX} axes, not {count}"
+            raise InputError(f"axes_per_board={given}: {limits}; try {nearest}")
+    if sum(counts) != axes:
+        raise InputError(f"axes_per_board={given}: {sum(counts)} axes in all, but the robot has {axes}; try {nearest}")
+
+
+def _spread(counts: Sequence[int], axes: int) -> list[int]:
+    """Return the nearest valid numbers: each cut to what a board drives, their sum to the robot's axes."""
+    nearest: list[int] = []
+    for count in [*counts, *[AXES_MAX] * axes]:
+        left = axes - sum(nearest)
+        if left:
+            nearest.append(min(max(count, 1), AXES_MAX, left))
+    return nearest
+
+
+def _listed(counts: Sequence[int]) -> str:
+    return ",".join(map(str, counts))
 
 
 def check_crystals(crystals_ppm: Sequence[int], boards: int, *, motors: bool) -> None:
@@ -61,30 +78,6 @@ def check_crystals(crystals_ppm: Sequence[int], boards: int, *, motors: bool) ->
 def crystals_document(crystals_ppm: Sequence[int]) -> dict[str, Any]:
     """Return the entry of a report that tells crystals which are off; none where all are exact."""
     return {"crystal_ppm": list(crystals_ppm)} if any(crystals_ppm) else {}
-
-
-Standing = Sequence[float] | Mapping[str, float]
-"""Positions of all joints, or of some by name, in mm and degrees."""
-
-
-def standing_joints(robot: Robot, stand_at: Standing | None) -> list[float]:
-    """Return the positions of all joints, in mm and degrees; joints without a position stand at the robot's home.
-
-    Raises:
-        InputError: the number of positions is wrong, or the robot has no joint of that name.
-    """
-    at = dict(zip(robot.joint_names, robot.home, strict=True))
-    if stand_at is None:
-        return list(at.values())
-    if not isinstance(stand_at, Mapping):
-        if len(stand_at) != len(at):
-            raise InputError(f"stand_at: {len(stand_at)} values for the {len(at)} joints {' '.join(at)}")
-        return list(stand_at)
-    for name, position in stand_at.items():
-        if name not in at:
-            raise unknown("stand_at: joint", name, at)
-        at[name] = position
-    return list(at.values())
 
 
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:

@@ -1,53 +1,216 @@
-"""How an emulated machine differs from its robot's file, and what happens to it on purpose."""
+"""How an emulated machine differs from its robot's file, and what happens to it on purpose.
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, TypedDict
+Each option is written here once: the options of commands, the arguments of the functions that users call and of the
+fixtures, and docs/machine-options.md come from here. So this module imports little: `steptwin --help` reads it.
+"""
 
-from steptwin.host.faults.scenario import Scenario
-from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
-from steptwin.host.twin.machine.boards import check_crystals
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
+
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import name_value_pairs
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import finite_number, whole
+from steptwin.protocol.frame import BITRATES
+
+if TYPE_CHECKING:
+    from steptwin.host.faults.scenario import Scenario
+    from steptwin.host.robots.robot import Robot
+
+
+class Spelling(NamedTuple):
+    """How an option is written on the command line and in Python, and what it is.
+
+    Attributes:
+        option: its name on the command line.
+        value: the word for its value there; empty for a switch.
+        example: a value in Python.
+        says: what it does.
+        read: makes the value from the text; from the list of texts if the option is repeatable.
+        repeatable: True if the option may stand several times.
+        short: its name in one letter; empty if it has none.
+    """
+
+    option: str
+    value: str
+    example: str
+    says: str
+    read: Callable[[Any], Any] = lambda text: text
+    repeatable: bool = False
+    short: str = ""
+
+
+SPELLING: Final = "spelling"
+"""Key of a field's spelling in its metadata."""
+
+
+Standing = Sequence[float] | Mapping[str, float]
+"""Positions of all joints, or of some by name, in mm and degrees."""
+
+
+def _positions(text: str) -> list[float]:
+    with prefixed(f"stand_at={text}: "):
+        return [finite_number(word) for word in text.split()]
+
+
+def _microsteps(texts: list[str]) -> dict[str, int]:
+    settings = name_value_pairs(texts)
+    for name, text in settings.items():
+        if not (text.isascii() and text.isdecimal()):
+            raise InputError(f"dip_microsteps={name}={text}: {text!r} is not a whole number")
+    return {name: int(text) for name, text in settings.items()}
+
+
+_COUNT: Final = re.compile(r"\s*[0-9]{1,4}\s*")
+
+
+def read_axes_per_board(text: str) -> list[int]:
+    """Return the number of axes of each board from a text such as `4,2`; raise InputError if it has another form."""
+    words = text.split(",")
+    if not all(map(_COUNT.fullmatch, words)):
+        raise InputError(f"axes_per_board={text}: does not list the axes of each board, as in 4,2")
+    return [int(word) for word in words]
+
+
+def read_crystals(text: str) -> list[int]:
+    """Return the parts per million of each board from a text such as `100,-100`; raise InputError for another form."""
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise InputError(f"crystal_ppm={text}: is not a whole number of ppm for each board, as in 100,-100") from None
+
+
+def _bits_per_s(text: str) -> int:
+    try:
+        return whole(text)
+    except ValueError:
+        raise InputError(f"bitrate={text}: is not a whole number of bit/s") from None
 
 
 class MachineKeywords(TypedDict, total=False):
     """The fields of `MachineOptions`, as keyword arguments of the functions that users call."""
 
+    stand_at: Standing | None
     driver_profile: str | None
     dip_microsteps: Mapping[str, int] | None
     stock: Mapping[str, str] | None
     locked_drawers: Collection[str]
-    scenario: Scenario | None
+    scenario: "Scenario | Path | str | None"
     motors: bool
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
+    bitrate: int | None
+
+
+_STANDING = Spelling(
+    option="--stand-at",
+    value="'Q1 Q2 ...'",
+    example='{"th2": 10.0}',
+    says="Joints where the machine stands, in mm and degrees; by default its home, or where the motion or the recording"
+    " begins.",
+    read=_positions,
+)
+_DRIVERS = Spelling(
+    option="--driver-profile",
+    value="NAME",
+    example='"3a-module"',
+    says="Put other drivers on the emulated board, unknown to planner and firmware (docs/driver.md): chip-100pf,"
+    " chip-330pf, chip-1000pf, 3a-module, slow-blue-board. They have their usual settings instead of the robot file's"
+    " current_a and the like.",
+)
+_DIP = Spelling(
+    option="--dip-microsteps",
+    value="JOINT=N",
+    example='{"th2": 8}',
+    says="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's; repeatable.",
+    read=_microsteps,
+    repeatable=True,
+)
+_STOCK = Spelling(
+    option="--stock",
+    value="PLACE=BOX",
+    example='{"A1": "screws"}',
+    says="Box in a slot of the emulated shelf or at a spot, in place of the usual ones; repeatable.",
+    read=name_value_pairs,
+    repeatable=True,
+)
+_LOCKED = Spelling(
+    option="--locked-drawer",
+    value="SLOT",
+    example='["A1"]',
+    says="Lock a drawer of the emulated shelf; repeatable.",
+    repeatable=True,
+)
+_FAULTS = Spelling(
+    option="--faults",
+    value="FILE",
+    example='"faults.toml"',
+    says="Let the faults of a scenario happen: TOML with [[fault]] (docs/faults.md).",
+)
+_MOTORS = Spelling(
+    option="--motors",
+    value="",
+    example="True",
+    says="Let the motors turn with the board, with the arm's masses: switches follow them (docs/motors.md).",
+)
+_BOARDS = Spelling(
+    option="--boards",
+    value="N,N,...",
+    example="[4, 2]",
+    says="Axes on each board, in the joints' order; by default one board has all.",
+    read=read_axes_per_board,
+)
+_CRYSTAL = Spelling(
+    option="--crystal",
+    value="PPM,...",
+    example="[100, -100]",
+    says="How fast each board's crystal is, from -1000 to 1000 parts per million; no motors turn with one that is off.",
+    read=read_crystals,
+)
+
+
+_BITRATE = Spelling(
+    option="--bitrate",
+    short="-b",
+    value="BIT/S",
+    example="500_000",
+    says="Bit rate of the bus; by default the robot file's.",
+    read=_bits_per_s,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineOptions:
     """An emulated machine beside its robot's file. Neither the plan nor the host is told of any of it.
 
-    Attributes:
-        driver_profile: name of the drivers that the boards have instead of those in the robot's file.
-        dip_microsteps: microsteps to which the switches of the drivers' modules are set instead of the file's, by
-            joint.
-        stock: the boxes in the robot's shelf, by slot or spot; None: a box at each spot where boxes are taken.
-        locked_drawers: slots of the shelf whose drawers are locked.
-        scenario: faults that happen to it (docs/faults.md).
-        motors: True if the robot's motors turn with the boards, so that its switches follow the rotors.
-        axes_per_board: number of axes on each of several boards, in the order of the joints; None: one board has all.
-        crystal_ppm: how fast the boards' crystals are, in parts per million from -1000 to 1000, with which no motors
-            turn: one number for all boards, or each one's; empty: all are exact.
+    The spelling of each says what it does. In Python joints may stand by name, the others at home; `stock` None is a
+    box at each spot where boxes are taken; a path stands for the scenario in that file; one number for the crystals is
+    that of each board, and none means that all are exact.
     """
 
-    driver_profile: str | None = None
-    dip_microsteps: Mapping[str, int] | None = None
-    stock: Mapping[str, str] | None = None
-    locked_drawers: Collection[str] = ()
-    scenario: Scenario | None = None
-    motors: bool = False
-    axes_per_board: Sequence[int] | None = None
-    crystal_ppm: int | Sequence[int] = 0
+    stand_at: Standing | None = field(default=None, metadata={SPELLING: _STANDING})
+    driver_profile: str | None = field(default=None, metadata={SPELLING: _DRIVERS})
+    dip_microsteps: Mapping[str, int] | None = field(default=None, metadata={SPELLING: _DIP})
+    stock: Mapping[str, str] | None = field(default=None, metadata={SPELLING: _STOCK})
+    locked_drawers: Collection[str] = field(default=(), metadata={SPELLING: _LOCKED})
+    scenario: "Scenario | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
+    motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
+    axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
+    crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
+    bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
+
+    @property
+    def keywords(self) -> MachineKeywords:
+        """The options as keyword arguments."""
+        return cast(MachineKeywords, {each.name: getattr(self, each.name) for each in fields(self)})
+
+    def over(self, other: "MachineOptions") -> "MachineOptions":
+        """Return other options, with those of these that are no defaults in place of theirs."""
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(other, **{name: value for name, value in given.items() if value != getattr(AS_FILED, name)})
 
     @property
     def crystals_ppm(self) -> tuple[int, ...]:
@@ -56,17 +219,53 @@ class MachineOptions:
             return (self.crystal_ppm,) * len(self.axes_per_board or (1,))
         return tuple(self.crystal_ppm)
 
-    def boards_of(self, robot: Robot) -> tuple[int, ...]:
+    def joints(self, robot: "Robot") -> list[float]:
+        """Return where all joints stand, in mm and degrees; those without a position at the robot's home.
+
+        Raises:
+            InputError: the number of positions is wrong, or the robot has no joint of that name.
+        """
+        at = dict(zip(robot.joint_names, robot.home, strict=True))
+        if self.stand_at is None:
+            return list(at.values())
+        if not isinstance(self.stand_at, Mapping):
+            if len(self.stand_at) != len(at):
+                raise InputError(f"stand_at: {len(self.stand_at)} values for the {len(at)} joints {' '.join(at)}")
+            return list(self.stand_at)
+        for name, position in self.stand_at.items():
+            if name not in at:
+                raise unknown("stand_at: joint", name, at)
+            at[name] = position
+        return list(at.values())
+
+    def bits_per_s(self, robot: "Robot") -> int:
+        """Return the bit rate of the bus; raise InputError unless a bus can have it."""
+        bitrate = robot.board.bitrate if self.bitrate is None else self.bitrate
+        if bitrate not in BITRATES:
+            raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
+        return bitrate
+
+    def boards_of(self, robot: "Robot") -> tuple[int, ...]:
         """Return the number of axes on each board.
 
         Raises:
             InputError: the boards have not as many axes as the robot, or a crystal is too far off or motors turn with
                 it.
         """
+        from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
+
         per_board = (len(robot.joints),) if self.axes_per_board is None else tuple(self.axes_per_board)
         check_axes_per_board(per_board, len(robot.joints))
         check_crystals(self.crystals_ppm, len(per_board), motors=self.motors)
         return per_board
+
+    def scenario_for(self, robot: "Robot") -> "Scenario | None":
+        """Return the scenario, read for a robot if it is in a file; raise InputError for what is wrong in it."""
+        if not isinstance(self.scenario, Path | str):
+            return self.scenario
+        from steptwin.host.faults.scenario import read_scenario
+
+        return read_scenario(str(self.scenario), robot)
 
 
 AS_FILED: Final = MachineOptions()

@@ -48,7 +48,6 @@ class MachineParts:
     def of(
         cls,
         robot: Robot,
-        joints: list[float],
         kernel: Kernel,
         options: MachineOptions,
         *,
@@ -60,7 +59,6 @@ class MachineParts:
 
         Args:
             robot: the machine.
-            joints: positions at which it stands, mm and degrees.
             kernel: form of the firmware's kernel.
             options: how it differs from the robot's file.
             commissioned: True for boards whose flash holds the robot's settings, False for new ones.
@@ -68,11 +66,11 @@ class MachineParts:
             stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
 
         Raises:
-            InputError: the drivers do not exist, or cannot be set as the robot needs them, or have no such switches, or
-                the shelf has no such place, or the robot's file does not describe its motors and masses, or the boards
-                have not as many axes as the robot, or a crystal is too far off or motors turn with it.
+            InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
+                switches, or the shelf has no such place, or the robot's file does not describe its motors and masses,
+                or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it.
         """
-        per_board, profile = options.boards_of(robot), options.driver_profile
+        joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
         configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
         shelf = shelf_wiring(
             robot, joints, per_board, stock=options.stock, locked=options.locked_drawers, sensors=shelf_sensors

@@ -1,6 +1,6 @@
 """How a machine stood when its boards were switched on: what a replay must know beside the frames on the bus."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,9 +15,9 @@ from steptwin.host.common.tables import Table
 from steptwin.host.faults.operations import read_request
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.axes_per_board import check_axes_per_board
-from steptwin.host.twin.machine.boards import check_crystals
+from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
@@ -35,30 +35,16 @@ class MachineAtPowerUp:
     """A machine at power-up, and what was done to it beside the bus.
 
     Attributes:
-        joints: positions at which it stands, mm and degrees.
-        axes_per_board: number of axes on each board, in the order of the joints.
-        bitrate: of the bus, in bit/s.
+        options: how it differs from the robot's file.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
-        driver_profile: name of the drivers that the boards have instead of those in the robot's file.
-        dip_microsteps: microsteps to which the switches of modules are set instead of the file's, by joint.
-        crystals_ppm: how fast each board's crystal is, in parts per million; empty: all are exact.
-        stock: the boxes in the robot's shelf; None: the usual ones.
-        locked_drawers: slots of the shelf whose drawers are locked.
         shelf_sensors: False if the shelf's sensors are not connected.
         operations: what was done to the machine, in order of time.
         bus_faults: the faults of the bus that were let loose, in words; they are not repeated.
         until_counts: instant at which the recording ends; None if nothing tells it.
     """
 
-    joints: Sequence[float]
-    axes_per_board: Sequence[int]
-    bitrate: int
+    options: MachineOptions = AS_FILED
     commissioned: bool = True
-    driver_profile: str | None = None
-    dip_microsteps: Mapping[str, int] | None = None
-    crystals_ppm: Sequence[int] = ()
-    stock: Mapping[str, str] | None = None
-    locked_drawers: Collection[str] = ()
     shelf_sensors: bool = True
     operations: tuple[Operated, ...] = ()
     bus_faults: tuple[str, ...] = ()
@@ -93,14 +79,17 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
         table = Table(report.document, "JSON object")
         done = table.each("operations", lambda each: _done(each, robot)) if "operations" in table else ()
-        power_up = MachineAtPowerUp(
-            joints=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
+        options = MachineOptions(
+            stand_at=robot.from_steps(np.array([axis.start_steps for axis in evidence.axes])).tolist(),
             axes_per_board=(axes_per_board := _axes_per_board(table, robot)),
-            crystals_ppm=_crystals(table, len(axes_per_board)),
+            crystal_ppm=_crystals(table, len(axes_per_board)),
             bitrate=report.run.bus.bitrate,
-            commissioned=table.truth("commissioned") if "commissioned" in table else live,
             driver_profile=_other_drivers(robot, report.driver_profile),
             stock=_stock(table),
+        )
+        power_up = MachineAtPowerUp(
+            options,
+            commissioned=table.truth("commissioned") if "commissioned" in table else live,
             shelf_sensors=live or _waits_for_sensors(table, robot),
             operations=tuple(each for each in done if isinstance(each, Operated)),
             bus_faults=(*(each for each in done if isinstance(each, str)), *_bus_faults(table, robot)),

@@ -28,7 +28,6 @@ from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.operation_log import OperationLog
 from steptwin.host.twin.live.recording_report import UnplannedRun
-from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.replay.edge_comparison import (
     first_difference_of_edges,
@@ -138,30 +137,18 @@ class ReplayedMachine:
     """
 
     def __init__(self, robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> None:
-        """Switch the boards on; raise InputError if the drivers or a place of the shelf do not exist."""
-        options = MachineOptions(
-            driver_profile=power_up.driver_profile,
-            dip_microsteps=power_up.dip_microsteps,
-            stock=power_up.stock,
-            locked_drawers=power_up.locked_drawers,
-            axes_per_board=power_up.axes_per_board,
-            crystal_ppm=power_up.crystals_ppm,
-        )
+        """Switch the boards on; raise InputError as `MachineParts.of`."""
+        options = power_up.options
         parts = MachineParts.of(
-            robot,
-            list(power_up.joints),
-            kernel,
-            options,
-            commissioned=power_up.commissioned,
-            shelf_sensors=power_up.shelf_sensors,
+            robot, kernel, options, commissioned=power_up.commissioned, shelf_sensors=power_up.shelf_sensors
         )
-        places = Places(power_up.axes_per_board)
+        places = Places(options.boards_of(robot))
         schedule = [
             Scheduled(counts, each, number)
             for counts, operation in power_up.operations
             for number, each in places.on_boards(operation)
         ]
-        self.simulation = parts.simulation(Bus(power_up.bitrate), schedule)
+        self.simulation = parts.simulation(Bus(options.bits_per_s(robot)), schedule)
         self.run = UnplannedRun(parts, self.simulation, OperationLog(robot, self.simulation), REPLAY_JOB)
 
 

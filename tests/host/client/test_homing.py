@@ -16,6 +16,7 @@ from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
@@ -27,7 +28,7 @@ def machine_of(
     robot: Robot, start: list[float], kernel: Kernel, schedule: Iterable[Scheduled] = ()
 ) -> tuple[EmbeddedBoard, Machine]:
     """Return a board and its enabled machine, whose position is unknown."""
-    board = EmbeddedBoard(robot, start, kernel, schedule=schedule)
+    board = EmbeddedBoard(robot, kernel, MachineOptions(stand_at=start), schedule=schedule)
     machine = Machine(board, robot.joint_names)
     machine.connect()
     machine.configure(

@@ -5,6 +5,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import Machine, OutputCommand
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import OutputChange
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput
@@ -17,7 +18,7 @@ MAGNET, LOCK = DigitalOutput.OUT1, DigitalOutput.OUT2
 @pytest.fixture
 def board(fast_kernel: Kernel) -> EmbeddedBoard:
     """The board with the switches and the outputs of the robot's file."""
-    return EmbeddedBoard(WAREHOUSE, START, fast_kernel)
+    return EmbeddedBoard(WAREHOUSE, fast_kernel, MachineOptions(stand_at=START))
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
 from tests.host.client.machines import START, STEP, TH1, WAREHOUSE
@@ -16,7 +17,7 @@ NODE = 0x13
 
 @pytest.fixture
 def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(WAREHOUSE, START, fast_kernel)
+    return EmbeddedBoard(WAREHOUSE, fast_kernel, MachineOptions(stand_at=START))
 
 
 @pytest.fixture

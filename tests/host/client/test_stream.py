@@ -15,6 +15,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE
 from tests.host.client.machines import AXES, ROBOT, START, TH1, connected, frames_to, ready, still, travelling
@@ -74,7 +75,7 @@ def test_the_machine_stands_where_the_firmware_puts_it(fast_kernel: Kernel, off_
     sx = ROBOT.joints[0].transmission
     units_per_step = 16_384 // sx.microsteps
     units = half_step * units_per_step + off_units
-    board = EmbeddedBoard(ROBOT, [units / sx.wire_units_per_unit, *START[1:]], fast_kernel)
+    board = EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=[units / sx.wire_units_per_unit, *START[1:]]))
     machine = ready(board)
     machine.preset([floor(units + 0.5), *[0] * (AXES - 1)])
     assert machine.positions_units()[0] == board.driver_positions()[0] * units_per_step
@@ -124,7 +125,7 @@ def set_heartbeats(machine: Machine, period_ms: int) -> None:
 
 def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     slow = replace(ROBOT, board=replace(ROBOT.board, bitrate=125_000))
-    machine = connected(EmbeddedBoard(slow, START, fast_kernel))
+    machine = connected(EmbeddedBoard(slow, fast_kernel, MachineOptions(stand_at=START)))
     with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
         set_heartbeats(machine, period_ms=1)
     assert caught.value.exit_code == 4

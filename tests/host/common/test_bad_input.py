@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.cli.arguments import name_value_pairs
 from steptwin.host.common.bad_input import (
     apart,
     at_least,
@@ -16,6 +15,7 @@ from steptwin.host.common.bad_input import (
     unknown,
     whole_ms,
 )
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 from tests.host.complaints import complaint_of
 

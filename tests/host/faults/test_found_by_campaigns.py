@@ -141,7 +141,7 @@ def test_a_repair_leaves_the_machine_as_it_was_before_the_first_fault(fast_kerne
 def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kernel: Kernel) -> None:
     """The heartbeat that is due then is not sent, and not waited for."""
     death = scenario('[[fault]]\npower_up_s = 0.03\ndo = "host"\nhow = "death"\n')
-    board = EmbeddedBoard(ROBOT, list(carry().start_joints), fast_kernel, MachineOptions(scenario=death))
+    board = EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=list(carry().start_joints), scenario=death))
     board.network.send_periodic(0x77F, b"\x05", 0.04)
     until_s = board.now_s() + 0.1
     with pytest.raises(HostLostError, match="died"):

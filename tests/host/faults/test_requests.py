@@ -62,9 +62,7 @@ class Machine:
     """The robot's four axes on two boards, enabled; the test lets time pass."""
 
     def __init__(self, kernel: Kernel) -> None:
-        self.board = LiveBoard(
-            ROBOT, list(ROBOT.home), kernel, MachineOptions(axes_per_board=(2, 2)), bitrate=1_000_000, speed=1.0
-        )
+        self.board = LiveBoard(ROBOT, kernel, MachineOptions(axes_per_board=(2, 2), bitrate=1_000_000))
         self.emergencies: list[tuple[int, int]] = []
         """Axis and error code of each EMCY."""
         self.board.live.view = self._hear

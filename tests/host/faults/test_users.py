@@ -90,14 +90,12 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
     stop = Fault("stop", AtState("th4", State.OPERATION_ENABLED), EmergencyStop(pressed=True), 0.02)
     board = LiveBoard(
         ROBOT,
-        list(ROBOT.home),
         fast_kernel,
         MachineOptions(
             axes_per_board=(2, 2),
             scenario=Scenario("live", (stop, Fault("later", AtTime(1.0), EmergencyStop(pressed=True)))),
+            bitrate=1_000_000,
         ),
-        bitrate=1_000_000,
-        speed=1.0,
     )
     board.live.start(0, 0)
     now_ns = 0
@@ -129,7 +127,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
     dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
     with pytest.raises(InputError, match="dying: 'host' is for runs in virtual time"):
-        LiveBoard(ROBOT, list(ROBOT.home), fast_kernel, MachineOptions(scenario=dying), bitrate=1_000_000, speed=1.0)
+        LiveBoard(ROBOT, fast_kernel, MachineOptions(scenario=dying))
 
 
 def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel) -> None:

@@ -12,6 +12,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.client.links import bus_link
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from tests.host.client.machines import WAREHOUSE, Neighbour
 
 ROBOT = WAREHOUSE
@@ -21,7 +22,7 @@ HALF_STEPS = [(0.5 + 1 / 16) / joint.transmission.steps_per_unit + 1e-9 for join
 
 
 def board_at(joints: list[float], kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(ROBOT, joints, kernel)
+    return EmbeddedBoard(ROBOT, kernel, MachineOptions(stand_at=joints))
 
 
 def preset(board: EmbeddedBoard, joints: list[float]) -> Session:

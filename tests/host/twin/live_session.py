@@ -67,7 +67,6 @@ class LiveSession:
         """Pieces of a stretch by which rotors may follow after each stride."""
         self.board = LiveBoard(
             ROBOT,
-            list(ROBOT.home),
             kernel,
             MachineOptions(
                 axes_per_board=axes_per_board,
@@ -76,8 +75,6 @@ class LiveSession:
                 motors=motors,
                 scenario=scenario,
             ),
-            bitrate=ROBOT.board.bitrate,
-            speed=1.0,
             out=out,
             log=log,
         )

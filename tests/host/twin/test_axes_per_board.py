@@ -8,13 +8,14 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.machine.axes_per_board import check_axes_per_board, read_axes_per_board
 from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import check_axes_per_board
+from steptwin.host.twin.machine.machine_options import read_axes_per_board
 
 
 def checked(text: str, axes: int) -> tuple[int, ...]:
     """Return the text's numbers; raise InputError if they are not valid."""
-    counts = read_axes_per_board(text, axes)
+    counts = read_axes_per_board(text)
     check_axes_per_board(counts, axes)
     return tuple(counts)
 

@@ -15,7 +15,8 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
-from steptwin.host.twin.machine.boards import check_crystals, read_crystals
+from steptwin.host.twin.machine.boards import check_crystals
+from steptwin.host.twin.machine.machine_options import read_crystals
 from steptwin.host.verify import Report, verify
 
 ROBOT = load_robot("teaching-scara")

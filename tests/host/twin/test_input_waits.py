@@ -155,7 +155,7 @@ def test_unknown_inputs_and_waits_in_motion_are_refused(fast_kernel: Kernel) -> 
 class TestLive:
     @pytest.fixture
     def board(self, fast_kernel: Kernel) -> EmbeddedBoard:
-        return EmbeddedBoard(ROBOT, list(ROBOT.home), fast_kernel)
+        return EmbeddedBoard(ROBOT, fast_kernel)
 
     @pytest.fixture
     def session(self, board: EmbeddedBoard) -> Session:

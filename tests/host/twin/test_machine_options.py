@@ -3,13 +3,16 @@
 from dataclasses import fields
 from typing import get_type_hints
 
+from steptwin.host.faults.scenario import Scenario
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 
 
 def test_every_option_is_a_keyword_of_the_functions_that_users_call() -> None:
     """Type checkers see the keywords alone; each has the type of its option."""
-    options = get_type_hints(MachineOptions)
-    assert get_type_hints(MachineKeywords) == {field.name: options[field.name] for field in fields(MachineOptions)}
+    options = get_type_hints(MachineOptions, localns={"Scenario": Scenario})
+    assert get_type_hints(MachineKeywords, localns={"Scenario": Scenario}) == {
+        field.name: options[field.name] for field in fields(MachineOptions)
+    }
 
 
 def test_a_crystal_is_that_of_each_board() -> None:

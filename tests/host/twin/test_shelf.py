@@ -150,11 +150,8 @@ def test_a_live_board_has_the_same_shelf(waited: Outcome, fast_kernel: Kernel) -
     """The host's frames of the run in virtual time, sent to a live board at their instants, do the same there."""
     board = LiveBoard(
         ROBOT,
-        waited.plan.start_joints,
         fast_kernel,
-        MachineOptions(stock={"A1": "screws"}),
-        bitrate=1_000_000,
-        speed=1.0,
+        MachineOptions(stand_at=waited.plan.start_joints, stock={"A1": "screws"}, bitrate=1_000_000),
     )
     board.live.start(0, 0)
     now_ns = 0

@@ -10,6 +10,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.operations import EmergencyStop
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from tests.host.client.machines import START, WAREHOUSE
@@ -35,7 +36,7 @@ def quiet(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> 
 
 @pytest.fixture
 def board(fast_kernel: Kernel) -> EmbeddedBoard:
-    return EmbeddedBoard(WAREHOUSE, START, fast_kernel)
+    return EmbeddedBoard(WAREHOUSE, fast_kernel, MachineOptions(stand_at=START))
 
 
 @pytest.fixture
@@ -99,7 +100,7 @@ def test_heartbeats_and_emergencies_are_awaited_too(board: EmbeddedBoard, node: 
 def test_equal_programs_take_equal_times(fast_kernel: Kernel) -> None:
     logs = []
     for _ in range(2):
-        board = EmbeddedBoard(WAREHOUSE, START, fast_kernel)
+        board = EmbeddedBoard(WAREHOUSE, fast_kernel, MachineOptions(stand_at=START))
         node = node402(board.network, NODE)
         set_up(node)
         node.nmt.state = "OPERATIONAL"

@@ -76,7 +76,7 @@ def test_rotors_that_turn_may_lag_by_a_full_step_each() -> None:
 @pytest.fixture
 def belt_board() -> EmbeddedBoard:
     robot = coupled_robot(TWO_TO_ONE)
-    return EmbeddedBoard(robot, list(robot.home), fastest_kernel())
+    return EmbeddedBoard(robot, fastest_kernel())
 
 
 @pytest.mark.parametrize(("steps", "told"), [(3.0, ""), (-3.0, ""), (3.1, "+3.1"), (-3.1, "-3.1")])

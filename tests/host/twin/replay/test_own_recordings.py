@@ -142,7 +142,7 @@ def test_a_board_of_a_test(saved: Path, fast_kernel: Kernel) -> None:
     assert result.equal
     assert result.machine.run.bus_log[-1][1] == read_bus(saved / BUS_LOG).frames[-1].frame
     stored = stored_machine(saved, ROBOT)
-    assert stored.power_up.driver_profile == "3a-module"
+    assert stored.power_up.options.driver_profile == "3a-module"
     assert [operated.counts for operated in stored.power_up.operations] == [12_000_001]
 
 
@@ -208,9 +208,8 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
     log = tmp_path / "other.log"
     log.write_text("(0.1) can0 1A0#01\n(0.2) can0 620#4000100000000000\n(0.3) can0 000#0100\n")
     robot = load_robot("lab-scara")
-    power_up = MachineAtPowerUp(robot.home, (4,), robot.board.bitrate)
     with pytest.raises(InputError, match=r"other\.log: is of nodes 0x20; lab-scara has 0x10 to 0x13$"):
-        replay(read_bus(log), robot, power_up, fast_kernel)
+        replay(read_bus(log), robot, MachineAtPowerUp(), fast_kernel)
 
 
 @pytest.mark.parametrize(
