@@ -9,10 +9,11 @@ from rich.table import Table
 
 from steptwin.bench.bench_table import bench_table
 from steptwin.controller.motion.backend import fastest_kernel
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int64Array
 from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
 from steptwin.emulator.drivers.driver_profiles import PROFILES
-from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -44,8 +45,7 @@ def driver_table() -> Table:
 
 
 def _driver_row(name: str) -> str:
-    profile = PROFILES[name]
-    driver = Driver(profile.osc_pf, profile.fitted(16))
+    driver = Driver(PROFILES[name].fitted(16))
     driver.feed(_stretch(0))
     best_s = copy_s = float("inf")
     for index in range(1, _STRETCHES + 1):
@@ -62,14 +62,14 @@ def _driver_row(name: str) -> str:
     return f"{name}|{2 * PULSES / best_s / 1e6:.0f}|{best_s / copy_s:.1f}"
 
 
-def _stretch(index: int) -> Pins:
+def _stretch(index: int) -> TerminalEdges:
     begin = index * (PULSES + 1) * _PERIOD_COUNTS
     rises: Int64Array = begin + np.arange(1, PULSES + 1, dtype=np.int64) * _PERIOD_COUNTS
     turns = rises[:: PULSES // _TURNS] - 2_500
     levels = (np.arange(turns.size) % 2).astype(np.int8)
-    supply = (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE)
+    supply = (*Rail, Pin.RESET, Pin.ENABLE)
     changes = () if index else tuple(LevelChange(0, pin, 1) for pin in supply)
-    return Pins(rises, rises + _WIDTH_COUNTS, turns, levels, changes, begin + (PULSES + 1) * _PERIOD_COUNTS)
+    return TerminalEdges(rises, rises + _WIDTH_COUNTS, turns, levels, changes, begin + (PULSES + 1) * _PERIOD_COUNTS)
 
 
 def rotor_table() -> Table:

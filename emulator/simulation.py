@@ -97,7 +97,7 @@ class Simulation:
             bus.attach(board.can)
         self.rotor_watch = None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
-        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_sixteenths)
+        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_full_steps)
         """The shelf beside the machine; None if there is none."""
         self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []
@@ -301,11 +301,11 @@ class Simulation:
             self.attendant.attend(now_counts)
         self._let_shelf_look()
 
-    def rotors_sixteenths(self) -> list[float]:
-        """Return the position of each rotor since power-up, board by board, in sixteenths of a full step."""
+    def rotors_full_steps(self) -> list[float]:
+        """Return the position of each rotor since power-up, board by board."""
         if self.rotor_watch is not None:
-            return self.rotor_watch.positions_sixteenths()
-        return [float(sixteenths) for board in self.boards for sixteenths in board.positions_sixteenths()]
+            return self.rotor_watch.positions_full_steps()
+        return [full_steps for board in self.boards for full_steps in board.positions_full_steps()]
 
     def _let_shelf_look(self) -> None:
         """Let the shelf see what has changed, and the boards what its sensors see."""

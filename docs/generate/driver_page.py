@@ -8,32 +8,26 @@ from matplotlib.figure import Figure
 
 from docs.generate.commands import DOCS, filled, session
 from docs.generate.pictures import write_picture
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.dip_switches import CURRENT_SETTINGS, switches_for
 from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES, THREE_AMP_MODULE, DriverProfile
-from steptwin.emulator.drivers.tb6560 import (
-    PINS,
-    Excitation,
-    LevelChange,
-    LevelPin,
-    Pins,
-    Rule,
-    Tb6560,
-    chopping_hz,
-    clk_width_min_counts,
-    oscillator_hz,
-)
-from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT
+from steptwin.emulator.drivers.driver_profiles import PROFILES, THREE_AMP_MODULE, DriverProfile, bare_chip
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
+from steptwin.emulator.drivers.tb6560.dip_switches import CURRENT_SETTINGS, switches_for
+from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT, Excitation
+from steptwin.emulator.drivers.tb6560.oscillator import chopping_hz, clk_width_min_counts, oscillator_hz
 from steptwin.emulator.drivers.tb6560.outputs import SENSE_VOLT
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, PINS, TORQUE_PERCENT
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.studies.papers.paper_page import table
 from steptwin.protocol.timer import COUNTS_PER_US
 
 LATE_DIR: Final = DOCS / "pictures" / "driver-late-dir.png"
 
+_WIRES: Final = bare_chip(330).module
 _US: Final = COUNTS_PER_US
 _TURN: Final = 400 * _US
 _RISES: Final = np.array([50, 150, 250, 415, 515, 615], dtype=np.int64) * _US
@@ -49,12 +43,12 @@ def write_driver_pictures() -> None:
 def _late_dir() -> Figure:
     """Draw three steps up and three down, 15 us from DIR to STEP: at the terminals, at the chip, and as counted."""
     module = THREE_AMP_MODULE.fitted(16)
-    stretch = Pins(
+    stretch = TerminalEdges(
         _RISES,
         _RISES + _WIDTH,
         np.array([10 * _US, _TURN]),
         np.array([1, 0], dtype=np.int8),
-        tuple(LevelChange(0, pin, 1) for pin in (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE)),
+        tuple(LevelChange(0, pin, 1) for pin in (*Rail, Pin.RESET, Pin.ENABLE)),
         100 * _END,
     )
     figure = Figure(figsize=(10, 4.6), layout="constrained")
@@ -63,7 +57,7 @@ def _late_dir() -> Figure:
         x=0.01, ha="left", weight="bold",
     )  # fmt: skip
     terminals, chip, counter = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.2))
-    _draw_pins(terminals, stretch, Module(), "STEP", "DIR", "terminals")
+    _draw_pins(terminals, stretch, _WIRES, "STEP", "DIR", "terminals")
     _draw_pins(chip, stretch, module, "CLK", "CW/CCW", "chip")
     _draw_counters(counter, stretch, module)
     counter.set_xlabel("us")
@@ -71,7 +65,7 @@ def _late_dir() -> Figure:
     return figure
 
 
-def _draw_pins(axes: Axes, stretch: Pins, module: Module, clk: str, direction: str, where: str) -> None:
+def _draw_pins(axes: Axes, stretch: TerminalEdges, module: Module, clk: str, direction: str, where: str) -> None:
     clk_counts = np.ravel(np.column_stack((stretch.clk_rise_counts, stretch.clk_fall_counts)))
     clk_levels = np.tile(np.array([1, 0], dtype=np.int8), stretch.clk_rise_counts.size)
     _draw_pin(axes, 1.4, *module.clk.delay.passed(clk_counts, clk_levels))
@@ -88,9 +82,9 @@ def _draw_pin(axes: Axes, base: float, edges: Int64Array, levels: Int8Array) -> 
     axes.step(times_us, heights, where="post", color=COUNTED)
 
 
-def _draw_counters(axes: Axes, stretch: Pins, module: Module) -> None:
-    for which, colour, dashes, label in ((Module(), "0.6", "--", "meant"), (module, COUNTED, "-", "counted")):
-        driver = Driver(THREE_AMP_MODULE.osc_pf, which)
+def _draw_counters(axes: Axes, stretch: TerminalEdges, module: Module) -> None:
+    for which, colour, dashes, label in ((_WIRES, "0.6", "--", "meant"), (module, COUNTED, "-", "counted")):
+        driver = Driver(which)
         driver.feed(stretch)
         counts, signs = driver.steps
         times_us = np.concatenate(([0], counts, [_END])) / _US
@@ -207,7 +201,7 @@ def _delays(profile: DriverProfile) -> str:
 
 def _asked(profile: DriverProfile) -> str:
     asked = profile.module.requirements
-    width_us = clk_width_min_counts(profile.osc_pf) / COUNTS_PER_US
+    width_us = profile.module.make_chip().pulse_min_counts / COUNTS_PER_US
     named = {
         "steplen": asked.steplen_ns,
         "stepspace": asked.stepspace_ns,

@@ -13,9 +13,9 @@ from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.drivers.driver_bank import SUPPLIES, WIRING, AxisTrace, DriverBank, DriverMonitor
+from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
+from steptwin.emulator.drivers.driver_chip import OutputFollower
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.drivers.tb6560 import FULL_STEP_SIXTEENTHS, Excitation, OutputFollower
 from steptwin.emulator.faults.operations import (
     BoardOperation,
     BoardTemperature,
@@ -44,27 +44,45 @@ from steptwin.protocol.pvt import PvtRecord
 
 @dataclass(frozen=True, slots=True)
 class BoardConfig:
-    """Hardware of a board: number of axes, OSC capacitors, node ids, driver modules, the machine's switches."""
+    """Hardware of a board: the driver of each axis, node ids, the machine's switches.
 
-    axis_count: int
-    osc_pf: tuple[float, ...]
+    Positions are in substeps of the drivers (`ChipKind.substeps`), all of which divide a full step alike.
+    """
+
+    modules: tuple[Module, ...]
+    """The driver of each axis: its chip, and the module around it."""
     first_node_id: int = FIRST_NODE_ID
     """Node id of the first axis; the next axes have the next ids."""
     read_latency_counts: int = 0
     """Counts from a message's arrival until the processor fetches it from the CAN controller."""
     switches: tuple[Switch, ...] = ()
-    start_sixteenths: tuple[int, ...] = ()
-    """Position of each axis' rotor when the board is made, in sixteenths of a full step from its zero; empty: all 0."""
+    start_substeps: tuple[int, ...] = ()
+    """Position of each axis' rotor when the board is made, in substeps from its zero; empty: all 0."""
     travels: tuple[Travel, ...] = ()
     """The way along which each axis' switches stand; empty: that of its own rotor."""
-    modules: tuple[Module, ...] = ()
-    """The module around each chip; empty for chips on the board itself."""
     crystal_ppm: int = 0
     """How fast the board's crystal is, in parts per million; `drifting_board.make_board` heeds it."""
 
     def __post_init__(self) -> None:
         if abs(self.crystal_ppm) > CRYSTAL_PPM_MAX:
             raise ValueError(f"crystal_ppm {self.crystal_ppm} is not from {-CRYSTAL_PPM_MAX} to {CRYSTAL_PPM_MAX}")
+        if len({module.kind.substeps for module in self.modules}) != 1:
+            raise ValueError("the drivers of a board do not divide a full step alike")
+
+    @property
+    def axis_count(self) -> int:
+        """Number of axes."""
+        return len(self.modules)
+
+    @property
+    def substeps(self) -> int:
+        """Substeps in a full step."""
+        return self.modules[0].kind.substeps
+
+    @property
+    def period_min_counts(self) -> int:
+        """Shortest time between two pulses that a driver counts."""
+        return min(module.kind.period_min_counts for module in self.modules)
 
 
 class Shaft(NamedTuple):
@@ -90,10 +108,9 @@ class Board:
         self.flash: list[FlashPage] = [FlashPage() for _ in range(config.axis_count)] if flash is None else flash
         """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
-        modules = config.modules or (Module(),) * config.axis_count
-        starts = config.start_sixteenths or (0,) * config.axis_count
-        self._inputs = BoardInputs(config.switches, starts, config.travels)
-        self._drivers = DriverBank(config.osc_pf, modules, self._inputs)
+        starts = config.start_substeps or (0,) * config.axis_count
+        self._inputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
+        self._drivers = DriverBank(config.modules, self._inputs)
         self._measurements = BoardReadings()
         self._held_protects = [False] * config.axis_count
         """True for each axis whose Protect pin is held low from outside."""
@@ -210,17 +227,17 @@ class Board:
         return self._drivers.follow_outputs()
 
     @property
-    def slipped_sixteenths(self) -> list[int]:
-        """Way by which `Slip` has moved each axis' rotor since power-up, in sixteenths of a full step."""
-        return self._drivers.slipped_sixteenths
+    def slipped_full_steps(self) -> list[int]:
+        """Way by which `Slip` has moved each axis' rotor since power-up."""
+        return self._drivers.slipped_full_steps
 
-    def place(self, rotors_sixteenths: Sequence[int]) -> None:
-        """Let the machine's switches follow the rotors, in sixteenths of a full step from their zeros."""
-        if self._inputs.place(rotors_sixteenths):
+    def place(self, rotors_substeps: Sequence[int]) -> None:
+        """Let the machine's switches follow the rotors, in substeps from their zeros."""
+        if self._inputs.place(rotors_substeps):
             self._note_inputs()
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
-        """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
+        """Return, for each axis with switches, its way and the least distance on it, in substeps, to a change."""
         return self._inputs.ways_to_change()
 
     @property
@@ -248,7 +265,7 @@ class Board:
             case Slip(axis, full_steps):
                 self.drain()
                 self._drivers.slip(axis, full_steps, self.firmware.motion.tick * TICK_COUNTS)
-                self._inputs.shift(axis, full_steps * FULL_STEP_SIXTEENTHS, self.firmware.motion)
+                self._inputs.shift(axis, full_steps * self.config.substeps, self.firmware.motion)
             case SetWire(axis, wire, condition):
                 self.drain()
                 self._drivers.set_wire(axis, wire, condition, self.firmware.motion.tick * TICK_COUNTS)
@@ -260,12 +277,11 @@ class Board:
                 self._inputs.let_bounce(axis, which, bounces, within_us, seed)
             case DriverMode(axis, microsteps):
                 self.drain()
-                excitation = None if microsteps is None else Excitation(microsteps)
-                self._drivers.set_mode(axis, excitation, self.firmware.motion.tick * TICK_COUNTS)
+                self._drivers.set_mode(axis, microsteps, self.firmware.motion.tick * TICK_COUNTS)
                 self._inputs.unsettle(axis, self.firmware.motion)
             case OscCapacitor(axis, osc_pf):
                 self.drain()
-                self._drivers.set_osc(axis, osc_pf)
+                self._drivers.change_part(axis, "osc_pf", osc_pf)
             case Supply(supply_10mv):
                 self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
             case BoardTemperature(temperature_decidegc):
@@ -349,7 +365,7 @@ class Board:
     def _look_at_protect(self, axis: int) -> bool:
         """Read a Protect pin at the start of the next tick; return True if the driver itself holds it low."""
         tick_counts = self.firmware.motion.tick * TICK_COUNTS
-        low = not self._drivers.drivers[axis].protect_level(tick_counts)
+        low = not self._drivers.drivers[axis].fault_level(tick_counts)
         self._inputs.protects[axis] = low or self._held_protects[axis]
         return low
 
@@ -359,7 +375,7 @@ class Board:
         The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes.
         """
         tick = self.firmware.motion.tick
-        stays = (driver.protect_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
+        stays = (driver.fault_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
         return min(ticks, default=None)
 
@@ -443,15 +459,14 @@ class Board:
         if self.rotor_of is not None:
             return self.rotor_of(axis)
         self.drain_axis(axis)
-        sixteenths = self._drivers.rotor_sixteenths(axis)
-        slipped = self._drivers.slipped_sixteenths[axis]
-        return Shaft(sixteenths * UNITS_PER_FULL_STEP // FULL_STEP_SIXTEENTHS, slipped // FULL_STEP_SIXTEENTHS)
+        units = self._drivers.rotor_substeps(axis) * UNITS_PER_FULL_STEP // self.config.substeps
+        return Shaft(units, self._drivers.slipped_full_steps[axis])
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
             self._drivers.set_pin(change)
             self._output_changed |= change.pin in OUTPUT_PINS
-            self._look_at_once |= self._hot and change.pin in WIRING  # RESET may end the thermal shutdown
+            self._look_at_once |= self._hot and change.pin not in OUTPUT_PINS  # RESET may end the thermal shutdown
 
     @property
     def pin_changes(self) -> list[PinChange]:
@@ -487,20 +502,20 @@ class Board:
         self.drain_axis(axis)
         return self._drivers.drivers[axis].position_steps
 
-    def position_sixteenths(self, axis: int) -> int:
-        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
+    def position_full_steps(self, axis: int) -> float:
+        """Return the position of an axis' rotor since power-up."""
         self.drain_axis(axis)
-        return self._drivers.rotor_sixteenths(axis)
+        return self._drivers.rotor_substeps(axis) / self.config.substeps
 
-    def positions_sixteenths(self) -> list[int]:
-        """Return `position_sixteenths` of all axes."""
+    def positions_full_steps(self) -> list[float]:
+        """Return `position_full_steps` of all axes."""
         self.drain()
-        return [self._drivers.rotor_sixteenths(axis) for axis in range(self.config.axis_count)]
+        return [self._drivers.rotor_substeps(axis) / self.config.substeps for axis in range(self.config.axis_count)]
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
         self.drain_axis(axis)
-        return int(self._drivers.drivers[axis].excitation)
+        return self._drivers.drivers[axis].microsteps
 
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""

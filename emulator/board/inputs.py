@@ -2,7 +2,7 @@
 
 The firmware sees the levels at the start of each servo tick. Pulses are computed many ticks at a time, and this module
 says how many. A switch that is d steps away keeps its level until the drivers have been given d pulses more. No driver
-counts pulses faster than one each PERIOD_MIN_COUNTS, and the firmware makes none before its running segment can cross
+counts pulses faster than its kind allows, and the firmware makes none before its running segment can cross
 the next thresholds. How far a step turns the motor depends on the driver's mode, which changes only while the axis
 stands: it is learned at each start.
 
@@ -17,8 +17,8 @@ import numpy as np
 
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS
+from steptwin.emulator.board.edges import Int64Array
+from steptwin.emulator.drivers.driver_chip import Moves, SubstepArray
 from steptwin.emulator.world.switches import AxisSwitches, Switch, Travel
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_US
@@ -53,23 +53,29 @@ class Bouncer:
 
 
 class BoardInputs:
-    """The inputs of all axes, whose switches follow the rotors. Positions are in sixteenths of a full step."""
+    """The inputs of all axes, whose switches follow the rotors. Positions are in the drivers' substeps."""
 
     def __init__(
-        self, switches: Sequence[Switch], start_sixteenths: Sequence[int], travels: Sequence[Travel] = ()
+        self,
+        switches: Sequence[Switch],
+        start_substeps: Sequence[int],
+        travels: Sequence[Travel],
+        period_min_counts: int,
     ) -> None:
         """Let the switches of each axis follow its travel; without travels each follows its own rotor."""
+        self._period_min_counts = period_min_counts
+        """Shortest time between two pulses that a driver counts."""
         self.emergency_stop = False
-        self.protects = [False] * len(start_sixteenths)
+        self.protects = [False] * len(start_substeps)
         """True for each axis whose driver's Protect pin is low."""
-        self._general = [DigitalInput(0)] * len(start_sixteenths)
+        self._general = [DigitalInput(0)] * len(start_substeps)
         """Active general inputs of each axis."""
-        self._travels = list(travels) or [Travel.of_rotor(axis) for axis in range(len(start_sixteenths))]
-        self._rotors_sixteenths = list(start_sixteenths)
+        self._travels = list(travels) or [Travel.of_rotor(axis) for axis in range(len(start_substeps))]
+        self._rotors_substeps = list(start_substeps)
         """Position of each rotor that the switches have followed."""
         self._axes = [
             AxisSwitches(
-                [switch for switch in switches if switch.axis == axis], travel.position_sixteenths(start_sixteenths)
+                [switch for switch in switches if switch.axis == axis], travel.position_substeps(start_substeps)
             )
             for axis, travel in enumerate(self._travels)
         ]
@@ -78,11 +84,11 @@ class BoardInputs:
         """Axes whose rotors move along a way with switches."""
         self._coupled = {axis: self._coupled_with(axis) for axis in self._switched}
         """The axes whose switches must be read together, because their ways share rotors, by axis."""
-        self._ahead: list[list[tuple[Int64Array, Int8Array]]] = [[] for _ in self._axes]
-        """Moves of the rotors that the switches have not followed yet, by axis: instants and sixteenths."""
-        self._held_pulses = [0] * len(start_sixteenths)
+        self._ahead: list[list[Moves]] = [[] for _ in self._axes]
+        """Moves of the rotors that the switches have not followed yet, by axis: instants and substeps."""
+        self._held_pulses = [0] * len(start_substeps)
         """Number of pulses that a driver holds and may still count, by axis."""
-        self._step_sixteenths = [1] * len(start_sixteenths)
+        self._step_substeps = [1] * len(start_substeps)
         """The driver's present step, by axis."""
         self._just_started: set[int] = set()
         """Axes that have been started since `look`: their drivers' steps may have another size now."""
@@ -115,18 +121,18 @@ class BoardInputs:
         self._placed = True
         self._followed = set()
 
-    def place(self, rotors_sixteenths: Sequence[int]) -> bool:
+    def place(self, rotors_substeps: Sequence[int]) -> bool:
         """Let the switches follow the rotors to where they are; return True if one has changed."""
-        self._rotors_sixteenths = list(rotors_sixteenths)
+        self._rotors_substeps = list(rotors_substeps)
         changed = False
         for axis in self._switched:
-            position = self._travels[axis].position_sixteenths(rotors_sixteenths)
-            changed |= self._axes[axis].move(position - self._axes[axis].position_sixteenths)
+            position = self._travels[axis].position_substeps(rotors_substeps)
+            changed |= self._axes[axis].move(position - self._axes[axis].position_substeps)
         return changed
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
-        """Return, for each axis with switches, its way and the least distance on it, in sixteenths, to a change."""
-        return [(self._travels[axis], self._axes[axis].sixteenths_to_change) for axis in self._switched]
+        """Return, for each axis with switches, its way and the least distance on it, in substeps, to a change."""
+        return [(self._travels[axis], self._axes[axis].substeps_to_change) for axis in self._switched]
 
     @property
     def levels(self) -> list[DigitalInput]:
@@ -185,17 +191,17 @@ class BoardInputs:
         return bool(self._due_ticks or self._restless or self._bounce_tick is not None)
 
     def moved(
-        self, axis: int, counts: Int64Array, sixteenths: Int8Array, *, held_pulses: int, step_sixteenths: int
+        self, axis: int, counts: Int64Array, substeps: SubstepArray, *, held_pulses: int, step_substeps: int
     ) -> None:
         """Take the moves of a rotor, the number of pulses that its driver may still count, and the driver's step."""
         self._held_pulses[axis] = held_pulses
-        self._step_sixteenths[axis] = step_sixteenths
+        self._step_substeps[axis] = step_substeps
         if axis in self._followed and counts.size:
-            self._ahead[axis].append((counts, sixteenths))
+            self._ahead[axis].append((counts, substeps))
 
-    def shift(self, rotor: int, sixteenths: int, motion: BoardMotion) -> None:
+    def shift(self, rotor: int, substeps: int, motion: BoardMotion) -> None:
         """Turn a rotor by more than its driver has made, at the start of the next tick."""
-        self._rotors_sixteenths[rotor] += sixteenths
+        self._rotors_substeps[rotor] += substeps
         self.unsettle(rotor, motion)
 
     def unsettle(self, rotor: int, motion: BoardMotion) -> None:
@@ -297,8 +303,8 @@ class BoardInputs:
             self._settle(rotor, motion.tick * TICK_COUNTS)
         for axis in axes:
             self._just_started.discard(axis)
-            position = self._travels[axis].position_sixteenths(self._rotors_sixteenths)
-            self._axes[axis].move(position - self._axes[axis].position_sixteenths)
+            position = self._travels[axis].position_substeps(self._rotors_substeps)
+            self._axes[axis].move(position - self._axes[axis].position_substeps)
             left_steps = self._steps_to_change(axis) - self._pulses_ahead(axis, motion)
             self._due_ticks[axis] = motion.tick + self._quiet_ticks(axis, left_steps, motion)
         self._first_due_tick = min(self._due_ticks.values(), default=None)
@@ -307,22 +313,22 @@ class BoardInputs:
 
     def _steps_to_change(self, axis: int) -> int:
         """Return the least number of steps until one of the axis' switches changes."""
-        return self._travels[axis].steps(self._axes[axis].sixteenths_to_change, self._step_sixteenths)
+        return self._travels[axis].steps(self._axes[axis].substeps_to_change, self._step_substeps)
 
     def _settle(self, rotor: int, until_counts: int) -> None:
         ahead = []
-        for counts, sixteenths in self._ahead[rotor]:
+        for counts, substeps in self._ahead[rotor]:
             seen = int(np.searchsorted(counts, until_counts))
-            self._rotors_sixteenths[rotor] += int(sixteenths[:seen].sum(dtype=np.int64))
+            self._rotors_substeps[rotor] += int(substeps[:seen].sum(dtype=np.int64))
             if seen < counts.size:
-                ahead.append((counts[seen:], sixteenths[seen:]))
+                ahead.append((counts[seen:], substeps[seen:]))
         self._ahead[rotor] = ahead
 
     def _quiet_ticks(self, axis: int, steps: int, motion: BoardMotion) -> int:
         """Return a number of ticks, 1 or more, before whose end none of an axis' rotors makes so many steps more."""
         if steps <= 0:
             return 1
-        by_drivers = max(1, (steps - 1) * PERIOD_MIN_COUNTS // TICK_COUNTS)
+        by_drivers = max(1, (steps - 1) * self._period_min_counts // TICK_COUNTS)
         by_segments = -1
         for rotor in self._travels[axis].rotors:
             if motion.running(rotor):

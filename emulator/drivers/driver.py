@@ -1,70 +1,55 @@
-"""One driver as the board sees it: a TB6560 and the module around it."""
+"""One driver as the board sees it: a chip and the module around it."""
 
 from typing import Final
 
 from steptwin.emulator.board.edges import Int8Array, Int64Array
+from steptwin.emulator.drivers.driver_chip import Moves, OutputFollower, Outputs, TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Module
 from steptwin.emulator.drivers.input_stage import InputStage
-from steptwin.emulator.drivers.tb6560 import (
-    EXCITATIONS,
-    Excitation,
-    LevelPin,
-    Outputs,
-    Pins,
-    Tb6560,
-    Violations,
-    merged,
-)
-
-_LEVELS: Final = {excitation: levels for levels, excitation in EXCITATIONS.items()}
-"""Levels of M2 and M1 by the mode that they select."""
+from steptwin.emulator.drivers.limits import Violations, merged
 
 
 class Driver:
     """Processes the edges at the driver's terminals; at first it has no supply and all terminals are low.
 
     Raises:
-        ValueError: the capacitor or a resistor puts the chip outside its operating range.
+        ValueError: the kind of the chip or a resistor puts the chip outside its operating range.
     """
 
-    def __init__(self, osc_pf: float, module: Module) -> None:
-        self.chip = Tb6560(osc_pf, module.chip_sense_ohm, module.cooling)
+    def __init__(self, module: Module) -> None:
+        self.chip = module.make_chip()
+        self.kind: Final = module.kind
+        """What chip it is."""
         self.active_edge: Final[ClkEdge] = module.active_edge
         """The edge of STEP with which the chip's CLK rises."""
         self.enable_open: Final[int] = module.enable_open
         """Level that ENABLE has for the driver if nothing is connected to its terminal."""
         self._switches: Final = module.switches
-        self._turned_to: Excitation | None = None
-        """The mode to which the module's switches are set."""
-        self._stage = None if module.only_wires else InputStage(module, self.chip.clk_width_min_counts)
+        self._turned_to: int | None = None
+        """Microsteps to which the module's switches have been turned."""
+        self._stage = None if module.only_wires else InputStage(module, self.chip.pulse_min_counts)
 
     @property
     def has_switches(self) -> bool:
         """True if the module's own switches select the mode."""
         return self._switches is not None
 
-    def turn_switches(self, excitation: Excitation | None, counts: int) -> None:
+    def turn_switches(self, microsteps: int | None, counts: int) -> None:
         """Set the module's switches to a mode, or as they were at first (None), at an instant."""
         if self._stage is None or self._switches is None:
             raise ValueError("the driver has no switches")
-        self._turned_to = excitation
-        m2, m1 = _LEVELS[self.excitation]
-        self._stage.turn_switches({LevelPin.M1: m1, LevelPin.M2: m2}, counts)
+        self._turned_to = microsteps
+        self._stage.turn_switches(self.kind.mode_levels[self.microsteps], counts)
 
-    def set_osc(self, osc_pf: float) -> None:
-        """Put another capacitor to the chip's OSC pin; raise ValueError as when the driver is made."""
-        self.chip.set_osc(osc_pf)
+    def change_part(self, name: str, value: float) -> None:
+        """Let a part at the chip have another value; raise ValueError if the chip cannot."""
+        self.chip.change_part(name, value)
         if self._stage is not None:
-            self._stage.set_clk_width(self.chip.clk_width_min_counts)
+            self._stage.set_pulse_min(self.chip.pulse_min_counts)
 
-    def feed(self, pins: Pins) -> tuple[Int64Array, Int8Array]:
-        """Let the driver see the next stretch of its terminals; every rise comes with its fall.
-
-        Returns:
-            Instant of each step that the chip has counted, and the rotor's move by it, in sixteenths of a full step
-            with its sign.
-        """
-        return self.chip.feed(self._stage.take(pins) if self._stage else pins)
+    def feed(self, edges: TerminalEdges) -> Moves:
+        """Let the driver see the next stretch of its terminals; every rise comes with its fall."""
+        return self.chip.feed(self._stage.take(edges) if self._stage else edges)
 
     @property
     def waiting(self) -> bool:
@@ -82,14 +67,19 @@ class Driver:
         return self.chip.position_steps
 
     @property
-    def position_sixteenths(self) -> int:
-        """Position of the rotor since power-up, in sixteenths of a full step; it grows while DIR is high."""
-        return self.chip.position_sixteenths
+    def position_substeps(self) -> int:
+        """Position of the rotor since power-up; it grows while DIR is high."""
+        return self.chip.position_substeps
 
     @property
-    def excitation(self) -> Excitation:
-        """The mode that the module's switches select, also before the power is up, or else the chip's pins."""
-        return (self._turned_to or self._switches.excitation) if self._switches else self.chip.excitation
+    def microsteps(self) -> int:
+        """Microsteps that the module's switches select, also before the power is up, or else the chip's pins."""
+        return (self._turned_to or self._switches.microsteps) if self._switches else self.chip.microsteps
+
+    @property
+    def step_substeps(self) -> int:
+        """Way of a step in the present mode."""
+        return self.kind.substeps // self.microsteps
 
     @property
     def lost_steps(self) -> int:
@@ -114,8 +104,12 @@ class Driver:
 
     @property
     def outputs(self) -> Outputs:
-        """Phase currents, electrical angle and MO, for any instant so far."""
+        """Phase currents and the field's angle, for any instant so far."""
         return self.chip.outputs
+
+    def follow_outputs(self) -> OutputFollower:
+        """Return what follows the outputs from power-up on; call this before the power is up."""
+        return self.chip.follow_outputs()
 
     def forget(self) -> None:
         """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
@@ -123,13 +117,13 @@ class Driver:
         if self._stage:
             self._stage.forget()
 
-    def protect_level(self, counts: int) -> int:
-        """Return the level of the Protect pin, with a pull-up: low while thermal shutdown keeps the outputs off.
+    def fault_level(self, counts: int) -> int:
+        """Return the level of the chip's fault output, with a pull-up: low while a fault keeps the outputs off.
 
         No module has a terminal for it: with a module it reads high.
         """
-        return 1 if self._stage else self.chip.protect_level(counts)
+        return 1 if self._stage else self.chip.fault_level(counts)
 
-    def protect_stays_until(self, counts: int) -> int | None:
-        """Return the instant up to which Protect keeps its level unless RESET or VDD changes; None: always."""
-        return None if self._stage else self.chip.protect_stays_until(counts)
+    def fault_stays_until(self, counts: int) -> int | None:
+        """Return the instant up to which that level stays unless a terminal changes; None: always."""
+        return None if self._stage else self.chip.fault_stays_until(counts)

@@ -8,36 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.controller.motion.board_motion import PinEdges
-from steptwin.controller.node.pins import MODE_LEVELS, Pin, PinChange
+from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_chip import LevelChange, OutputFollower, Outputs, Rail, TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Module
-from steptwin.emulator.drivers.tb6560 import (
-    FULL_STEP_SIXTEENTHS,
-    Excitation,
-    LevelChange,
-    LevelPin,
-    OutputFollower,
-    Outputs,
-    Pins,
-    Violations,
-)
+from steptwin.emulator.drivers.limits import Violations
 from steptwin.emulator.faults.wires import AxisWires, Condition, Passed, Wire
 
-WIRING = {
-    Pin.RESET: LevelPin.RESET,
-    Pin.ENABLE: LevelPin.ENABLE,
-    Pin.M1: LevelPin.M1,
-    Pin.M2: LevelPin.M2,
-    Pin.TQ1: LevelPin.TQ1,
-    Pin.TQ2: LevelPin.TQ2,
-    Pin.DCY1: LevelPin.DCY1,
-    Pin.DCY2: LevelPin.DCY2,
-}
-"""The driver's pin to which each pin of the firmware is wired."""
-
-SUPPLIES = (LevelPin.VDD, LevelPin.VM)
+SUPPLIES = (Rail.VDD, Rail.VM)
 """The drivers' supplies, in the order in which the board switches them on."""
 
 _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
@@ -71,11 +51,13 @@ class AxisTrace:
     step_signs: Int8Array
     violations: Violations
     outputs: Outputs
-    """Phase currents, electrical angle and MO at any instant since the trace's beginning."""
+    """Phase currents and the field's angle at any instant since the trace's beginning."""
+    substeps: int
+    """Substeps in a full step."""
     position_steps: int
     """Steps counted since power-up."""
-    position_sixteenths: int
-    """Position of the rotor since power-up, in sixteenths of a full step."""
+    position_full_steps: float
+    """Position of the rotor since power-up."""
     slip_counts: Int64Array
     """Instants at which the rotor fell out of step."""
     slip_full_steps: Int64Array
@@ -89,14 +71,14 @@ class DriverBank:
     inputs, since a step may reach a switch.
     """
 
-    def __init__(self, osc_pf: Sequence[float], modules: Sequence[Module], inputs: BoardInputs) -> None:
-        self.drivers = [Driver(pf, module) for pf, module in zip(osc_pf, modules, strict=True)]
+    def __init__(self, modules: Sequence[Module], inputs: BoardInputs) -> None:
+        self.drivers = [Driver(module) for module in modules]
         self.pin_changes: list[PinChange] = []
         """Changes, not taken yet, of the pins that the firmware holds at a level."""
         self._inputs = inputs
         self._waiting: list[list[LevelChange]] = [[] for _ in self.drivers]
         """Changes of levels that the drivers have not seen yet, by axis."""
-        self._pins: list[list[Pins]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
+        self._pins: list[list[TerminalEdges]] = [[_pins(PinEdges([], []), [], 0)] for _ in self.drivers]
         """All edges at the drivers' terminals that are not forgotten, by axis."""
         self._wires: list[AxisWires | None] = [None] * len(self.drivers)
         """The wires to each driver that have had a fault."""
@@ -106,8 +88,8 @@ class DriverBank:
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
         """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
-        self._slipped_sixteenths = [0] * len(self.drivers)
-        """Sum of all slips of each axis' rotor."""
+        self.slipped_full_steps = [0] * len(self.drivers)
+        """Sum of all slips of each axis' rotor since power-up."""
 
     # --- in
 
@@ -121,8 +103,8 @@ class DriverBank:
             wires.set_enable(change.counts, change.level)
             return
         self.pin_changes.append(change)
-        if change.pin in WIRING:
-            self._waiting[change.axis].append(LevelChange(change.counts, WIRING[change.pin], change.level))
+        if change.pin not in OUTPUT_PINS:
+            self._waiting[change.axis].append(LevelChange(change.counts, change.pin, change.level))
 
     def level(self, axis: int, pin: Pin) -> int:
         """Return the level at which the firmware holds a pin."""
@@ -146,7 +128,7 @@ class DriverBank:
         """Hold all pins low that have floated, as the firmware does first when it begins."""
         self.drop_pins(now_counts)
 
-    def supply(self, supplies: Iterable[LevelPin], now_counts: int, level: int) -> None:
+    def supply(self, supplies: Iterable[Rail], now_counts: int, level: int) -> None:
         """Switch these supplies at every driver, one supply after the other."""
         for supply in supplies:
             for changes in self._waiting:
@@ -174,11 +156,11 @@ class DriverBank:
         if moved:
             self._pins[axis].append(pins)
 
-    def _feed(self, axis: int, pins: Pins) -> None:
+    def _feed(self, axis: int, edges: TerminalEdges) -> None:
         driver, wires = self.drivers[axis], self._wires[axis]
-        moves = driver.feed(pins)
+        moves = driver.feed(edges)
         held_pulses = driver.held_pulses + (wires.held_pulses if wires is not None else 0)
-        self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_sixteenths=driver.excitation.step_sixteenths)
+        self._inputs.moved(axis, *moves, held_pulses=held_pulses, step_substeps=driver.step_substeps)
 
     def _take(self, axis: int, passed: Passed) -> None:
         """Let one driver see what faulty wires have made of the edges, and record it."""
@@ -188,7 +170,7 @@ class DriverBank:
         self.pin_changes += (
             PinChange(change.counts, axis, Pin.ENABLE, change.level)
             for change in recorded.changes
-            if change.pin is LevelPin.ENABLE
+            if change.terminal is Pin.ENABLE
         )
 
     # --- faults
@@ -205,26 +187,24 @@ class DriverBank:
             )
         self._take(axis, wires.change(wire, condition, counts))
 
-    def set_mode(self, axis: int, excitation: Excitation | None, counts: int) -> None:
-        """Set a driver to a mode by its switches, or by M1 and M2; None: as it was, or as the firmware has them."""
+    def set_mode(self, axis: int, microsteps: int | None, counts: int) -> None:
+        """Set a driver to a mode by its switches or its chip's pins; None: as it was, or as the firmware has them."""
         driver = self.drivers[axis]
         if driver.has_switches:
-            driver.turn_switches(excitation, counts)
+            driver.turn_switches(microsteps, counts)
             return
-        pins = {Pin.M2: self.level(axis, Pin.M2), Pin.M1: self.level(axis, Pin.M1)}
-        if excitation is not None:
-            pins = dict(zip(pins, MODE_LEVELS[excitation], strict=True))
-        for pin, level in pins.items():
+        levels = driver.kind.mode_levels[driver.microsteps if microsteps is None else microsteps]
+        for pin, level in levels.items():
             self._strapped.discard((axis, pin))
             wanted = self.level(axis, pin)
-            self.set_pin(PinChange(counts, axis, pin, level))
+            self.set_pin(PinChange(counts, axis, pin, wanted if microsteps is None else level))
             self._pin_levels[axis, pin] = wanted
-            if excitation is not None:
+            if microsteps is not None:
                 self._strapped.add((axis, pin))
 
-    def set_osc(self, axis: int, osc_pf: float) -> None:
-        """Put another capacitor to a chip's OSC pin, for the pulses that are shown from now on."""
-        self.drivers[axis].set_osc(osc_pf)
+    def change_part(self, axis: int, name: str, value: float) -> None:
+        """Let a part at a chip have another value, for the pulses that are shown from now on."""
+        self.drivers[axis].change_part(name, value)
 
     @property
     def noisy_axes(self) -> set[int]:
@@ -234,11 +214,11 @@ class DriverBank:
     def slip(self, axis: int, full_steps: int, counts: int) -> None:
         """Let an axis' rotor fall out of step by full steps."""
         self._slips[axis].append((counts, full_steps))
-        self._slipped_sixteenths[axis] += full_steps * FULL_STEP_SIXTEENTHS
+        self.slipped_full_steps[axis] += full_steps
 
     def follow_outputs(self) -> list[OutputFollower]:
         """Return what follows each chip's outputs from power-up on; call this before the power is up."""
-        return [driver.chip.follow_outputs() for driver in self.drivers]
+        return [driver.follow_outputs() for driver in self.drivers]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
@@ -255,16 +235,12 @@ class DriverBank:
         """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
         driver, wires = self.drivers[axis], self._wires[axis]
         lost_steps = driver.lost_steps + (wires.lost_steps if wires is not None else 0)
-        return DriverMonitor(driver.position_steps, lost_steps, driver.violation_count, driver.excitation)
+        return DriverMonitor(driver.position_steps, lost_steps, driver.violation_count, driver.microsteps)
 
-    def rotor_sixteenths(self, axis: int) -> int:
-        """Return the position of an axis' rotor since power-up, in sixteenths of a full step."""
-        return self.drivers[axis].position_sixteenths + self._slipped_sixteenths[axis]
-
-    @property
-    def slipped_sixteenths(self) -> list[int]:
-        """Way by which each axis' rotor has been made to slip since power-up, in sixteenths of a full step."""
-        return self._slipped_sixteenths
+    def rotor_substeps(self, axis: int) -> int:
+        """Return the position of an axis' rotor since power-up, in substeps."""
+        driver = self.drivers[axis]
+        return driver.position_substeps + self.slipped_full_steps[axis] * driver.kind.substeps
 
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
@@ -289,8 +265,9 @@ class DriverBank:
             step_signs=step_signs,
             violations=driver.violations,
             outputs=driver.outputs,
+            substeps=driver.kind.substeps,
             position_steps=driver.position_steps,
-            position_sixteenths=self.rotor_sixteenths(axis),
+            position_full_steps=self.rotor_substeps(axis) / driver.kind.substeps,
             slip_counts=np.array([counts for counts, _ in self._slips[axis]], dtype=np.int64),
             slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
         )
@@ -305,11 +282,11 @@ class DriverBank:
         self.drivers[axis].forget()
 
 
-def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> Pins:
+def _pins(edges: PinEdges, changes: list[LevelChange], until_counts: int) -> TerminalEdges:
     """Wire the edges: the firmware's STEP goes to CLK, its DIR to CW/CCW."""
     clk = _array(edges.clk_counts)
     direction = _array(edges.direction)
-    return Pins(
+    return TerminalEdges(
         clk_rise_counts=clk[0::2],
         clk_fall_counts=clk[1::2],
         dir_counts=direction >> 1,

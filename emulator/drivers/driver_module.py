@@ -1,4 +1,4 @@
-"""Describe the module around a TB6560: optocouplers, required timing, active edge, switches.
+"""Describe the module around a driver chip: optocouplers, required timing, active edge, switches.
 
 Levels at the terminals STEP, DIR and EN reach the chip's pins late, each through its own part, and rises later or
 earlier than falls. So a pulse can get lost, and a DIR edge that was in time at the terminals can arrive after its CLK:
@@ -7,13 +7,18 @@ times are the requirements. Where they are not kept the worst case is taken: pul
 or as early, as they leave open. `input_stage` models all this.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final, Protocol
 
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Delay
-from steptwin.emulator.drivers.dip_switches import DipSwitches
-from steptwin.emulator.drivers.tb6560 import SENSE_OHM, Cooling
+from steptwin.emulator.drivers.driver_chip import ChipKind, Cooling, DriverChip
 from steptwin.protocol.timer import counts_of_ns
+
+SENSE_OHM: Final = 0.33
+"""Usual resistors that sense a phase's current: 1.5 A with a TB6560."""
 
 
 class ClkEdge(StrEnum):
@@ -46,11 +51,32 @@ class Requirements:
     dirhold_ns: int = 0
 
 
+class ModuleSwitches(Protocol):
+    """How a module's own switches stand: the levels at the chip's pins that they set."""
+
+    @property
+    def microsteps(self) -> int:
+        """Microsteps of the mode that they select."""
+
+    @property
+    def sense_ohm(self) -> float:
+        """The sense resistors that they switch on."""
+
+    @property
+    def running(self) -> Mapping[Pin, int]:
+        """Levels of the chip's pins from when it is supplied, while the motor moves."""
+
+    @property
+    def standing(self) -> Mapping[Pin, int]:
+        """Those of them that are others at standstill."""
+
+
 @dataclass(frozen=True, slots=True)
 class Module:
     """The module around one chip; by default nothing but wires.
 
     Attributes:
+        kind: what chip it is.
         clk: part between STEP and CLK.
         direction: part between DIR and CW/CCW.
         enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
@@ -61,27 +87,27 @@ class Module:
         switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone, and RESET is high
             with the supply.
         idle_ms: time from the last step until the switches' idle current begins; assumed, since no source gives it.
-        sense_ohm: resistors at NFA and NFB, unless switches set them.
+        sense_ohm: resistors that sense the phases' currents, unless switches set them.
         cooling: what cools the chip.
         source: origin of the figures.
     """
 
+    kind: ChipKind
     clk: Coupler = Coupler()
     direction: Coupler = Coupler()
     enable: Coupler = Coupler()
     requirements: Requirements = Requirements()
     active_edge: ClkEdge = ClkEdge.RISING
     enable_open: int = 0
-    switches: DipSwitches | None = None
+    switches: ModuleSwitches | None = None
     idle_ms: int = 500
     sense_ohm: float = SENSE_OHM
     cooling: Cooling = field(default_factory=Cooling)
     source: str = "wires"
 
-    @property
-    def chip_sense_ohm(self) -> float:
-        """Sense resistance at the chip."""
-        return self.switches.sense_ohm if self.switches else self.sense_ohm
+    def make_chip(self) -> DriverChip:
+        """Return a chip as it is on the module; raise ValueError if its resistors are outside its operating range."""
+        return self.kind.make(self.switches.sense_ohm if self.switches else self.sense_ohm, self.cooling)
 
     @property
     def only_wires(self) -> bool:

@@ -6,10 +6,10 @@ Figures marked [A] are assumed: sources give none, or only a range.
 from dataclasses import dataclass, replace
 from typing import Final
 
-from steptwin.emulator.drivers.dip_switches import switches_for
+from steptwin.emulator.drivers.driver_chip import Cooling
 from steptwin.emulator.drivers.driver_module import ClkEdge, Coupler, Module, Requirements
-from steptwin.emulator.drivers.tb6560 import Cooling
-from steptwin.emulator.drivers.tb6560.outputs import SENSE_VOLT
+from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
+from steptwin.emulator.drivers.tb6560.dip_switches import switches_for
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,9 +19,8 @@ class DriverProfile:
     Attributes:
         name: its name in robot files and on the command line.
         title: description in one line.
-        osc_pf: capacitor at the chip's OSC pin.
-        module: the module around the chip, without its switches' positions.
-        switched: True if the module has the switches of `dip_switches`.
+        module: the chip and the module around it, without its switches' positions.
+        switched: True if the module has the switches of `tb6560.dip_switches`.
         current_a: usual phase current at full torque.
         idle_percent: usual current at standstill in percent of `current_a`, if the module has switches.
         fast_decay_percent: usual part of each chopping period with fast decay, if the module has switches.
@@ -29,7 +28,6 @@ class DriverProfile:
 
     name: str
     title: str
-    osc_pf: int
     module: Module
     switched: bool = False
     current_a: float = 1.5
@@ -58,7 +56,7 @@ class DriverProfile:
         return replace(
             self.module,
             switches=switches_for(current_a, microsteps, fast_decay, idle) if self.switched else None,
-            sense_ohm=SENSE_VOLT / current_a,
+            sense_ohm=self.module.kind.sense_ohm(current_a),
             active_edge=active_edge or self.module.active_edge,
         )
 
@@ -66,15 +64,15 @@ class DriverProfile:
 def bare_chip(osc_pf: int) -> DriverProfile:
     """Return the profile of a chip on the board itself, with this OSC capacitor and wires alone."""
     return DriverProfile(
-        f"chip-{osc_pf}pf", f"TB6560AHQ wired straight to the board, {osc_pf} pF at OSC", osc_pf, Module()
+        f"chip-{osc_pf}pf", f"TB6560AHQ wired straight to the board, {osc_pf} pF at OSC", Module(Tb6560Kind(osc_pf))
     )
 
 
 THREE_AMP_MODULE: Final = DriverProfile(
     name="3a-module",
     title='single-axis "3 A" module: 6N137 on STEP, PC817 on DIR and EN, own switches',
-    osc_pf=330,
     module=Module(
+        Tb6560Kind(330),
         # 6N137: 75 ns at most. PC817: 4 us at 100 ohm (Sharp), tens of us with the kilohms of these boards: [A] 24 us
         # to let go of its pull-up.
         clk=Coupler(to_high_ns=75, to_low_ns=75),
@@ -90,8 +88,8 @@ THREE_AMP_MODULE: Final = DriverProfile(
 SLOW_BLUE_BOARD: Final = DriverProfile(
     name="slow-blue-board",
     title="blue multi-axis board: 150 us for all four timings, steps with the falling edge",
-    osc_pf=330,
     module=Module(
+        Tb6560Kind(330),
         requirements=Requirements(150_000, 150_000, 150_000, 150_000),
         active_edge=ClkEdge.FALLING,
         cooling=Cooling(resistance_k_per_w=8.0, capacity_j_per_k=40.0),  # [A]

@@ -13,26 +13,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
-from steptwin.emulator.drivers.dip_switches import DipSwitches
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module
-from steptwin.emulator.drivers.tb6560 import (
-    LevelChange,
-    LevelPin,
-    Limit,
-    LimitUnit,
-    Pins,
-    Rule,
-    ViolationLog,
-    Violations,
-)
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
+from steptwin.emulator.drivers.driver_module import ClkEdge, Module, ModuleSwitches
+from steptwin.emulator.drivers.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
 from steptwin.protocol.timer import COUNTS_PER_MS, counts_of_ns
 
 
 class Switchboard:
-    """The switches and the idle circuit of one module; RESET goes high with the supply."""
+    """The switches and the idle circuit of one module."""
 
-    def __init__(self, switches: DipSwitches, idle_ms: int) -> None:
+    def __init__(self, switches: ModuleSwitches, idle_ms: int) -> None:
         self._running, self._standing = switches.running, switches.standing
         self._idle_counts = idle_ms * COUNTS_PER_MS
         self._supplied = False
@@ -41,11 +33,11 @@ class Switchboard:
         self._turned: list[LevelChange] = []
         """Changes by switches that somebody has turned, to be passed on."""
 
-    def turn(self, levels: Mapping[LevelPin, int], counts: int) -> None:
+    def turn(self, levels: Mapping[Pin, int], counts: int) -> None:
         """Let somebody set switches, which hold these levels from an instant on."""
         self._running = {**self._running, **levels}
         if self._supplied:
-            self._turned += [LevelChange(counts, pin, level) for pin, level in levels.items()]
+            self._turned += [LevelChange(counts, pin, levels[pin]) for pin in self._running if pin in levels]
 
     @property
     def waiting(self) -> bool:
@@ -59,12 +51,12 @@ class Switchboard:
         """
         found, self._turned = self._turned, []
         for change in outside:
-            if change.pin is LevelPin.VM:
+            if change.terminal is Rail.VM:
                 earlier = int(np.searchsorted(rises, change.counts))
                 found += self._rest(rises[:earlier], change.counts)
                 found += self._supply(change)
                 rises = rises[earlier:]
-            elif change.pin in (LevelPin.VDD, LevelPin.ENABLE):
+            elif change.terminal in (Rail.VDD, Pin.ENABLE):
                 found.append(change)
         found += self._rest(rises, until_counts)
         return tuple(sorted(found, key=lambda change: change.counts))
@@ -72,7 +64,7 @@ class Switchboard:
     def _supply(self, change: LevelChange) -> list[LevelChange]:
         counts, _, level = change
         self._supplied, self._idle, self._last_rise_counts = bool(level), False, counts
-        held = [LevelChange(counts, pin, level and high) for pin, high in (*self._running.items(), (LevelPin.RESET, 1))]
+        held = [LevelChange(counts, pin, level and high) for pin, high in self._running.items()]
         return [change, *held] if level else [*reversed(held), change]
 
     def _rest(self, rises: Int64Array, until_counts: int) -> list[LevelChange]:
@@ -121,16 +113,16 @@ class _Pulses(NamedTuple):
 
 
 class InputStage:
-    """The way from one module's terminals to its chip's pins; the chip needs CLK high for `clk_width_min_counts`."""
+    """The way from one module's terminals to its chip's pins; the chip needs CLK high for `pulse_min_counts`."""
 
-    def __init__(self, module: Module, clk_width_min_counts: int) -> None:
+    def __init__(self, module: Module, pulse_min_counts: int) -> None:
         self._module = module
         self._clk, self._dir, self._enable = module.clk.delay, module.direction.delay, module.enable.delay
         self._setup_counts = counts_of_ns(module.requirements.dirsetup_ns)
         self._hold_counts = max(counts_of_ns(module.requirements.dirhold_ns), 1)
         self._limits = self._make_limits()
         self._log = ViolationLog(self._limits)
-        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+        self._foresight_counts = self._make_foresight(pulse_min_counts)
         self._memory_counts = 3 * sum(
             (
                 *(max(limit.value, 0) for limit in self._limits),
@@ -169,7 +161,7 @@ class InputStage:
         )
         return tuple(Limit(rule, counts, LimitUnit.COUNTS, self._module.source) for rule, counts in figures)
 
-    def _make_foresight(self, clk_width_min_counts: int) -> int:
+    def _make_foresight(self, pulse_min_counts: int) -> int:
         """Return the time from a rise of the chip's CLK until its fate is certain.
 
         DIR's hold time is over then; and where a pulse ends when the next begins, it is long enough for the module
@@ -177,15 +169,15 @@ class InputStage:
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])
         if self._module.active_edge is ClkEdge.FALLING:
-            for_chip = clk_width_min_counts + self._clk.to_high - self._clk.to_low
+            for_chip = pulse_min_counts + self._clk.to_high - self._clk.to_low
             after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
         return max(after_edge - self._clk.to_high, 0)
 
-    def set_clk_width(self, clk_width_min_counts: int) -> None:
+    def set_pulse_min(self, pulse_min_counts: int) -> None:
         """Know that the chip needs CLK high for another time from now on."""
-        self._foresight_counts = self._make_foresight(clk_width_min_counts)
+        self._foresight_counts = self._make_foresight(pulse_min_counts)
 
-    def turn_switches(self, levels: Mapping[LevelPin, int], counts: int) -> None:
+    def turn_switches(self, levels: Mapping[Pin, int], counts: int) -> None:
         """Let somebody set the module's switches for these inputs of the chip; a module without switches has none."""
         if self._switchboard is not None:
             self._switchboard.turn(levels, counts)
@@ -223,11 +215,11 @@ class InputStage:
         found: Int64Array = joined(self._origins, np.int64)[at]
         return found
 
-    def take(self, pins: Pins) -> Pins:
+    def take(self, edges: TerminalEdges) -> TerminalEdges:
         """Take the next stretch of edges at the terminals; return the next stretch at the chip's pins."""
-        self._remember(pins)
-        arrived_counts = pins.until_counts - self._foresight_counts
-        settled = self._settled(pins.until_counts, arrived_counts)
+        self._remember(edges)
+        arrived_counts = edges.until_counts - self._foresight_counts
+        settled = self._settled(edges.until_counts, arrived_counts)
         meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
         self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
         pulses = self._not_lost(settled)
@@ -238,7 +230,7 @@ class InputStage:
         self._passed.append(rises)
         self._origins.append(pulses.origins)
         self._forget(settled.edges.size, arrived_counts)
-        return Pins(
+        return TerminalEdges(
             clk_rise_counts=rises,
             clk_fall_counts=rises + pulses.high_counts + (self._clk.to_low - self._clk.to_high),
             dir_counts=dir_counts,
@@ -249,29 +241,29 @@ class InputStage:
 
     # --- memory
 
-    def _remember(self, pins: Pins) -> None:
-        self._rises = np.concatenate((self._rises, pins.clk_rise_counts))
-        self._falls = np.concatenate((self._falls, pins.clk_fall_counts))
+    def _remember(self, edges: TerminalEdges) -> None:
+        self._rises = np.concatenate((self._rises, edges.clk_rise_counts))
+        self._falls = np.concatenate((self._falls, edges.clk_fall_counts))
         last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
-        turned = np.diff(pins.dir_levels, prepend=last) != 0
-        self._dir_counts = np.concatenate((self._dir_counts, pins.dir_counts[turned]))
-        self._dir_levels = np.concatenate((self._dir_levels, pins.dir_levels[turned]))
-        for change in pins.changes:
+        turned = np.diff(edges.dir_levels, prepend=last) != 0
+        self._dir_counts = np.concatenate((self._dir_counts, edges.dir_counts[turned]))
+        self._dir_levels = np.concatenate((self._dir_levels, edges.dir_levels[turned]))
+        for change in edges.changes:
             self._remember_change(change)
 
     def _remember_change(self, change: LevelChange) -> None:
-        if change.pin is LevelPin.ENABLE:
+        if change.terminal is Pin.ENABLE:
             self._enable_level = change.level
             if self._supplied:
                 self._remember_enable(change)
             return
-        if change.pin is LevelPin.VM and change.level != self._supplied:
+        if change.terminal is Rail.VM and change.level != self._supplied:
             self._supplied = change.level
             if not change.level:
                 self._drop_enable(change.counts)
-                self._changes.append(LevelChange(change.counts, LevelPin.ENABLE, 0))
+                self._changes.append(LevelChange(change.counts, Pin.ENABLE, 0))
             elif self._enable_level:
-                self._remember_enable(LevelChange(change.counts, LevelPin.ENABLE, 1))
+                self._remember_enable(LevelChange(change.counts, Pin.ENABLE, 1))
         self._changes.append(change)
 
     def _remember_enable(self, change: LevelChange) -> None:
@@ -340,7 +332,7 @@ class InputStage:
         self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
     ) -> tuple[Int64Array, Int8Array]:
         """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
-        off = [change.counts for change in changes if change.pin is LevelPin.VM and not change.level]
+        off = [change.counts for change in changes if change.terminal is Rail.VM and not change.level]
         if off:
             at = np.searchsorted(rises, off)
             rises, levels = np.insert(rises, at, off), np.insert(levels, at, np.zeros(len(off), np.int8))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from steptwin.emulator.drivers.tb6560 import Excitation, oscillator_hz
+from steptwin.controller.node.pins import MODE_LEVELS
 from steptwin.emulator.faults.wires import Condition, Wire
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput
 from steptwin.protocol.frame import Frame
@@ -193,8 +193,8 @@ class DriverMode:
     microsteps: int | None
 
     def __post_init__(self) -> None:
-        if self.microsteps is not None and self.microsteps not in [*Excitation]:
-            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(str(int(e)) for e in Excitation)}")
+        if self.microsteps is not None and self.microsteps not in MODE_LEVELS:
+            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MODE_LEVELS))}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,9 +206,6 @@ class OscCapacitor:
 
     axis: int
     osc_pf: float
-
-    def __post_init__(self) -> None:
-        oscillator_hz(self.osc_pf)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, Int8Array, Int64Array, levels_at
+from steptwin.emulator.drivers.driver_chip import LevelChange, TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge
-from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
 NOISE_RATE_MAX_HZ: Final = 1_000_000
@@ -171,8 +172,8 @@ class Passed(NamedTuple):
     driver, but its end is known only when the wire is repaired.
     """
 
-    told: Pins
-    recorded: Pins
+    told: TerminalEdges
+    recorded: TerminalEdges
 
 
 class AxisWires:
@@ -230,7 +231,7 @@ class AxisWires:
         made = {each: turns if each is wire else NO_COUNTS for each in Wire}
         return self._pass_on(made[Wire.STEP], made[Wire.DIR], made[Wire.ENABLE], (), counts)
 
-    def take(self, pins: Pins) -> Passed:
+    def take(self, pins: TerminalEdges) -> Passed:
         """Take the next stretch of edges at the board's pins; return the next stretch at the terminals."""
         self.lost_steps += _steps(pins, self._dir_pin_level)
         turned = np.diff(pins.dir_levels, prepend=np.int8(self._dir_pin_level)) != 0
@@ -273,7 +274,7 @@ class AxisWires:
         known = int(np.searchsorted(turns, known_counts)) if known_counts < until_counts else turns.size
         turns, self._dir_ahead = turns[:known], turns[known:]
         switched = _enable_changes(enable, self._enable.level)
-        recorded = Pins(
+        recorded = TerminalEdges(
             clk_rise_counts=pulses[0::2],
             clk_fall_counts=pulses[1::2],
             dir_counts=turns,
@@ -300,7 +301,7 @@ class AxisWires:
         waits = self._rise is not None and self._step.condition is not WireState.HIGH
         return turns[:whole], min(self._rise, until_counts) if waits and self._rise is not None else until_counts
 
-    def _tell(self, pins: Pins) -> Pins:
+    def _tell(self, pins: TerminalEdges) -> TerminalEdges:
         """Return what the driver is told of a stretch: not again the pulse of which it knows, but one held high."""
         if self._told and pins.clk_rise_counts.size:
             pins, self._told = _without_first_pulse(pins), False
@@ -310,7 +311,7 @@ class AxisWires:
         return pins
 
 
-def _steps(pins: Pins, dir_level: int) -> int:
+def _steps(pins: TerminalEdges, dir_level: int) -> int:
     """Return the number of pulses, each signed by DIR at its rise; DIR is at this level before them."""
     levels = levels_at(pins.clk_rise_counts, pins.dir_counts, pins.dir_levels, dir_level)
     return 2 * int(levels.sum(dtype=np.int64)) - levels.size
@@ -325,14 +326,14 @@ def _levels(turns: Int64Array, before: int) -> Int8Array:
 def _enable_changes(turns: Int64Array, after: int) -> list[LevelChange]:
     """Return the changes of ENABLE, which has this level after them."""
     levels = _levels(turns, after ^ (turns.size & 1)).tolist()
-    return [LevelChange(counts, LevelPin.ENABLE, level) for counts, level in zip(turns.tolist(), levels, strict=True)]
+    return [LevelChange(counts, Pin.ENABLE, level) for counts, level in zip(turns.tolist(), levels, strict=True)]
 
 
-def _without_first_pulse(pins: Pins) -> Pins:
+def _without_first_pulse(pins: TerminalEdges) -> TerminalEdges:
     return replace(pins, clk_rise_counts=pins.clk_rise_counts[1:], clk_fall_counts=pins.clk_fall_counts[1:])
 
 
-def _with_pulse(pins: Pins, rise: int) -> Pins:
+def _with_pulse(pins: TerminalEdges, rise: int) -> TerminalEdges:
     """Return the stretch with one more pulse, which lasts almost a tick: longer than any driver needs."""
     return replace(
         pins,

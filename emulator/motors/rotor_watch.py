@@ -20,8 +20,8 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
 from steptwin.emulator.board.board import Board, Shaft
 from steptwin.emulator.board.edges import FloatArray
+from steptwin.emulator.drivers.driver_chip import FieldTurns, OutputChanges, Steady
 from steptwin.emulator.drivers.power_supply import PowerSupply
-from steptwin.emulator.drivers.tb6560 import CYCLE_SIXTEENTHS, FULL_STEP_SIXTEENTHS, FieldTurns, OutputChanges, Steady
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.rotor_backend import RotorBackend
 from steptwin.emulator.motors.rotor_kernel import (
@@ -54,7 +54,7 @@ _STILL_RAD_S: Final = 0.01
 """Where no rotor has been faster for so many ticks, and no driver has changed, all stands."""
 _FREE_TICKS_MAX: Final = 400
 
-_RAD_PER_SIXTEENTH: Final = 2.0 * pi / CYCLE_SIXTEENTHS
+_CYCLE_FULL_STEPS: Final = 4
 _TICK_S: Final = TICK_COUNTS / COUNTS_PER_SECOND
 _NOTHING: Final = np.empty((0, EVENT_FIELDS))
 
@@ -100,8 +100,13 @@ class RotorWatch:
             for drive, angle in zip(wiring.drives, wiring.start_rad, strict=True)
         ]
         self._teeth = [drive.motor.teeth for drive in drives]
-        self._per_rad = [drive.motor.full_steps_per_rev * FULL_STEP_SIXTEENTHS / (2.0 * pi) for drive in drives]
-        """Sixteenths of a full step in a rad of each rotor."""
+        substeps = [board.config.substeps for board, _ in self._axes]
+        self._per_rad = [
+            drive.motor.full_steps_per_rev * each / (2.0 * pi) for drive, each in zip(drives, substeps, strict=True)
+        ]
+        """Substeps in a rad of each rotor."""
+        self._cycles_substeps = [_CYCLE_FULL_STEPS * each for each in substeps]
+        """Substeps in an electrical cycle of each rotor."""
         self.payload_kg = wiring.payload_kg
         """Mass of the payload."""
         self.other_payloads_kg: list[float] = []
@@ -119,15 +124,15 @@ class RotorWatch:
         """Ticks for which no driver has changed and no rotor has turned."""
         self._free_tick = 0
         """Tick up to whose start no rotor can reach a switch."""
-        self._slipped = [list(board.slipped_sixteenths) for board in boards]
-        """Sixteenths by which each rotor has been made to slip, by board."""
+        self._slipped = [list(board.slipped_full_steps) for board in boards]
+        """Full steps by which each rotor has been made to slip, by board."""
         self._tick = 0
         """Tick up to whose start the rotors have turned."""
         self._changes: list[tuple[int, Callable[[], None]]] = []
         """What happens to the rotors beside their drivers, in order of time: the tick at whose start, and what."""
         first = 0
         for board in boards:
-            board.rotor_of = self._reader(first)
+            board.rotor_of = self._reader(board, first)
             first += board.config.axis_count
         if wiring.held_by is not None:
             boards[wiring.held_by.board].watch_outputs()
@@ -137,7 +142,7 @@ class RotorWatch:
         self.next_counts = TICK_COUNTS - 1
         """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
 
-    def _reader(self, first: int) -> Callable[[int], Shaft]:
+    def _reader(self, board: Board, first: int) -> Callable[[int], Shaft]:
         """Return what tells a board where the rotor of one of its axes is, at the start of the present tick."""
 
         def read(axis: int) -> Shaft:
@@ -145,7 +150,7 @@ class RotorWatch:
             number = first + axis
             place = (self.rotors.coordinates_rad()[number] - self._wiring.start_rad[number]) * self._per_rad[number]
             lost = self.rotors.lost_full_steps()[number]
-            return Shaft(floor(place * UNITS_PER_FULL_STEP / FULL_STEP_SIXTEENTHS + 0.5), -int(lost))
+            return Shaft(floor(place * UNITS_PER_FULL_STEP / board.config.substeps + 0.5), -int(lost))
 
         return read
 
@@ -159,7 +164,7 @@ class RotorWatch:
             if level != self._held:
                 self._held = level
                 self._carry()
-        if any(board.slipped_sixteenths != known for board, known in zip(self._boards, self._slipped, strict=True)):
+        if any(board.slipped_full_steps != known for board, known in zip(self._boards, self._slipped, strict=True)):
             self._see_slips()
         if self._now() >= self.next_counts:
             self._complete()
@@ -190,11 +195,11 @@ class RotorWatch:
         """Let rotors slip at the start of the tick at which `Slip` has made them."""
         first = 0
         for number, board in enumerate(self._boards):
-            for axis, sixteenths in enumerate(board.slipped_sixteenths):
-                turns = (sixteenths - self._slipped[number][axis]) // CYCLE_SIXTEENTHS
+            for axis, full_steps in enumerate(board.slipped_full_steps):
+                turns = (full_steps - self._slipped[number][axis]) // _CYCLE_FULL_STEPS
                 if turns:
                     self._change_at(board.firmware.motion.tick, partial(self.rotors.slip, first + axis, turns))
-            self._slipped[number] = list(board.slipped_sixteenths)
+            self._slipped[number] = list(board.slipped_full_steps)
             first += board.config.axis_count
 
     def _change_at(self, tick: int, change: Callable[[], None]) -> None:
@@ -308,11 +313,11 @@ class RotorWatch:
         if isinstance(changes, FieldTurns):
             if self._steady[axis] is not changes.steady:
                 self._steady[axis], self._tables[axis] = changes.steady, _table(changes.steady)
-            rows = self._tables[axis][changes.sixteenths % CYCLE_SIXTEENTHS]
+            rows = self._tables[axis][changes.substeps % self._cycles_substeps[axis]]
         else:
             rows = _filled(changes.counts.size, changes.currents_a, changes.fast)
         rows[:, AT_COUNTS] = changes.counts
-        np.multiply(changes.sixteenths, -_RAD_PER_SIXTEENTH, out=rows[:, EVENT_FIELD])
+        np.multiply(changes.substeps, -2.0 * pi / self._cycles_substeps[axis], out=rows[:, EVENT_FIELD])
         if axis in self._unmounted and rows[:, EVENT_ON].any():
             field_rad = float(rows[np.argmax(rows[:, EVENT_ON]), EVENT_FIELD])
             self.rotors.mount(axis, field_rad - self._teeth[axis] * self._wiring.start_rad[axis])
@@ -321,11 +326,11 @@ class RotorWatch:
 
     # --- switches
 
-    def positions_sixteenths(self) -> list[float]:
-        """Return where each rotor is since power-up, at the start of the present tick, in sixteenths of a full step."""
+    def positions_full_steps(self) -> list[float]:
+        """Return where each rotor is since power-up, at the start of the present tick."""
         self._turn_to_now()
-        at = zip(self.rotors.coordinates_rad(), self._wiring.start_rad, self._per_rad, strict=True)
-        return [(place - start) * per_rad for place, start, per_rad in at]
+        at = zip(self.rotors.coordinates_rad(), self._wiring.start_rad, self._wiring.drives, strict=True)
+        return [(place - start) * (drive.motor.full_steps_per_rev / (2.0 * pi)) for place, start, drive in at]
 
     def _place(self) -> None:
         """Let the switches follow the rotors."""
@@ -381,7 +386,7 @@ class RotorWatch:
         return int(least)
 
     def _ways_to_stops(self) -> list[tuple[int, float]]:
-        """Return the axes with end stops, and the distance of each to the nearer one in sixteenths."""
+        """Return the axes with end stops, and the distance of each to the nearer one in substeps."""
         places = self.rotors.coordinates_rad()
         return [
             (axis, max(0.0, min(places[axis] - drive.lower_rad, drive.upper_rad - places[axis])) * self._per_rad[axis])
@@ -391,13 +396,14 @@ class RotorWatch:
 
 
 def _ticks_to(way: float, speed: float, acceleration: float) -> float:
-    """Return the least number of ticks that a way takes; ways in sixteenths."""
+    """Return the least number of ticks that a way takes; ways in substeps."""
     return (sqrt(speed * speed + 2.0 * acceleration * way) - speed) / (acceleration * _TICK_S)
 
 
 def _table(steady: Steady) -> FloatArray:
     """Return the events of a field that turns, by its angle; instant and angle are to be filled in."""
-    return _filled(CYCLE_SIXTEENTHS, steady.currents_a, np.full(CYCLE_SIXTEENTHS, steady.fast))
+    count = len(steady.currents_a)
+    return _filled(count, steady.currents_a, np.full(count, steady.fast))
 
 
 def _filled(count: int, currents_a: FloatArray, fast: FloatArray) -> FloatArray:

@@ -15,7 +15,6 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.emulator.board.edges import FloatArray, Int64Array
 from steptwin.emulator.drivers.power_supply import GIVEN_J, HIGHEST_V, LOST_J, LOWEST_V, PowerSupply
-from steptwin.emulator.drivers.tb6560 import CURRENT_MAX_A
 from steptwin.emulator.motors import mechanics
 from steptwin.emulator.motors import rotor_kernel as rk
 from steptwin.emulator.motors.arm import Arm
@@ -38,6 +37,7 @@ class Drive:
     Attributes:
         motor: the motor.
         bridge_ohm: both switches of the bridge and the sense resistor.
+        current_max_a: highest current that the driver makes in a phase.
         friction_nm: Coulomb friction of motor and gear.
         efficiency: of the gear, 0 to 1: what it carries rubs in addition.
         brake_nm: torque of a brake, which holds while the driver's outputs are off.
@@ -53,6 +53,7 @@ class Drive:
 
     motor: Motor
     bridge_ohm: float
+    current_max_a: float = 3.0
     friction_nm: float = 0.0
     efficiency: float = 1.0
     brake_nm: float = 0.0
@@ -73,7 +74,9 @@ class Drive:
         A belt that gives passes on twice the torque of a jerk.
         """
         elastic = 1.0 if self.stiffness_nm_rad == inf else 2.0
-        return elastic * (sqrt(2.0) * CURRENT_MAX_A * self.motor.torque_constant_nm_a + self.motor.detent_torque_nm)
+        return elastic * (
+            sqrt(2.0) * self.current_max_a * self.motor.torque_constant_nm_a + self.motor.detent_torque_nm
+        )
 
     def numbers(self) -> list[float]:
         """Return the drive as the kernel stores it."""

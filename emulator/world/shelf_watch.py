@@ -45,7 +45,7 @@ class ShelfWiring:
     Attributes:
         shelf: the shelf.
         tip_at: returns where the tool's tip is, in mm, for the positions of all rotors since power-up, board by board,
-            in sixteenths of a full step.
+            in full steps.
         lock: output of the hand's lock.
         magnet: output of its magnet.
         sensors: inputs of the sensors, by the fields of Sensed; those that are left out are not connected.

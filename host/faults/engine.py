@@ -198,7 +198,8 @@ class Engine:
                     watch.motion_starts(self.start_counts)
                 return watch
             case AtPosition():
-                return PositionWatch(trigger, target.robot, target.steps, lambda: target.moving)
+                period_min_counts = min(board.config.period_min_counts for board, _ in target.axes)
+                return PositionWatch(trigger, target.robot, target.steps, lambda: target.moving, period_min_counts)
             case OnFrame():
                 return FrameWatch(trigger)
             case AtState(joint, state):

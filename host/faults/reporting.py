@@ -19,9 +19,6 @@ from steptwin.host.verify import Evidence
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-_SIXTEENTHS = 16
-"""Sixteenths of a full step in a full step."""
-
 
 @dataclass(frozen=True, slots=True)
 class RunEnd:
@@ -168,9 +165,9 @@ def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointA
 
 def _lost_steps(joint: Joint, before: AxisMoment, after: AxisMoment) -> float | None:
     """Return the steps that were lost between two instants; None after a restart, or if a lag was not read."""
-    if before.boot is not after.boot or before.lag_sixteenths is None or after.lag_sixteenths is None:
+    if before.boot is not after.boot or before.lag_full_steps is None or after.lag_full_steps is None:
         return None
-    return (after.lag_sixteenths - before.lag_sixteenths) * joint.transmission.microsteps / _SIXTEENTHS
+    return (after.lag_full_steps - before.lag_full_steps) * joint.transmission.microsteps
 
 
 def answers(engine: Engine, began: Moment) -> list[Emergency]:

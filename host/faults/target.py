@@ -25,7 +25,7 @@ class AxisMoment:
         velocity: demanded velocity in 1/64 unit per ms; 0 at rest.
         deceleration: of a stop after a fault, in units/s^2.
         position_known: whether the firmware says that it knows the position.
-        lag_sixteenths: what the firmware has counted less what the driver has counted, in sixteenths of a full step;
+        lag_full_steps: what the firmware has counted less what the driver has counted;
             only its change means anything. None if it was not read.
         board: number of the axis' board.
         boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
@@ -36,7 +36,7 @@ class AxisMoment:
     velocity: int
     deceleration: int
     position_known: bool
-    lag_sixteenths: int | None
+    lag_full_steps: float | None
     board: int = 0
     boot: object = field(default=None, repr=False)
 
@@ -93,15 +93,15 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
         velocity=motion.velocity(axis),
         deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
-        lag_sixteenths=_lag_sixteenths(board, axis) if counted else None,
+        lag_full_steps=_lag_full_steps(board, axis) if counted else None,
         board=number,
         boot=board.firmware,
     )
 
 
-def _lag_sixteenths(board: Board, axis: int) -> int:
-    motion, driver_sixteenths = board.firmware.motion, board.position_sixteenths(axis)
-    return motion.counter_steps(axis) * 16 // motion.config(axis).microsteps - driver_sixteenths
+def _lag_full_steps(board: Board, axis: int) -> float:
+    motion = board.firmware.motion
+    return motion.counter_steps(axis) / motion.config(axis).microsteps - board.position_full_steps(axis)
 
 
 class Places:
@@ -225,6 +225,6 @@ def counted_steps(robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple
     It is in steps of the robot's file, a whole number of them unless the driver makes others.
     """
     return [
-        start + board.position_sixteenths(axis) / joint.transmission.step_sixteenths
+        start + board.position_full_steps(axis) * joint.transmission.microsteps
         for start, joint, (board, axis) in zip(start_steps, robot.joints, axes, strict=True)
     ]

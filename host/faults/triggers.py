@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -176,12 +175,17 @@ class TimeWatch(_BareWatch):
 class PositionWatch(_BareWatch):
     """Due at the first tick at whose start a joint is at or beyond a position.
 
-    No driver counts pulses faster than one each PERIOD_MIN_COUNTS, and none moves the motor by more than a full step,
+    No driver counts pulses faster than one each `period_min_counts`, and none moves the motor by more than a full step,
     so a joint that is far away cannot be there soon.
     """
 
     def __init__(
-        self, trigger: AtPosition, robot: Robot, steps: Callable[[], list[float]], moving: Callable[[], bool]
+        self,
+        trigger: AtPosition,
+        robot: Robot,
+        steps: Callable[[], list[float]],
+        moving: Callable[[], bool],
+        period_min_counts: int,
     ) -> None:
         """Watch a joint of a robot.
 
@@ -190,6 +194,7 @@ class PositionWatch(_BareWatch):
             robot: the machine.
             steps: returns where the motors are, in steps of the robot's file from their axes' zeros.
             moving: returns whether any motor moves.
+            period_min_counts: shortest time between two pulses that a driver counts.
         """
         self._trigger = trigger
         self._moving = moving
@@ -198,7 +203,7 @@ class PositionWatch(_BareWatch):
         self._steps = steps
         full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.joints])
         ways = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
-        self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / PERIOD_MIN_COUNTS
+        self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / period_min_counts
         """How far the joint moves in a tick at most."""
         self._was = self._position()
         self._seen = [self._was, self._was]

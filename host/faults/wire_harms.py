@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from steptwin.emulator.drivers.tb6560 import OSC_PF_MIN, Excitation
 from steptwin.emulator.faults.operations import (
     WITHIN_US,
     BouncingSwitch,
@@ -21,7 +20,9 @@ from steptwin.host.common.control import SWITCHES, Do, Stuck, SwitchWiring, Wiri
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, integer_from, number_from
 from steptwin.host.faults.harms import HarmKind, Writer
+from steptwin.host.robots.board_settings import OSC_PF_MIN
 from steptwin.host.robots.robot import Robot
+from steptwin.host.robots.transmission import MICROSTEPS
 from steptwin.protocol.cia402 import DigitalInput
 
 _LEVELS: Final = {Stuck.CLOSED: True, Stuck.OPEN: False, Stuck.FREE: None}
@@ -83,8 +84,8 @@ def _noise(rate_hz: float | None, width_us: float | None, count: int | None, see
 
 def _microsteps(table: Table, key: str) -> int:
     value = table.integer(key)
-    if value not in [*Excitation]:
-        raise InputError(f"{key}: {value} is not one of {', '.join(str(int(each)) for each in Excitation)}")
+    if value not in MICROSTEPS:
+        raise InputError(f"{key}: {value} is not one of {', '.join(map(str, MICROSTEPS))}")
     return value
 
 

@@ -55,11 +55,6 @@ class Transmission:
         return floor(position * self.wire_units_per_unit + 0.5)
 
     @property
-    def step_sixteenths(self) -> int:
-        """Sixteenths of a full step, the smallest step of any mode, in one step."""
-        return max(MICROSTEPS) // self.microsteps
-
-    @property
     def wire_units_per_unit(self) -> float:
         """Wire units per mm or degree; exact from `steps_per_unit`, since both factors are powers of two."""
         return self.steps_per_unit / self.microsteps * UNITS_PER_FULL_STEP

@@ -15,6 +15,7 @@ from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.live.socketcand_server import SocketcandServer
 from steptwin.emulator.simulation import Simulation
+from tests.emulator.pins import WIRES
 
 TIMEOUT_S = 120.0
 """Limit of every wait; only a failing test reaches it, however busy the machine is."""
@@ -35,7 +36,7 @@ class LiveRig:
         kernel = fastest_kernel()
         warm_up(kernel)
         self.bus = Bus(1_000_000, log=lambda _frame, _counts: None)
-        self.board = Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), kernel)
+        self.board = Board(BoardConfig((WIRES,) * 2), kernel)
         self.live = LiveSimulation(Simulation([self.board], self.bus), Pacer(time.monotonic_ns(), speed))
         self.loop = LiveLoop(self.live)
         listener = socket.create_server(("127.0.0.1", 0), backlog=64)

@@ -7,15 +7,18 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_chip import Cooling
 from steptwin.emulator.drivers.driver_module import Module, Requirements
 from steptwin.emulator.drivers.driver_profiles import PROFILES
-from steptwin.emulator.drivers.tb6560 import Cooling, Rule
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.outputs import Tb6560Outputs
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import CHIP, WIRES
 from tests.emulator.simulations import STEP, wait, write
 
 NODE = 0x10
@@ -31,7 +34,7 @@ OUT1, OUT2 = DigitalOutput.OUT1, DigitalOutput.OUT2
 
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
-    return Simulation([Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), fast_kernel)], Bus(1_000_000))
+    return Simulation([Board(BoardConfig((WIRES,) * 2), fast_kernel)], Bus(1_000_000))
 
 
 def send(simulation: Simulation, frame: Frame) -> int:
@@ -153,7 +156,7 @@ class TestPower:
     ) -> None:
         """DIR and ENABLE are high. The next motion goes down, for which the firmware need not change DIR."""
         profile = PROFILES[drivers]
-        board = Board(BoardConfig(1, (profile.osc_pf,), modules=(profile.fitted(16),)), fast_kernel)
+        board = Board(BoardConfig(modules=(profile.fitted(16),)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         for units, until_ms in ((20 * STEP, off_ms), (-10 * STEP, 200)):
             for address, ns in SLOW_TIMING.items():
@@ -187,6 +190,7 @@ class TestDrivers:
         wait(simulation, 1)
         driven = simulation.boards[0].trace(0).outputs
         now = np.array([simulation.now_counts])
+        assert isinstance(driven, Tb6560Outputs)
         assert driven.angle_deg(now).tolist() == [0]
         assert driven.currents_a(now).tolist() == [[0, 0]]
         enabled = switch_on(simulation)
@@ -206,12 +210,12 @@ class TestDrivers:
         outputs = simulation.boards[0].trace(0).outputs
         steps = simulation.boards[0].trace(0).position_steps
         assert steps == pytest.approx(10, abs=1)
-        assert outputs.sixteenths(np.array([simulation.now_counts])).tolist() == [64 - steps]
+        assert outputs.field_substeps(np.array([simulation.now_counts])).tolist() == [64 - steps]
 
     def test_protect_goes_low_with_the_heat(self, fast_kernel: Kernel) -> None:
         """A chip of tiny heat capacity gets hot within some ms, once it is enabled; the other one stays cold."""
-        crumb = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
-        board = Board(BoardConfig(2, (330.0, 330.0), modules=(crumb, Module())), fast_kernel)
+        crumb = Module(CHIP, cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
+        board = Board(BoardConfig(modules=(crumb, WIRES)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         wait(simulation, 100)
         nodes = board.firmware.nodes
@@ -221,14 +225,14 @@ class TestDrivers:
         assert [node.dictionary.get(od.DIGITAL_INPUTS) for node in nodes] == [DigitalInput.DRIVER_PROTECT, 0]
         assert board.trace(0).violations.rules() == [Rule.OVER_TEMPERATURE]
 
-    @pytest.mark.parametrize("module", [Module(), Module(requirements=Requirements(dirhold_ns=1_000_000))])
+    @pytest.mark.parametrize("module", [WIRES, Module(CHIP, requirements=Requirements(dirhold_ns=1_000_000))])
     @pytest.mark.parametrize(("switch_steps", "closed"), [(11, True), (12, False)])
     def test_the_last_step_of_a_motion_may_close_a_switch(
         self, fast_kernel: Kernel, module: Module, switch_steps: int, closed: bool
     ) -> None:
         """This holds also if the driver counts the step only a millisecond later."""
-        switch = Switch(0, DigitalInput.HOME, from_sixteenths=switch_steps)
-        board = Board(BoardConfig(1, (330.0,), switches=(switch,), modules=(module,)), fast_kernel)
+        switch = Switch(0, DigitalInput.HOME, from_substeps=switch_steps)
+        board = Board(BoardConfig(switches=(switch,), modules=(module,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
         start(simulation, PvtRecord(11 * STEP, 0, 100, 0))
@@ -240,8 +244,8 @@ class TestDrivers:
 
     def test_the_firmware_reads_lost_steps_and_violations(self, fast_kernel: Kernel) -> None:
         """Objects 2F00h:01 to :03: the chip counts none of ten steps, and each is a violation."""
-        deaf = Module(requirements=Requirements(steplen_ns=40_000))
-        board = Board(BoardConfig(1, (330.0,), modules=(deaf,)), fast_kernel)
+        deaf = Module(CHIP, requirements=Requirements(steplen_ns=40_000))
+        board = Board(BoardConfig(modules=(deaf,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
         start(simulation, PvtRecord(10 * STEP, 0, 100, 0))
@@ -253,7 +257,7 @@ class TestDrivers:
         assert read == [0, 10, 10]
 
     def test_a_question_about_an_axis_takes_no_other_drivers_time(self, fast_kernel: Kernel) -> None:
-        board = Board(BoardConfig(2, (330.0, 330.0)), fast_kernel)
+        board = Board(BoardConfig((WIRES,) * 2), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation)
         start(simulation, PvtRecord(10 * STEP, 0, 100, 0))
@@ -264,10 +268,6 @@ class TestDrivers:
             undrained.append(board.firmware.motion.undrained_pulses(0))
         assert undrained == [10, 0]
         assert board.position_steps(0) == 10
-
-    def test_each_axis_may_have_another_module(self, fast_kernel: Kernel) -> None:
-        with pytest.raises(ValueError, match="zip"):
-            Board(BoardConfig(2, (330.0, 330.0), modules=(Module(),)), fast_kernel)
 
 
 def switch_on(simulation: Simulation) -> int:

@@ -12,6 +12,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS
 
 LATENCY = 5 * MS
@@ -215,7 +216,7 @@ def emergencies(simulation: Simulation, node: int) -> list[bytes]:
 
 
 def simulation_with(kernel: Kernel, read_latency_counts: int = 0) -> Simulation:
-    config = BoardConfig(2, (330.0, 330.0), read_latency_counts=read_latency_counts)
+    config = BoardConfig((WIRES,) * 2, read_latency_counts=read_latency_counts)
     return Simulation([Board(config, kernel)], Bus(1_000_000))
 
 
@@ -286,7 +287,7 @@ def test_the_way_back_from_bus_off_is_reported(fast_kernel: Kernel) -> None:
 
 def test_send_waits_for_a_board_that_leaves_the_bus_with_its_answer(fast_kernel: Kernel) -> None:
     faults = FaultScript([BusFault(BusFaultKind.BUS_OFF, (0x590,), count=1)])
-    simulation = Simulation([Board(BoardConfig(1, (330.0,)), fast_kernel)], Bus(1_000_000, faults))
+    simulation = Simulation([Board(BoardConfig((WIRES,)), fast_kernel)], Bus(1_000_000, faults))
     simulation.run_until(10 * MS)
     simulation.send(Frame(0x610, bytes.fromhex("4000100000000000")))
     assert Frame(0x590, bytes.fromhex("4300100092010400")) in simulation.bus.log_frames

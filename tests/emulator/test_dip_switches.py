@@ -2,8 +2,8 @@
 
 import pytest
 
-from steptwin.emulator.drivers.dip_switches import CURRENT_SETTINGS, CurrentSetting, switches_for
-from steptwin.emulator.drivers.tb6560 import LevelPin
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.drivers.tb6560.dip_switches import CURRENT_SETTINGS, CurrentSetting, switches_for
 from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
 
 
@@ -12,7 +12,7 @@ def test_resistors_and_torque_make_the_printed_current(setting: CurrentSetting) 
     printed_a = setting.printed_a
     switches = switches_for(printed_a, 16)
     held = switches.running
-    percent = TORQUE_PERCENT[held[LevelPin.TQ2], held[LevelPin.TQ1]]
+    percent = TORQUE_PERCENT[held[Pin.TQ2], held[Pin.TQ1]]
     assert 0.5 / switches.sense_ohm * percent / 100 == pytest.approx(printed_a, abs=0.1)
     assert switches.current is setting
 
@@ -30,8 +30,8 @@ def test_there_are_fourteen_settings_of_14_different_switch_positions() -> None:
 @pytest.mark.parametrize("decay", [0, 25, 50, 100])
 def test_mode_and_decay(microsteps: int, decay: int) -> None:
     held = switches_for(1.0, microsteps, decay).running
-    assert EXCITATIONS[held[LevelPin.M2], held[LevelPin.M1]] == microsteps
-    assert FAST_DECAY_PERCENT[held[LevelPin.DCY2], held[LevelPin.DCY1]] == decay
+    assert EXCITATIONS[held[Pin.M2], held[Pin.M1]] == microsteps
+    assert FAST_DECAY_PERCENT[held[Pin.DCY2], held[Pin.DCY1]] == decay
 
 
 def test_full_steps_and_slow_decay_are_all_off() -> None:
@@ -42,7 +42,7 @@ def test_full_steps_and_slow_decay_are_all_off() -> None:
 @pytest.mark.parametrize("idle", [20, 50])
 def test_idle_torque(idle: int) -> None:
     switches = switches_for(3.0, 1, idle_percent=idle)
-    assert TORQUE_PERCENT[switches.standing[LevelPin.TQ2], switches.standing[LevelPin.TQ1]] == idle
+    assert TORQUE_PERCENT[switches.standing[Pin.TQ2], switches.standing[Pin.TQ1]] == idle
     assert switches.s2 == (idle == 50)
 
 

@@ -26,6 +26,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, State
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, SECOND, STEP, wait
 
 NODES = 0x10, 0x12
@@ -49,7 +50,7 @@ class Run(NamedTuple):
 
 def boards_of(kernel: Kernel, ppms: Sequence[int]) -> list[Board]:
     return [
-        make_board(BoardConfig(2, (330.0, 330.0), node, crystal_ppm=ppm), kernel)
+        make_board(BoardConfig((WIRES,) * 2, node, crystal_ppm=ppm), kernel)
         for node, ppm in zip(NODES, ppms, strict=False)
     ]
 
@@ -208,7 +209,7 @@ def test_faults_strike_a_board_that_drifts(fast_kernel: Kernel) -> None:
 @pytest.mark.parametrize("ppm", [CRYSTAL_PPM_MAX + 1, -CRYSTAL_PPM_MAX - 1])
 def test_what_is_no_crystal_is_refused(ppm: int) -> None:
     with pytest.raises(ValueError, match=f"crystal_ppm {ppm} is not from -1000 to 1000"):
-        BoardConfig(1, (330.0,), crystal_ppm=ppm)
+        BoardConfig((WIRES,), crystal_ppm=ppm)
 
 
 class TestClock:

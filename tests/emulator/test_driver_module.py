@@ -8,12 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.dip_switches import switches_for
 from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_chip import LevelChange, TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Coupler, Module, Requirements
 from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins, Rule, Tb6560
-from tests.emulator.pins import POWER_UP, WIDTH, at, cut, pins
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.chip import Tb6560, Tb6560Kind
+from steptwin.emulator.drivers.tb6560.dip_switches import switches_for
+from steptwin.emulator.drivers.tb6560.pins import TERMINALS
+from tests.emulator.pins import CHIP, POWER_UP, WIDTH, WIRES, at, cut, pins
 from tests.emulator.simulations import MS
 
 US = 72
@@ -25,9 +28,9 @@ LATE_DIR = 24 * US - 6
 """A DIR that falls needs this to overtake a CLK that rises: 24 us less 75 ns, rounded up."""
 
 
-def driven(module: Module, *stretches: Pins, osc_pf: float = 330) -> Driver:
+def driven(module: Module, *stretches: TerminalEdges, osc_pf: float = 330) -> Driver:
     """Return a driver with its supply after these stretches, and after the time that all edges take to arrive."""
-    driver = Driver(osc_pf, module)
+    driver = Driver(replace(module, kind=Tb6560Kind(osc_pf)))
     driver.feed(pins(changes=POWER_UP, until=1))
     for stretch in stretches:
         driver.feed(stretch)
@@ -43,7 +46,7 @@ def found(driver: Driver) -> list[tuple[Rule, int, int]]:
 
 def test_a_module_of_wires_is_the_chip() -> None:
     pulses = pins([10_000, 20_000, 21_000, 40_000], [WIDTH, 100, WIDTH, WIDTH], [(9_000, 1), (30_000, 0)])
-    driver, chip = driven(Module(), pulses), Tb6560(330)
+    driver, chip = driven(WIRES, pulses), Tb6560(330)
     chip.feed(pins(changes=POWER_UP, until=1))
     chip.feed(pulses)
     assert [values.tolist() for values in driver.steps] == [values.tolist() for values in chip.steps]
@@ -76,11 +79,11 @@ class TestLateDirection:
         assert driver.position_steps == driver.lost_steps * -1 == 4
         assert driver.violation_count == driver.violations.counts.size == 2
         assert [rule for rule, _, _ in found(driver)] == [Rule.DIR_SETUP] * 2
-        assert driven(Module(), pins(rises, directions=turns)).position_steps == 0
+        assert driven(WIRES, pins(rises, directions=turns)).position_steps == 0
 
     def test_several_steps_go_the_wrong_way_where_clk_is_fast(self) -> None:
         """DIR takes 100 us through a slow part and CLK rises every 67 us: two rises come before it."""
-        module = Module(direction=Coupler(100_000, 100_000))
+        module = Module(CHIP, direction=Coupler(100_000, 100_000))
         driver = driven(module, pins([100_000 + i * 4800 for i in range(4)], directions=[(99_000, 1)]))
         assert driver.steps[1].tolist() == [-1, -1, 1, 1]
         assert [value for _, value, _ in found(driver)] == [1000, 5800]
@@ -88,7 +91,7 @@ class TestLateDirection:
     @pytest.mark.parametrize(("hold", "sign"), [(719, -1), (720, -1), (721, 1)])
     def test_a_dir_that_overtakes_clk(self, hold: int, sign: int) -> None:
         """CLK takes 10 us: a DIR that changes up to 720 counts after it is there with it or before."""
-        driver = driven(Module(clk=Coupler(10_000, 10_000)), pins([50_000], directions=[*UP, (50_000 + hold, 0)]))
+        driver = driven(Module(CHIP, clk=Coupler(10_000, 10_000)), pins([50_000], directions=[*UP, (50_000 + hold, 0)]))
         assert driver.steps[1].tolist() == [sign]
         assert found(driver) == ([(Rule.DIR_HOLD, hold, 721)] if sign < 0 else [])
 
@@ -103,14 +106,14 @@ class TestPulses:
     @pytest.mark.parametrize(("width", "steps"), [(30 * US + 360, 1), (30 * US + 359, 0)])
     def test_unequal_delays_shorten_the_pulse_at_the_chip(self, width: int, steps: int) -> None:
         """Rises are 5 us later than falls."""
-        driver = driven(Module(clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
+        driver = driven(Module(CHIP, clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
         assert driver.steps[0].size == steps
         assert found(driver) == ([] if steps else [(Rule.CLK_HIGH, 30 * US - 1, 30 * US)])
 
     @pytest.mark.parametrize(("width", "rule"), [(360, None), (361, Rule.CLK_HIGH)])
     def test_a_pulse_may_not_get_through_at_all(self, width: int, rule: Rule | None) -> None:
         """Then the chip sees no pulse, and the broken limit is the coupler's."""
-        driver = driven(Module(clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
+        driver = driven(Module(CHIP, clk=Coupler(to_high_ns=5_000)), pins([50_000], width))
         assert not driver.steps[0].size
         limits = [(value, limit) for _, value, limit in found(driver)]
         assert limits == ([(1, 30 * US)] if rule else [(360, 361)])
@@ -118,14 +121,14 @@ class TestPulses:
     @pytest.mark.parametrize(("gap", "steps"), [(40 * US + 1, 2), (40 * US, 1)])
     def test_pulses_may_run_into_one(self, gap: int, steps: int) -> None:
         """Falls are 40 us later than rises: a shorter pause disappears."""
-        driver = driven(Module(clk=Coupler(to_low_ns=40_000)), pins([50_000, 50_000 + WIDTH + gap]))
+        driver = driven(Module(CHIP, clk=Coupler(to_low_ns=40_000)), pins([50_000, 50_000 + WIDTH + gap]))
         assert driver.steps[0].size == steps
         assert found(driver) == ([] if steps == 2 else [(Rule.CLK_LOW, 40 * US, 40 * US + 1)])
 
     def test_lost_steps_are_steps_at_the_terminals_less_steps_counted(self) -> None:
         """One pulse too short for the module, one for the chip, one of the other direction that is counted."""
         rises, widths = [50_000, 60_000, 70_000, 90_000], [WIDTH, 100, WIDTH - 1, WIDTH]
-        module = Module(requirements=Requirements(steplen_ns=10_000))
+        module = Module(CHIP, requirements=Requirements(steplen_ns=10_000))
         driver = driven(module, pins(rises, widths, [*UP, (80_000, 0)]))
         assert (driver.position_steps, driver.lost_steps, driver.violation_count) == (0, 2, 2)
 
@@ -138,7 +141,7 @@ class TestPulses:
         assert (driver.held_pulses, driver.waiting) == (0, False)
 
     def test_steps_are_told_by_their_pulses_at_the_terminals(self) -> None:
-        module = Module(clk=Coupler(20_000, 20_000))
+        module = Module(CHIP, clk=Coupler(20_000, 20_000))
         driver = driven(module, pins([50_000, 60_000, 70_000], [WIDTH, 100, WIDTH]))
         assert driver.steps[0].tolist() == [50_000, 70_000]
         assert driver.violations.counts.tolist() == [60_000 + 20 * US]
@@ -200,7 +203,7 @@ class TestSwitches:
         module = THREE_AMP_MODULE.fitted(8)
         driver = driven(module, pins([10_000, 20_000], changes=at(15_000, RESET=0, M1=0)))
         assert driver.position_steps == -2
-        assert driver.outputs.sixteenths(np.array([30_000])).tolist() == [4]
+        assert driver.outputs.field_substeps(np.array([30_000])).tolist() == [4]
         assert not driver.violations.counts.size
 
     def test_enable_comes_through_its_coupler(self) -> None:
@@ -221,7 +224,7 @@ class TestSwitches:
     def test_idle_current(self, idle_percent: int, expected: float) -> None:
         """500 ms after the last step, until the next; 3 A is a setting without TQ1."""
         switches = switches_for(3.0, 1, idle_percent=idle_percent)
-        module = Module(switches=switches, idle_ms=500)
+        module = Module(CHIP, switches=switches, idle_ms=500)
         first, second = 10 * MS, 1200 * MS
         driver = driven(module, pins([first, second], WIDTH, UP, until=5000 * MS))
         full_a = 0.5 * (1 / 0.33 + 1 / 0.5 + 1 / 1.2)
@@ -260,7 +263,7 @@ class TestSupply:
 
     def flowing(self, module: Module, changes: Sequence[LevelChange], times_us: Sequence[int]) -> list[bool]:
         """Whether current flows at these times, from a module without supply; nothing is out of order at its chip."""
-        driver = Driver(330, module)
+        driver = Driver(module)
         driver.feed(pins(changes=sorted(changes, key=lambda change: change.counts)))
         assert driver.violations.rules() == []
         currents = driver.outputs.currents_a(US * np.array(times_us))
@@ -280,7 +283,7 @@ class TestSupply:
         changes = (*self.ON, *at(1990 * US, ENABLE=1), *self.OFF, *at(2005 * US, ENABLE=0))
         assert self.flowing(THREE_AMP, changes, [2020]) == [False]
 
-    @pytest.mark.parametrize("module", [THREE_AMP, Module(enable=Coupler(70_000, 100))])
+    @pytest.mark.parametrize("module", [THREE_AMP, Module(CHIP, enable=Coupler(70_000, 100))])
     def test_enable_may_stay_through_a_power_cycle(self, module: Module) -> None:
         changes = (*at(0, ENABLE=1), *self.ON, *self.OFF, *at(3000 * US, VDD=1, VM=1))
         resets = () if module.switches else (*at(1001 * US, RESET=1), *at(1999 * US, RESET=0), *at(3001 * US, RESET=1))
@@ -289,7 +292,7 @@ class TestSupply:
     def test_direction_is_low_at_the_chip_as_vm_falls(self) -> None:
         """It is high at the terminal all the time, so that the next step goes up as well."""
         changes = (*self.ON, *at(2000 * US, VM=0), *at(2500 * US, VM=1))
-        driver = Driver(330, THREE_AMP)
+        driver = Driver(THREE_AMP)
         driver.feed(pins([1500 * US, 3000 * US], WIDTH, [(1200 * US, 1)], changes))
         assert driver.steps[1].tolist() == [1, 1]
         assert driver.violations.rules() == []
@@ -297,12 +300,13 @@ class TestSupply:
 
 SHORT_IDLE = replace(THREE_AMP, idle_ms=1)
 MODULES = [
-    Module(),
+    WIRES,
     SHORT_IDLE,
     SLOW_BLUE,
     SLOW_BLUE_BOARD.fitted(16, active_edge=ClkEdge.RISING),
-    Module(clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
+    Module(CHIP, clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
     Module(
+        CHIP,
         clk=Coupler(40_000, 3_000),
         direction=Coupler(1_000, 90_000),
         requirements=Requirements(10_000, 8_000, 30_000, 25_000),
@@ -311,11 +315,11 @@ MODULES = [
 PULSES = st.lists(st.tuples(st.integers(1, 12_000), st.integers(1, 12_000)), min_size=1, max_size=40)
 TURNS = st.lists(st.integers(0, 500_000), max_size=40, unique=True)
 CHANGES = st.lists(
-    st.builds(LevelChange, st.integers(1, 500_000), st.sampled_from(list(LevelPin)), st.integers(0, 1)), max_size=12
+    st.builds(LevelChange, st.integers(1, 500_000), st.sampled_from(list(TERMINALS)), st.integers(0, 1)), max_size=12
 )
 
 
-def stream(pulses: list[tuple[int, int]], turns: list[int], changes: Sequence[LevelChange] = ()) -> Pins:
+def stream(pulses: list[tuple[int, int]], turns: list[int], changes: Sequence[LevelChange] = ()) -> TerminalEdges:
     gaps, widths = zip(*pulses, strict=True)
     rises = np.cumsum(np.array(gaps) + np.concatenate(([0], widths[:-1]))).tolist()
     directions = [(counts, (i + 1) % 2) for i, counts in enumerate(sorted(turns))]
@@ -328,7 +332,7 @@ def test_pieces_make_no_difference(
     module: Module, pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
 ) -> None:
     whole = stream(pulses, turns, changes)
-    once, pieced = Driver(100, module), Driver(100, module)
+    once, pieced = Driver(replace(module, kind=Tb6560Kind(100))), Driver(replace(module, kind=Tb6560Kind(100)))
     once.feed(whole)
     for piece in cut(whole, cuts):
         pieced.feed(piece)
@@ -377,7 +381,7 @@ def test_against_couplers_stepped_edge_by_edge(
         if rise - previous >= 4800:
             expected.append((rise, 2 * level - 1))
         previous = rise
-    driver = Driver(100, Module(clk=clk, direction=direction))
+    driver = Driver(Module(Tb6560Kind(100), clk=clk, direction=direction))
     driver.feed(whole)
     assert list(zip(*(values.tolist() for values in driver.chip.steps), strict=True)) == expected
 

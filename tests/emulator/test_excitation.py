@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from steptwin.emulator.drivers.tb6560 import Excitation, LevelChange, LevelPin, Rule, Tb6560
-from steptwin.emulator.drivers.tb6560.excitation import PHASE_PERCENT, states
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.drivers.driver_chip import LevelChange
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
+from steptwin.emulator.drivers.tb6560.excitation import PHASE_PERCENT, Excitation, states
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TERMINALS, TORQUE_PERCENT
 from tests.emulator.pins import POWER_UP, at, pins
 
 # Pages 12 to 14, clockwise from the initial state.
@@ -122,7 +125,7 @@ class TestEnable:
         chip.feed(pins(rises(5), changes=(*at(FIRST + 1, ENABLE=0), *at(FIRST + 4 * STEP + 1, ENABLE=1))))
         times = np.array([FIRST, FIRST + 2 * STEP, FIRST + 5 * STEP], dtype=np.int64)
         assert percent(chip, times) == [[a[1], 0, a[5]], [b[1], 0, b[5]]]
-        assert chip.outputs.sixteenths(times).tolist() == [1, 3, 5]
+        assert chip.outputs.field_substeps(times).tolist() == [1, 3, 5]
 
     def test_outputs_come_after_3_us_and_go_after_2_us(self) -> None:
         """Page 8."""
@@ -140,21 +143,21 @@ class TestModeChange:
         chip = chip_in_mode(1, 0)
         changes = (*at(200_000, RESET=0), *at(200_000, M2=0), *at(200_000, RESET=1))
         chip.feed(pins([*rises(3), 210_000], changes=changes))
-        assert chip.outputs.sixteenths(np.array([199_999, 200_000, 210_000])).tolist() == [3, 56, 56 + 16 - 64]
+        assert chip.outputs.field_substeps(np.array([199_999, 200_000, 210_000])).tolist() == [3, 56, 56 + 16 - 64]
         assert not chip.violations.counts.size
 
     @pytest.mark.parametrize(("steps", "state"), [(0, 56), (7, 56), (8, 8), (23, 8), (24, 24)])
     def test_outside_reset_the_currents_jump_to_the_nearest_state_before(self, steps: int, state: int) -> None:
         chip = chip_in_mode(1, 0)
         chip.feed(pins(rises(steps), changes=at(900_000, M2=0)))
-        assert chip.outputs.sixteenths(np.array([899_999, 900_000])).tolist() == [steps, state]
+        assert chip.outputs.field_substeps(np.array([899_999, 900_000])).tolist() == [steps, state]
         assert chip.violations.rules() == [Rule.MODE_CHANGE]
 
     def test_to_a_finer_mode_without_reset_the_angle_stays(self) -> None:
         chip = chip_in_mode(0, 1)
         chip.feed(pins(rises(3), changes=at(900_000, M2=1)))
         chip.feed(pins([950_000]))
-        assert chip.outputs.sixteenths(np.array([900_000, 950_000])).tolist() == [24, 26]
+        assert chip.outputs.field_substeps(np.array([900_000, 950_000])).tolist() == [24, 26]
 
 
 class TestTorqueAndDecay:
@@ -179,7 +182,7 @@ def test_instants_may_be_asked_for_in_any_order() -> None:
     chip.feed(pins(rises(40), directions=[(1, 1), (FIRST + 15 * STEP, 0)]))
     times = np.array(rises(40), dtype=np.int64)
     shuffled = np.random.default_rng(3).permutation(40)
-    for ask in (chip.outputs.sixteenths, chip.outputs.mo_levels, chip.outputs.currents_a):
+    for ask in (chip.outputs.field_substeps, chip.outputs.mo_levels, chip.outputs.currents_a):
         assert np.array_equal(np.asarray(ask(times))[shuffled], ask(times[shuffled]))
 
 
@@ -191,4 +194,4 @@ def test_before_the_supply_nothing_flows() -> None:
 
 def test_every_mode_has_its_levels() -> None:
     assert {levels: int(mode) for levels, mode in EXCITATIONS.items()} == {(0, 0): 1, (0, 1): 2, (1, 0): 16, (1, 1): 8}
-    assert set(LevelPin) >= {LevelPin.M1, LevelPin.M2}
+    assert set(TERMINALS) >= {Pin.M1, Pin.M2}

@@ -10,27 +10,30 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from steptwin.emulator.drivers.driver import Driver
+from steptwin.emulator.drivers.driver_chip import Cooling, LevelChange, Outputs
 from steptwin.emulator.drivers.driver_module import Coupler, Module
 from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from steptwin.emulator.drivers.tb6560 import Cooling, LevelChange, LevelPin, Outputs
-from tests.emulator.pins import POWER_UP, at, cut, pins
+from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
+from steptwin.emulator.drivers.tb6560.outputs import Tb6560Outputs
+from steptwin.emulator.drivers.tb6560.pins import TERMINALS
+from tests.emulator.pins import CHIP, POWER_UP, WIRES, at, cut, pins
 from tests.emulator.simulations import MS
 
 END = 2_000_000
 CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
 """Cooling with which the chip is too hot within some ms."""
 MODULES = [
-    Module(),
-    Module(cooling=CRUMB),
+    WIRES,
+    Module(CHIP, cooling=CRUMB),
     SLOW_BLUE_BOARD.fitted(16),
     replace(THREE_AMP_MODULE.fitted(8), idle_ms=2),
-    Module(clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
+    Module(CHIP, clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
 ]
 
 PULSES = st.lists(st.tuples(st.integers(1, 60_000), st.integers(1, 12_000)), min_size=1, max_size=30)
 TURNS = st.lists(st.integers(0, END // 2), max_size=20, unique=True)
 CHANGES = st.lists(
-    st.builds(LevelChange, st.integers(1, END // 2), st.sampled_from(list(LevelPin)), st.integers(0, 1)), max_size=10
+    st.builds(LevelChange, st.integers(1, END // 2), st.sampled_from(list(TERMINALS)), st.integers(0, 1)), max_size=10
 )
 CUTS = st.lists(st.integers(0, END), max_size=8)
 
@@ -56,8 +59,11 @@ def told(driver: Driver) -> History:
 
 
 def sampled(outputs: Outputs) -> NDArray[np.float64]:
+    assert isinstance(outputs, Tb6560Outputs)
     counts = outputs.instants()
-    return np.column_stack((counts, outputs.sixteenths(counts), outputs.mo_levels(counts), outputs.currents_a(counts)))
+    return np.column_stack(
+        (counts, outputs.field_substeps(counts), outputs.mo_levels(counts), outputs.currents_a(counts))
+    )
 
 
 def together(pieces: list[History]) -> History:
@@ -74,7 +80,7 @@ def test_the_pieces_are_the_whole(
     directions = [(counts, (i + 1) % 2) for i, counts in enumerate(sorted(turns))]
     in_order = sorted(changes, key=lambda change: change.counts)
     whole = pins(rises, widths, directions, (*POWER_UP, *in_order), until=2 * END)
-    once, forgetful = Driver(100, module), Driver(100, module)
+    once, forgetful = Driver(replace(module, kind=Tb6560Kind(100))), Driver(replace(module, kind=Tb6560Kind(100)))
     once.feed(whole)
     pieces = []
     for piece in cut(whole, cuts):
@@ -98,7 +104,7 @@ def test_the_pieces_are_the_whole(
 @pytest.mark.parametrize("module", MODULES)
 def test_nothing_stays_in_memory(module: Module) -> None:
     """However often RESET, ENABLE and CLK change."""
-    driver = Driver(330, module)
+    driver = Driver(module)
     driver.feed(pins(changes=POWER_UP, until=1))
     sizes = []
     for i in range(60):
@@ -122,7 +128,7 @@ def size_of(thing: object, depth: int = 5) -> int:
 
 def test_what_was_told_ahead_is_not_told_again() -> None:
     """The outputs come on 3 us after ENABLE, which is known with ENABLE."""
-    driver = Driver(330, Module())
+    driver = Driver(WIRES)
     pieces = []
     for piece in cut(pins(changes=POWER_UP, until=500), [1, 2]):
         driver.feed(piece)
@@ -134,7 +140,7 @@ def test_what_was_told_ahead_is_not_told_again() -> None:
 
 def test_a_change_that_comes_after_pulses_of_its_tick_is_told_with_the_next_piece() -> None:
     """The firmware has computed the tick already in which a frame makes it disable the driver."""
-    driver = Driver(330, Module())
+    driver = Driver(WIRES)
     driver.feed(pins([1000, 11_000], changes=POWER_UP, until=18_000))
     first = told(driver)
     driver.forget()

@@ -18,9 +18,11 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
+from steptwin.emulator.drivers.driver_chip import Cooling
 from steptwin.emulator.drivers.driver_module import Coupler, Module
 from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
-from steptwin.emulator.drivers.tb6560 import PERIOD_MIN_COUNTS, Cooling, Rule
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS, Tb6560Kind
 from steptwin.emulator.faults.operations import (
     BoardTemperature,
     DriverProtect,
@@ -46,6 +48,7 @@ from tests.controller.homing_bench import (
     HomingBench,
     Slider,
 )
+from tests.emulator.pins import CHIP, WIRES
 from tests.emulator.simulations import MS, STEP
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
@@ -57,7 +60,9 @@ Seen = list[tuple[int, list[DigitalInput]]]
 
 
 def board_of(kernel: Kernel, axes: int, *switches: Switch, start: Sequence[int] = (), osc_pf: float = 330.0) -> Board:
-    return Board(BoardConfig(axes, (osc_pf,) * axes, switches=switches, start_sixteenths=tuple(start)), kernel)
+    return Board(
+        BoardConfig((Module(Tb6560Kind(osc_pf)),) * axes, switches=switches, start_substeps=tuple(start)), kernel
+    )
 
 
 def watched(board: Board) -> Seen:
@@ -81,7 +86,7 @@ def watched(board: Board) -> Seen:
 def expected(board: Board, until_counts: int) -> Seen:
     """What the firmware must have been told, from the steps counted alone, tick by tick."""
     config = board.config
-    start = config.start_sixteenths or (0,) * config.axis_count
+    start = config.start_substeps or (0,) * config.axis_count
     ticks = np.arange(until_counts // TICK_COUNTS + 1) * TICK_COUNTS
     places = [_places(board.trace(axis), ticks) + start[axis] for axis in range(config.axis_count)]
     closed = {switch: switch.closed_at(start[switch.axis], before=False) for switch in config.switches}
@@ -150,7 +155,7 @@ class TestEdges:
     @pytest.mark.parametrize("edge", range(700, 760))
     def test_at_full_speed(self, fast_kernel: Kernel, edge: int) -> None:
         """At 15 kHz an axis makes three or four steps a tick, and passes no switch unseen."""
-        board = board_of(fast_kernel, 1, Switch(0, HOME, from_sixteenths=edge))
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_substeps=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
         full = 15 * 64 * STEP
@@ -166,7 +171,7 @@ class TestEdges:
         self, fast_kernel: Kernel, edge: int
     ) -> None:
         """DIR must be stable for 255 us: after each turn the first rise comes a tick after its crossing."""
-        board = board_of(fast_kernel, 1, Switch(0, HOME, from_sixteenths=edge))
+        board = board_of(fast_kernel, 1, Switch(0, HOME, from_substeps=edge))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
         simulation.send(Frame(0x610, bytes.fromhex("23012003") + (255_000).to_bytes(4, "little")))
@@ -177,8 +182,8 @@ class TestEdges:
         assert seen == expected(board, simulation.now_counts)
 
     def test_on_two_boards_that_move_together(self, fast_kernel: Kernel) -> None:
-        config = BoardConfig(1, (330.0,), switches=(Switch(0, HOME, 20, 30), Switch(0, POSITIVE, 60)))
-        second = BoardConfig(1, (330.0,), first_node_id=0x11, switches=(Switch(0, HOME, -9, -3, 2),))
+        config = BoardConfig((WIRES,), switches=(Switch(0, HOME, 20, 30), Switch(0, POSITIVE, 60)))
+        second = BoardConfig((WIRES,), first_node_id=0x11, switches=(Switch(0, HOME, -9, -3, 2),))
         boards = [Board(config, fast_kernel), Board(second, fast_kernel)]
         seen = [watched(board) for board in boards]
         simulation = Simulation(boards, Bus(1_000_000))
@@ -189,7 +194,7 @@ class TestEdges:
             assert told == expected(board, simulation.now_counts)
 
     def test_one_that_is_closed_at_the_start_is_seen_at_once(self, fast_kernel: Kernel) -> None:
-        board = board_of(fast_kernel, 2, Switch(1, NEGATIVE, to_sixteenths=-100), start=(0, -100))
+        board = board_of(fast_kernel, 2, Switch(1, NEGATIVE, to_substeps=-100), start=(0, -100))
         seen = watched(board)
         Simulation([board], Bus(1_000_000)).run_until(MS)
         assert seen == [(0, [NONE, NEGATIVE])]
@@ -203,8 +208,8 @@ class TestEdges:
     ) -> None:
         """The same pulses and frames, to the count, as on a bench that looks at its switches in every tick."""
         switches = [
-            Switch(0, NEGATIVE, to_sixteenths=-600),
-            Switch(0, POSITIVE, from_sixteenths=600),
+            Switch(0, NEGATIVE, to_substeps=-600),
+            Switch(0, POSITIVE, from_substeps=600),
             Switch(0, HOME, *home),
         ]
         bench = HomingBench(
@@ -231,8 +236,8 @@ class TestEdges:
 
         The firmware counts with the pins' mode. It takes the module's 16 steps for the way of `microsteps` of them.
         """
-        fitted = THREE_AMP_MODULE.fitted(microsteps) if module else Module()
-        config = BoardConfig(1, (330.0,), switches=(Switch(0, HOME, from_sixteenths=48),), modules=(fitted,))
+        fitted = THREE_AMP_MODULE.fitted(microsteps) if module else WIRES
+        config = BoardConfig(switches=(Switch(0, HOME, from_substeps=48),), modules=(fitted,))
         board = Board(config, fast_kernel)
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
@@ -241,15 +246,15 @@ class TestEdges:
         run(simulation, {0x10: [PvtRecord(4 * 16_384 * microsteps // firmware, 0, 200, 0)]}, 400)
         assert board.driver_microsteps(0) == microsteps
         assert board.position_steps(0) == 4 * microsteps
-        assert board.position_sixteenths(0) == 64
+        assert board.position_full_steps(0) == 4
         reached_counts = board.trace(0).step_counts[3 * microsteps - 1]
         assert [levels for _, levels in seen] == [[HOME]]
         latest_ticks = 2 if module else 1  # a module's DIR must have been stable for a while before a step is certain
         assert 0 < seen[0][0] - reached_counts <= latest_ticks * TICK_COUNTS
 
     def test_a_mode_with_longer_steps_is_known_at_the_start(self, fast_kernel: Kernel) -> None:
-        """A switch that is seconds away in sixteenths is reached in a fraction of a second by full steps."""
-        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_sixteenths=6_400))
+        """A switch that is seconds away in substeps is reached in a fraction of a second by full steps."""
+        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_substeps=6_400))
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
         run(simulation, {0x10: records_through([(10, 40)])}, 60)
@@ -258,7 +263,7 @@ class TestEdges:
         sync_counts = simulation.now_counts
         run(simulation, {0x10: [PvtRecord(450 * 16_384, 0, 250, 1)]}, 500)
         steps = board.trace(0).step_counts
-        reached_counts = steps[steps > sync_counts][399]  # from 10 sixteenths; the reset of the mode moves nothing
+        reached_counts = steps[steps > sync_counts][399]  # from 10 substeps; the reset of the mode moves nothing
         assert [levels for _, levels in seen][:1] == [[POSITIVE]]
         assert seen[0][0] - TICK_COUNTS <= reached_counts < seen[0][0]
 
@@ -274,7 +279,7 @@ class TestEdges:
 
         monkeypatch.setattr(BoardMotion, "advance", counting)
         asked = []
-        for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_sixteenths=-(10**6)))):
+        for switches in ((), (Switch(0, POSITIVE, 10**6), Switch(1, NEGATIVE, to_substeps=-(10**6)))):
             calls.clear()
             board = board_of(fast_kernel, 2, *switches)
             records = records_through([(500, 250), (-500, 250), (500, 250)])
@@ -323,10 +328,10 @@ class Rotors:
 def test_the_first_rotor_that_may_reach_a_switch_says_when_it_is_read_again(
     quiet_ticks: tuple[int | None, ...], pulses: int, read_in_ticks: int
 ) -> None:
-    """A way of three rotors with weights of 1, whose steps are a sixteenth: the switch is 300 of them away."""
-    switch = Switch(0, HOME, from_sixteenths=300)
+    """A way of three rotors with weights of 1, whose steps are a substep: the switch is 300 of them away."""
+    switch = Switch(0, HOME, from_substeps=300)
     way = Travel(tuple((rotor, WEIGHT_ONE) for rotor in range(3)))
-    inputs = BoardInputs([switch], [0, 0, 0], [way, Travel.of_rotor(1), Travel.of_rotor(2)])
+    inputs = BoardInputs([switch], [0, 0, 0], [way, Travel.of_rotor(1), Travel.of_rotor(2)], PERIOD_MIN_COUNTS)
     motion: Any = Rotors(quiet_ticks, pulses)
     assert inputs.due_tick(motion) == motion.tick
     inputs.look(motion)
@@ -444,7 +449,7 @@ class TestOperations:
     @pytest.mark.parametrize("ends_closed", [False, True])
     def test_a_stuck_switch_hides_its_edges_until_it_is_free(self, fast_kernel: Kernel, ends_closed: bool) -> None:
         """It goes on following the axis: once free, it depends on the way, by its hysteresis. Others are as always."""
-        board = board_of(fast_kernel, 2, Switch(0, HOME, 20, 30, 2), Switch(1, HOME, from_sixteenths=10))
+        board = board_of(fast_kernel, 2, Switch(0, HOME, 20, 30, 2), Switch(1, HOME, from_substeps=10))
         seen = watched(board)
         stick = [StuckSwitch(0, HOME, closed) for closed in (True, False, None)]
         schedule = [Scheduled(at_ms * MS, each) for at_ms, each in zip((5, 6, 400), stick, strict=True)]
@@ -459,7 +464,7 @@ class TestOperations:
         assert board.surroundings.axes[0].stuck == NONE
 
     def test_an_axis_stops_at_a_limit_switch_that_sticks_closed_under_way(self, fast_kernel: Kernel) -> None:
-        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_sixteenths=1_000))
+        board = board_of(fast_kernel, 1, Switch(0, POSITIVE, from_substeps=1_000))
         simulation = Simulation([board], Bus(1_000_000), [Scheduled(60 * MS, StuckSwitch(0, POSITIVE, closed=True))])
         run(simulation, {0x10: records_through([(60, 100)])}, 200)
         assert (states(board), errors(board)) == ([State.FAULT], [ErrorCode.LIMIT_SWITCH])
@@ -503,8 +508,8 @@ class TestOperations:
 
     def test_each_board_has_its_own(self, fast_kernel: Kernel) -> None:
         boards = [
-            Board(BoardConfig(1, (330.0,)), fast_kernel),
-            Board(BoardConfig(1, (330.0,), first_node_id=0x11), fast_kernel),
+            Board(BoardConfig((WIRES,)), fast_kernel),
+            Board(BoardConfig((WIRES,), first_node_id=0x11), fast_kernel),
         ]
         simulation = Simulation(boards, Bus(1_000_000), [Scheduled(5 * MS, EmergencyStop(pressed=True), board=1)])
         seen = [watched(board) for board in boards]
@@ -514,14 +519,14 @@ class TestOperations:
         assert seen == [[(6 * MS, [DigitalInput.DRIVER_PROTECT])], [(5 * MS, [DigitalInput.ESTOP])]]
 
 
-CRUMB = Module(cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
+CRUMB = Module(CHIP, cooling=Cooling(resistance_k_per_w=200, capacity_j_per_k=1e-4))
 """A chip that goes to 300 degC with a time constant of 20 ms: 170 degC after 15 ms, down to 150 degC in 3 ms."""
 
 
 class TestHeat:
     @pytest.fixture
     def board(self, fast_kernel: Kernel) -> Board:
-        return Board(BoardConfig(2, (330.0, 330.0), modules=(CRUMB, Module())), fast_kernel)
+        return Board(BoardConfig(modules=(CRUMB, WIRES)), fast_kernel)
 
     @pytest.mark.parametrize("late_counts", [0, 1, 17_999])
     @pytest.mark.parametrize("moving", [False, True])
@@ -591,7 +596,7 @@ class TestHeat:
 
     def test_on_two_boards_of_which_one_moves(self, board: Board, fast_kernel: Kernel) -> None:
         """The board at rest gets hot, and its firmware sees it in time."""
-        mover = Board(BoardConfig(1, (330.0,), first_node_id=0x20), fast_kernel)
+        mover = Board(BoardConfig((WIRES,), first_node_id=0x20), fast_kernel)
         simulation = Simulation([mover, board], Bus(1_000_000))
         seen = watched(board)
         switch_on(simulation, board)
@@ -609,7 +614,7 @@ class TestHeat:
 
     def test_modules_have_no_terminal_for_it(self, fast_kernel: Kernel) -> None:
         coupled = replace(CRUMB, clk=Coupler(100, 100))
-        board = Board(BoardConfig(1, (330.0,), modules=(coupled,)), fast_kernel)
+        board = Board(BoardConfig(modules=(coupled,)), fast_kernel)
         simulation = Simulation([board], Bus(1_000_000))
         switch_on(simulation, board)
         simulation.run_until(100 * MS)

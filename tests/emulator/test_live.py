@@ -18,6 +18,7 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_US
 from tests.compiled import on_sources_only
+from tests.emulator.pins import WIRES
 
 MS_NS = 1_000_000
 TICK_NS = 250_000
@@ -25,7 +26,7 @@ NODE = 0x10
 
 
 def live_board(kernel: Kernel) -> LiveSimulation:
-    board = Board(BoardConfig(axis_count=2, osc_pf=(330.0, 330.0)), kernel)
+    board = Board(BoardConfig((WIRES,) * 2), kernel)
     return LiveSimulation(Simulation([board], Bus(1_000_000)), Pacer(0))
 
 

@@ -21,6 +21,7 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS
 from tests.compiled import on_sources_only
+from tests.emulator.pins import WIRES
 
 pytestmark = on_sources_only
 MS_NS: Final = 1_000_000
@@ -46,7 +47,7 @@ Stall = tuple[int, int]
 
 
 def one_axis() -> Simulation:
-    return Simulation([Board(BoardConfig(axis_count=1, osc_pf=(330.0,)), fastest_kernel())], Bus(1_000_000))
+    return Simulation([Board(BoardConfig((WIRES,)), fastest_kernel())], Bus(1_000_000))
 
 
 class Computer(selectors.SelectSelector):

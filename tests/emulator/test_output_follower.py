@@ -3,31 +3,35 @@
 import numpy as np
 import pytest
 
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.tb6560 import FieldTurns, LevelChange, LevelPin, OutputChanges, Pins, Tb6560
-from steptwin.emulator.drivers.tb6560.thermal import Cooling
+from steptwin.emulator.drivers.driver_chip import Cooling, FieldTurns, LevelChange, OutputChanges, Rail, TerminalEdges
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
+from steptwin.emulator.drivers.tb6560.pins import TERMINALS
 from steptwin.protocol.timer import COUNTS_PER_MS
 
-ON = (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE)
-SETTINGS = (LevelPin.M1, LevelPin.M2, LevelPin.TQ1, LevelPin.TQ2, LevelPin.DCY1, LevelPin.DCY2)
-CHANGING = (*SETTINGS, LevelPin.ENABLE, LevelPin.RESET)
+ON = (Rail.VDD, Rail.VM, Pin.RESET, Pin.ENABLE)
+SETTINGS = (Pin.M1, Pin.M2, Pin.TQ1, Pin.TQ2, Pin.DCY1, Pin.DCY2)
+CHANGING = (*SETTINGS, Pin.ENABLE, Pin.RESET)
 
 
-def pins(rises: Int64Array, turns: tuple[Int64Array, Int8Array], changes: list[LevelChange], until_counts: int) -> Pins:
-    return Pins(rises, rises + 2400, *turns, tuple(changes), until_counts)
+def pins(
+    rises: Int64Array, turns: tuple[Int64Array, Int8Array], changes: list[LevelChange], until_counts: int
+) -> TerminalEdges:
+    return TerminalEdges(rises, rises + 2400, *turns, tuple(changes), until_counts)
 
 
 def in_full(found: FieldTurns | OutputChanges) -> OutputChanges:
     if isinstance(found, OutputChanges):
         return found
-    counts, sixteenths, steady = found
-    return OutputChanges(counts, sixteenths, steady.currents_a[sixteenths % 64], np.full(counts.size, steady.fast))
+    counts, substeps, steady = found
+    return OutputChanges(counts, substeps, steady.currents_a[substeps % 64], np.full(counts.size, steady.fast))
 
 
 def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
     """Let a chip live through some ms with pulses, turns and changes of its inputs; look after each stretch of it."""
     random, follower = np.random.default_rng(seed), chip.follow_outputs()
-    levels, now_counts, told = dict.fromkeys(LevelPin, 0), 0, []
+    levels, now_counts, told = dict.fromkeys(TERMINALS, 0), 0, []
     for cycle in range(cycles):
         until_counts = now_counts + int(random.integers(1, 4)) * 18_000
         changes = [LevelChange(now_counts, pin, 1) for pin in ON] if cycle == 0 else []
@@ -36,7 +40,7 @@ def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
                 pin = CHANGING[number]
                 changes.append(LevelChange(int(random.integers(now_counts, until_counts)), pin, 1 - levels[pin]))
         changes.sort(key=lambda change: change.counts)
-        levels |= {change.pin: change.level for change in changes}
+        levels |= {change.terminal: change.level for change in changes}
         rises = np.arange(now_counts + 100, until_counts - 4000, int(random.integers(4800, 9000)), dtype=np.int64)
         at = np.sort(random.integers(now_counts, until_counts, 2))
         chip.feed(pins(rises, (at, np.array([1, 0], dtype=np.int8)), changes, until_counts))
@@ -57,13 +61,13 @@ def test_it_tells_what_the_outputs_are(seed: int) -> None:
     _ = followed_without_forgetting(whole, seed)
     outputs = whole.outputs
     last = np.searchsorted(counts, counts, side="right") - 1
-    for name, known in (("sixteenths", outputs.sixteenths(counts)), ("fast", outputs.fast_decay(counts))):
+    for name, known in (("substeps", outputs.field_substeps(counts)), ("fast", outputs.fast_decay(counts))):
         values = np.concatenate([getattr(each, name) for each in told])[last]
-        np.testing.assert_array_equal(values % 64 if name == "sixteenths" else values, known)
+        np.testing.assert_array_equal(values % 64 if name == "substeps" else values, known)
     currents_a = np.concatenate([each.currents_a for each in told])[last]
     np.testing.assert_allclose(currents_a, np.round(outputs.currents_a(counts), 3), atol=1e-12)
     assert set(outputs.instants().tolist()) <= set(counts.tolist())
-    angles = np.concatenate([each.sixteenths for each in told])
+    angles = np.concatenate([each.substeps for each in told])
     assert np.abs(np.diff(angles)).max() <= 32
 
 

@@ -8,7 +8,7 @@ from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_profiles import PROFILES
-from steptwin.emulator.drivers.tb6560 import Rule
+from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.faults.operations import BrownOut, EmergencyStop, Operation, PowerUp, WatchdogReset
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol import od
@@ -31,7 +31,7 @@ class Rig:
     def __init__(self, kernel: Kernel, drivers: str = "chip-330pf", boards: int = 1, bitrate: int = 1_000_000) -> None:
         profile = PROFILES[drivers]
         self.boards = [
-            Board(BoardConfig(2, (profile.osc_pf,) * 2, modules=(profile.fitted(16),) * 2, first_node_id=node), kernel)
+            Board(BoardConfig(modules=(profile.fitted(16),) * 2, first_node_id=node), kernel)
             for node in (NODE, NODE + 2)[:boards]
         ]
         self.board = self.boards[0]
@@ -132,7 +132,7 @@ def test_a_reset_of_the_processor_frees_a_bare_chips_motor_and_leaves_a_modules_
     outputs = rig.board.trace(0).outputs
     held = np.array([struck + MS])
     assert outputs.currents_a(held).any() == bool(levels[0])
-    angles = outputs.sixteenths(np.array([struck - 1, struck + MS])).tolist()
+    angles = outputs.field_substeps(np.array([struck - 1, struck + MS])).tolist()
     assert (angles[0] == angles[1]) == angle_stays
     wait(rig.simulation, 50)
     now = np.array([rig.simulation.now_counts])

@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.tb6560 import Excitation, LevelChange, LevelPin, Tb6560
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.drivers.driver_chip import LevelChange
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
+from steptwin.emulator.drivers.tb6560.excitation import Excitation
 from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS
 from tests.emulator.pins import POWER_UP, at, cut, pins
 
@@ -33,9 +36,9 @@ def test_a_full_step_is_as_long_in_every_mode(microsteps: int) -> None:
     counts, sixteenths = chip.feed(pins(rises(3 * microsteps), directions=UP))
     assert counts.tolist() == rises(3 * microsteps)
     assert sixteenths.tolist() == [16 // microsteps] * (3 * microsteps)
-    assert (chip.position_sixteenths, chip.position_steps, chip.excitation) == (48, 3 * microsteps, microsteps)
+    assert (chip.position_substeps, chip.position_steps, chip.microsteps) == (48, 3 * microsteps, microsteps)
     chip.feed(pins(rises(microsteps, 10**6), directions=[(900_000, 0)]))
-    assert chip.position_sixteenths == 32
+    assert chip.position_substeps == 32
 
 
 def test_a_change_of_mode_in_reset_moves_nothing() -> None:
@@ -45,7 +48,7 @@ def test_a_change_of_mode_in_reset_moves_nothing() -> None:
     counts, sixteenths = chip.feed(pins(rises(7), directions=UP, changes=changes))
     assert counts.tolist() == [10_000, 20_000, 30_000, 60_000, 70_000]
     assert sixteenths.tolist() == [1, 1, 1, 8, 8]
-    assert chip.position_sixteenths == 19
+    assert chip.position_substeps == 19
 
 
 def test_a_change_of_mode_amid_motion_keeps_the_electrical_phase() -> None:
@@ -54,7 +57,7 @@ def test_a_change_of_mode_amid_motion_keeps_the_electrical_phase() -> None:
     counts, sixteenths = chip.feed(pins(rises(7), directions=UP, changes=at(55_000, **LEVELS[2])))
     assert counts.tolist() == [*rises(5), 55_000, *rises(2, 60_000)]
     assert sixteenths.tolist() == [1, 1, 1, 1, 1, 3, 8, 8]
-    assert chip.outputs.sixteenths(np.array([54_999, 55_000])).tolist() == [59, 56]
+    assert chip.outputs.field_substeps(np.array([54_999, 55_000])).tolist() == [59, 56]
 
 
 @given(
@@ -69,7 +72,7 @@ def test_it_follows_the_field(
     """While there is no reset, the rotor turns as the field does, in one piece or in several."""
     turns = [(rise - 5_000, int(up)) for rise, up in zip(rises(len(directions)), directions, strict=True)]
     changes = tuple(
-        LevelChange(place * STEP_COUNTS + 3_000, LevelPin[pin], level)
+        LevelChange(place * STEP_COUNTS + 3_000, Pin[pin], level)
         for place, mode in sorted(modes)
         for pin, level in LEVELS[mode].items()
     )
@@ -79,12 +82,12 @@ def test_it_follows_the_field(
     for piece in cut(whole, cuts):
         pieced.feed(piece)
     instants, places = [1, *counts.tolist()], list(accumulate(sixteenths.tolist(), initial=0))
-    angles = once.outputs.sixteenths(np.array(instants)).tolist()
+    angles = once.outputs.field_substeps(np.array(instants)).tolist()
     last_at = dict(zip(instants, places, strict=True))  # a change of mode may come at the instant of a step
     assert {(angle + last_at[instant]) % 64 for instant, angle in zip(instants, angles, strict=True)} == {angles[0]}
-    assert once.position_sixteenths == pieced.position_sixteenths == places[-1]
-    assert once.excitation == pieced.excitation == (sorted(modes)[-1][1] if modes else start)
+    assert once.position_substeps == pieced.position_substeps == places[-1]
+    assert once.microsteps == pieced.microsteps == (sorted(modes)[-1][1] if modes else start)
 
 
 def test_without_supply_the_mode_is_that_of_low_pins() -> None:
-    assert Tb6560(330).excitation is Excitation.TWO_PHASE
+    assert Tb6560(330).microsteps == Excitation.TWO_PHASE

@@ -7,6 +7,7 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol.frame import Frame
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import SECOND
 
 
@@ -16,7 +17,7 @@ def heartbeat(axis: int, period_ms: int) -> Frame:
 
 
 def simulation_of_eight(kernel: Kernel) -> Simulation:
-    return Simulation([Board(BoardConfig(axis_count=8, osc_pf=(330.0,) * 8), kernel)], Bus(125_000))
+    return Simulation([Board(BoardConfig((WIRES,) * 8), kernel)], Bus(125_000))
 
 
 def send_all(simulation: Simulation, frames: list[Frame]) -> None:
@@ -37,7 +38,7 @@ def test_answers_have_arrived_when_send_returns(fast_kernel: Kernel) -> None:
 @pytest.mark.parametrize("boards", [1, 2])
 def test_the_frames_of_two_boards_may_be_too_many_where_those_of_one_are_not(fast_kernel: Kernel, boards: int) -> None:
     """Heartbeats of 6 ms: 1333 frames a second from each board."""
-    config = [BoardConfig(8, (330.0,) * 8, first_node_id=0x10 + 8 * number) for number in range(boards)]
+    config = [BoardConfig((WIRES,) * 8, first_node_id=0x10 + 8 * number) for number in range(boards)]
     simulation = Simulation([Board(c, fast_kernel) for c in config], Bus(125_000))
     simulation.run_until(SECOND // 100)
     requests = [heartbeat(axis, period_ms=6) for axis in range(8 * boards)]

@@ -13,6 +13,7 @@ from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, COB_NMT, COB_SYNC, Frame
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, STEP, wait
 
 NODE = 0x10
@@ -25,7 +26,7 @@ class Rig:
     """A board of one axis that begins a motion of 80 ms: 40 steps in two records of 40 ms."""
 
     def __init__(self, kernel: Kernel, bitrate: int = 1_000_000) -> None:
-        self.board = Board(BoardConfig(1, (330.0,)), kernel)
+        self.board = Board(BoardConfig((WIRES,)), kernel)
         self.simulation = Simulation([self.board], Bus(bitrate))
         wait(self.simulation, 5)
         self.simulation.send(Frame(COB_NMT, b"\x01\x00"))

@@ -14,10 +14,10 @@ NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LI
 ends = st.integers(-50, 50)
 SWITCHES = st.one_of(
     st.builds(
-        lambda end, spare: Switch(0, NEGATIVE, to_sixteenths=end, hysteresis_sixteenths=spare), ends, st.integers(0, 5)
+        lambda end, spare: Switch(0, NEGATIVE, to_substeps=end, hysteresis_substeps=spare), ends, st.integers(0, 5)
     ),
     st.builds(
-        lambda end, spare: Switch(0, POSITIVE, from_sixteenths=end, hysteresis_sixteenths=spare),
+        lambda end, spare: Switch(0, POSITIVE, from_substeps=end, hysteresis_substeps=spare),
         ends,
         st.integers(0, 5),
     ),
@@ -30,8 +30,8 @@ SWITCHES = st.one_of(
 @pytest.mark.parametrize(
     ("switch", "closed", "open_"),
     [
-        (Switch(0, NEGATIVE, to_sixteenths=-7), (-1000, -8, -7), (-6, 0, 1000)),
-        (Switch(0, POSITIVE, from_sixteenths=7), (7, 8, 1000), (-1000, 0, 6)),
+        (Switch(0, NEGATIVE, to_substeps=-7), (-1000, -8, -7), (-6, 0, 1000)),
+        (Switch(0, POSITIVE, from_substeps=7), (7, 8, 1000), (-1000, 0, 6)),
         (Switch(0, HOME, -2, 3), (-2, 0, 3), (-3, 4)),
         (Switch(0, HOME, 5, 5), (5,), (4, 6)),
     ],
@@ -42,7 +42,7 @@ def test_it_is_closed_from_end_to_end(switch: Switch, closed: tuple[int, ...], o
 
 
 def test_hysteresis_keeps_it_closed_a_little_farther_out() -> None:
-    switch = Switch(0, HOME, 0, 10, hysteresis_sixteenths=3)
+    switch = Switch(0, HOME, 0, 10, hysteresis_substeps=3)
     places = [-1, 0, -1, -3, -4, -3, -1, 0, 10, 13, 14, 11, 10]
     seen, closed = [], False
     for place in places:
@@ -55,7 +55,7 @@ def test_hysteresis_keeps_it_closed_a_little_farther_out() -> None:
 def test_the_distance_is_the_way_to_the_next_change(switch: Switch, position: int, closed: bool) -> None:
     """Try every position around: none that is nearer changes the switch, one at the distance does."""
     closed = switch.closed_at(position, before=closed)
-    distance = switch.sixteenths_to_change(position, closed=closed)
+    distance = switch.substeps_to_change(position, closed=closed)
     assert distance >= 1
 
     def changed(steps: int) -> bool:
@@ -66,13 +66,13 @@ def test_the_distance_is_the_way_to_the_next_change(switch: Switch, position: in
 
 
 def test_an_axis_has_all_of_its_own() -> None:
-    axis = AxisSwitches([Switch(0, NEGATIVE, to_sixteenths=-5), Switch(0, HOME, -6, 20), Switch(0, POSITIVE, 30)], -5)
+    axis = AxisSwitches([Switch(0, NEGATIVE, to_substeps=-5), Switch(0, HOME, -6, 20), Switch(0, POSITIVE, 30)], -5)
     assert axis.levels == NEGATIVE | HOME
-    assert axis.sixteenths_to_change == 1
+    assert axis.substeps_to_change == 1
     axis.move(12)
-    assert (axis.position_sixteenths, axis.levels, axis.sixteenths_to_change) == (7, HOME, 12)
+    assert (axis.position_substeps, axis.levels, axis.substeps_to_change) == (7, HOME, 12)
     axis.move(23)
-    assert (axis.levels, axis.sixteenths_to_change) == (POSITIVE, 1)
+    assert (axis.levels, axis.substeps_to_change) == (POSITIVE, 1)
 
 
 @settings(max_examples=50)
@@ -91,13 +91,13 @@ def test_the_distance_goes_with_the_axis(switches: list[Switch], position: int, 
         assert axis.move(move) == (after != closed)
         closed = after
         nearest = next(way for way in count(1) if not closed == at(position - way) == at(position + way))
-        assert axis.sixteenths_to_change == nearest
+        assert axis.substeps_to_change == nearest
 
 
 def test_an_axis_without_switches_has_no_way_to_one() -> None:
     axis = AxisSwitches([], 5)
     assert not axis
-    assert (axis.move(3), axis.position_sixteenths, axis.sixteenths_to_change) == (False, 8, 0)
+    assert (axis.move(3), axis.position_substeps, axis.substeps_to_change) == (False, 8, 0)
 
 
 @pytest.mark.parametrize(
@@ -105,8 +105,8 @@ def test_an_axis_without_switches_has_no_way_to_one() -> None:
     [
         ((0, DigitalInput.ESTOP, 1), "one of NEGATIVE_LIMIT, POSITIVE_LIMIT, HOME, not"),
         ((0, HOME), "always be closed"),
-        ((0, HOME, 4, 3), "from 4 to 3 sixteenths would never"),
-        ((0, HOME, 4, 4, -1), "hysteresis_sixteenths -1 is negative"),
+        ((0, HOME, 4, 3), "from 4 to 3 substeps would never"),
+        ((0, HOME, 4, 4, -1), "hysteresis_substeps -1 is negative"),
     ],
 )
 def test_impossible_switches_are_refused(arguments: tuple[int, ...], words: str) -> None:

@@ -5,17 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.tb6560 import (
-    PINS,
-    LimitUnit,
-    Pins,
-    Rule,
-    Tb6560,
-    chopping_hz,
-    clk_width_min_counts,
-    oscillator_hz,
-)
-from steptwin.emulator.drivers.tb6560.pins import LevelChange, LevelPin, PinKind
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, Terminal, TerminalEdges
+from steptwin.emulator.drivers.limits import LimitUnit, Rule
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
+from steptwin.emulator.drivers.tb6560.oscillator import chopping_hz, clk_width_min_counts, oscillator_hz
+from steptwin.emulator.drivers.tb6560.pins import PINS, TERMINALS, PinKind
 from tests.emulator.pins import PERIOD, POWER_UP, WIDTH, at, cut, pins
 
 UP = ((1, 1),)
@@ -76,7 +71,7 @@ class TestDatasheet:
             " CW/CCW M2 M1 DCY2 DCY1"
         )
         inputs = {pin.name for pin in PINS if pin.kind is PinKind.INPUT}
-        assert inputs == {pin.name for pin in LevelPin} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
+        assert inputs == {pin.name for pin in TERMINALS} - {"VDD", "VM"} | {"CLK", "CW/CCW"}
         assert [pin.name for pin in PINS if pin.kind is PinKind.OPEN_DRAIN] == ["MO", "Protect"]
 
     def test_the_pages_of_the_pins(self) -> None:
@@ -187,8 +182,8 @@ class TestPowerOrder:
         return list(zip(found.rules(), found.margins().tolist(), strict=True))
 
     def test_in_order(self) -> None:
-        supplies, released = [LevelPin.VDD, LevelPin.VM], [LevelPin.RESET, LevelPin.ENABLE]
-        order = [*supplies, *(pin for pin in LevelPin if pin not in (*supplies, *released)), *released]
+        supplies, released = [Rail.VDD, Rail.VM], [Pin.RESET, Pin.ENABLE]
+        order = [*supplies, *(pin for pin in TERMINALS if pin not in (*supplies, *released)), *released]
         on = (LevelChange(i, pin, 1) for i, pin in enumerate(order))
         off = (LevelChange(100 + i, pin, 0) for i, pin in enumerate(reversed(order)))
         assert self.rules_and_margins(*on, *off) == []
@@ -271,11 +266,11 @@ def test_nothing_happens_without_pulses() -> None:
 PULSES = st.lists(st.tuples(st.integers(1, 9000), st.integers(1, 4000)), min_size=1, max_size=60)
 TURNS = st.lists(st.integers(0, 400_000), max_size=10, unique=True)
 CHANGES = st.lists(
-    st.tuples(st.integers(1, 400_000), st.sampled_from(list(LevelPin)[1:]), st.integers(0, 1)), max_size=12
+    st.tuples(st.integers(1, 400_000), st.sampled_from(list(TERMINALS)[1:]), st.integers(0, 1)), max_size=12
 )
 
 
-def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]]) -> Pins:
+def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Terminal, int]]) -> TerminalEdges:
     """Gaps and widths of pulses, where DIR turns, and what the other inputs do once the supply is up."""
     gaps, widths = zip(*pulses, strict=True)
     rises = np.cumsum(np.array(gaps) + np.concatenate(([0], widths[:-1]))).tolist()
@@ -284,20 +279,20 @@ def stream(pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[
     return pins(rises, widths, directions, (*POWER_UP, *later))
 
 
-def levels_at_rises(whole: Pins) -> list[int]:
+def levels_at_rises(whole: TerminalEdges) -> list[int]:
     turned = np.searchsorted(whole.dir_counts, whole.clk_rise_counts, side="right").tolist()
     return [int(whole.dir_levels[n - 1]) if n else 0 for n in turned]
 
 
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES)
 def test_against_a_chip_stepped_edge_by_edge(
-    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]]
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Terminal, int]]
 ) -> None:
     """The same rules, one pulse at a time."""
     whole = stream(pulses, turns, changes)
     steps, previous = [], -PERIOD
     for rise, fall in zip(whole.clk_rise_counts.tolist(), whole.clk_fall_counts.tolist(), strict=True):
-        reset = [change.level for change in whole.changes if change.pin is LevelPin.RESET and change.counts <= rise][-1]
+        reset = [change.level for change in whole.changes if change.terminal is Pin.RESET and change.counts <= rise][-1]
         turned = np.searchsorted(whole.dir_counts, rise, side="right")
         level = int(whole.dir_levels[turned - 1]) if turned else 0
         if reset and fall - rise >= WIDTH and rise - previous >= PERIOD:
@@ -314,7 +309,7 @@ def test_against_a_chip_stepped_edge_by_edge(
 
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 450_000), max_size=6))
 def test_pieces_make_no_difference(
-    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, LevelPin, int]], cuts: list[int]
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, Terminal, int]], cuts: list[int]
 ) -> None:
     """Nor do looks at the chip in between."""
     whole = stream(pulses, turns, changes)

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.tb6560 import Cooling, Rule, Tb6560
+from steptwin.emulator.drivers.driver_chip import Cooling
+from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.tb6560.chip import Tb6560
 from steptwin.emulator.drivers.tb6560.thermal import Junction
 from tests.emulator.pins import POWER_UP, at, pins
 from tests.emulator.simulations import SECOND
@@ -28,7 +30,7 @@ def shutdown_counts(chip: Tb6560) -> int:
     high, low = 0, 1000 * SECOND
     while low - high > 1:
         middle = (high + low) // 2
-        high, low = (middle, low) if chip.protect_level(middle) else (high, middle)
+        high, low = (middle, low) if chip.fault_level(middle) else (high, middle)
     return low
 
 
@@ -59,7 +61,7 @@ class TestShutdown:
         chip = hot_chip()
         trip = shutdown_counts(chip)
         assert trip / SECOND == pytest.approx(77.01, abs=0.01)
-        assert (chip.protect_level(trip - 1), chip.protect_level(trip)) == (1, 0)
+        assert (chip.fault_level(trip - 1), chip.fault_level(trip)) == (1, 0)
         assert chip.junction_celsius(trip - 1) < 170 <= chip.junction_celsius(trip) + 1e-6
         assert chip.junction_celsius(trip + 100 * SECOND) == pytest.approx(25 + 145 / 2.71828, abs=0.01)
 
@@ -85,7 +87,7 @@ class TestShutdown:
         chip = hot_chip()
         trip = shutdown_counts(chip)
         chip.feed(pins(changes=at(trip - 1, ENABLE=0), until=2 * trip))
-        assert chip.protect_level(trip) == 1
+        assert chip.fault_level(trip) == 1
         assert not chip.violations.counts.size
 
     @pytest.mark.parametrize(
@@ -99,17 +101,17 @@ class TestShutdown:
     def test_torque_decides(self, changes: dict[str, int], trips: bool) -> None:
         chip = hot_chip()
         chip.feed(pins(changes=at(1, **changes)))
-        assert chip.protect_level(1000 * SECOND) == (0 if trips else 1)
+        assert chip.fault_level(1000 * SECOND) == (0 if trips else 1)
 
     def test_microsteps_heat_half_as_much(self) -> None:
         """5.4 W: 160 degC, just below."""
         chip = Tb6560(330, 0.5 / 3, BARE)
         chip.feed(pins(changes=(*POWER_UP[:2], *at(0, M2=1), *POWER_UP[2:])))
         assert chip.junction_celsius(5000 * SECOND) == pytest.approx(160)
-        assert chip.protect_level(5000 * SECOND) == 1
+        assert chip.fault_level(5000 * SECOND) == 1
 
     def test_a_heat_sink_prevents_it(self) -> None:
-        assert hot_chip(cooling=Cooling(resistance_k_per_w=8)).protect_level(5000 * SECOND) == 1
+        assert hot_chip(cooling=Cooling(resistance_k_per_w=8)).fault_level(5000 * SECOND) == 1
 
 
 class TestRelease:
@@ -120,8 +122,8 @@ class TestRelease:
         chip = hot_chip()
         reset = shutdown_counts(chip) + round(after_s * SECOND)
         chip.feed(pins(changes=(*at(reset, RESET=0), *at(reset + 100, RESET=1))))
-        assert chip.protect_level(reset - 1) == 0
-        assert chip.protect_level(reset + 100) == level
+        assert chip.fault_level(reset - 1) == 0
+        assert chip.fault_level(reset + 100) == level
 
     def test_cooling_ends_it_while_reset_is_low(self) -> None:
         """Not RESET's edge, at 151 degC: 14.84 s after the shutdown; no count sooner, and RESET need not rise."""
@@ -129,9 +131,9 @@ class TestRelease:
         trip = shutdown_counts(chip)
         chip.feed(pins(changes=at(trip + 14 * SECOND, ENABLE=0, RESET=0), until=trip + 15 * SECOND))
         cool = trip + ceil(100 * SECOND * log(145 / 125))
-        assert [chip.protect_level(counts) for counts in (trip, cool - 1, cool, 2 * cool)] == [0, 0, 1, 1]
+        assert [chip.fault_level(counts) for counts in (trip, cool - 1, cool, 2 * cool)] == [0, 0, 1, 1]
         assert chip.junction_celsius(cool) == pytest.approx(150)
-        assert chip.protect_stays_until(cool - 1) == cool
+        assert chip.fault_stays_until(cool - 1) == cool
         assert not chip.outputs.currents_a(pins([cool]).clk_rise_counts).any()
         assert chip.violations.rules() == [Rule.OVER_TEMPERATURE]
 
@@ -139,8 +141,8 @@ class TestRelease:
         chip = hot_chip()
         trip = shutdown_counts(chip)
         chip.feed(pins(changes=(*at(trip + 5 * SECOND, RESET=0), *at(trip + 14 * SECOND, RESET=1))))
-        assert chip.protect_level(trip + 1000 * SECOND) == 0
-        assert chip.protect_stays_until(trip + 1000 * SECOND) is None
+        assert chip.fault_level(trip + 1000 * SECOND) == 0
+        assert chip.fault_stays_until(trip + 1000 * SECOND) is None
 
     def test_enabled_in_reset_it_goes_back_and_forth(self) -> None:
         """The outputs are driven at the initial currents, so 20 K are made up for in 100 s * ln(145 / 125) again."""
@@ -153,13 +155,13 @@ class TestRelease:
 
     def test_cooling_alone_does_not(self) -> None:
         chip = hot_chip()
-        assert chip.protect_level(shutdown_counts(chip) + 1000 * SECOND) == 0
+        assert chip.fault_level(shutdown_counts(chip) + 1000 * SECOND) == 0
 
     def test_nor_does_enable(self) -> None:
         chip = hot_chip()
         later = shutdown_counts(chip) + 100 * SECOND
         chip.feed(pins(changes=(*at(later, ENABLE=0), *at(later + 100, ENABLE=1))))
-        assert chip.protect_level(later + 100) == 0
+        assert chip.fault_level(later + 100) == 0
 
     def test_then_it_may_come_again(self) -> None:
         chip = hot_chip()

@@ -30,6 +30,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import ErrorBehaviour, NmtCommand
 from steptwin.protocol.objects import ASYNCHRONOUS
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, wait
 
 AXES = 6
@@ -44,7 +45,7 @@ class Flooded:
     """A board of six axes on a bus, and a host that keeps what it hears."""
 
     def __init__(self, kernel: Kernel) -> None:
-        self.board = Board(BoardConfig(AXES, (330.0,) * AXES), kernel)
+        self.board = Board(BoardConfig((WIRES,) * AXES), kernel)
         self.bus = Bus(1_000_000)
         self.simulation = Simulation([self.board], self.bus)
         self.heard: list[Frame] = []

@@ -12,6 +12,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, STEP, wait, write
 
 FIRST, SECOND = 0x10, 0x12
@@ -20,7 +21,7 @@ RPDO1_COB_ID = od.address_of(od.RPDO_COMMUNICATION[0], od.PDO_COB_ID)
 
 def simulation_of(kernel: Kernel, *first_nodes: int) -> Simulation:
     """Boards of two axes each, after they have announced themselves."""
-    boards = [Board(BoardConfig(2, (330.0, 330.0), first_node_id=node), kernel) for node in first_nodes]
+    boards = [Board(BoardConfig((WIRES,) * 2, first_node_id=node), kernel) for node in first_nodes]
     made = Simulation(boards, Bus(1_000_000))
     made.run_until(10 * MS)
     return made
@@ -152,4 +153,4 @@ def test_a_board_hears_the_other_if_its_pdos_say_so(simulation: Simulation) -> N
 @pytest.mark.parametrize(("first", "axes"), [(0, 1), (127, 2), (121, 8)])
 def test_node_ids_beyond_canopens_are_refused(fast_kernel: Kernel, first: int, axes: int) -> None:
     with pytest.raises(ValueError, match=f"{axes} node ids from {first} on are not within 1 to 127"):
-        Board(BoardConfig(axes, (330.0,) * axes, first_node_id=first), fast_kernel)
+        Board(BoardConfig((WIRES,) * axes, first_node_id=first), fast_kernel)

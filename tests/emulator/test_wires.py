@@ -13,9 +13,10 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.driver_chip import TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Module
 from steptwin.emulator.drivers.driver_profiles import PROFILES
-from steptwin.emulator.drivers.tb6560 import Pins, Rule
+from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.faults.operations import SetWire
 from steptwin.emulator.faults.wires import AxisWires, Condition, Noise, Wire, WireState
 from steptwin.emulator.simulation import Simulation
@@ -24,6 +25,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import CHIP, WIRES
 from tests.emulator.simulations import STEP, wait
 from tests.emulator.test_board import NODE, switch_on
 
@@ -43,13 +45,13 @@ def levels(turns: list[int]) -> np.ndarray:
     return np.bincount(turns, minlength=END + 1)[: END + 1].cumsum() % 2
 
 
-def pins(turns: Turns, from_counts: int, until_counts: int) -> Pins:
+def pins(turns: Turns, from_counts: int, until_counts: int) -> TerminalEdges:
     """The pulses and turns that begin in a stretch of time."""
     pulses = list(zip(turns.step[0::2], turns.step[1::2], strict=True))
     own = [pulse for pulse in pulses if from_counts <= pulse[0] < until_counts]
     before = sum(turn < from_counts for turn in turns.dir)
     dir_turns = [turn for turn in turns.dir if from_counts <= turn < until_counts]
-    return Pins(
+    return TerminalEdges(
         np.array([rise for rise, _ in own], np.int64),
         np.array([fall for _, fall in own], np.int64),
         np.array(dir_turns, np.int64),
@@ -70,7 +72,7 @@ NOISES = st.builds(
 )
 
 
-def passed(turns: Turns, noise: dict[Wire, Noise], cuts: list[int]) -> list[Pins]:
+def passed(turns: Turns, noise: dict[Wire, Noise], cuts: list[int]) -> list[TerminalEdges]:
     """What a driver is told, stretch by stretch."""
     wires = AxisWires(ClkEdge.RISING, enable_open=0, dir_level=0, enable_level=0)
     told = [wires.change(wire, condition, 0).told for wire, condition in noise.items()]
@@ -85,7 +87,7 @@ def signed(turns: Turns) -> int:
     return sum(2 * int(levels(turns.dir)[rise]) - 1 for rise in turns.step[0::2])
 
 
-def dir_turns(told: list[Pins]) -> list[int]:
+def dir_turns(told: list[TerminalEdges]) -> list[int]:
     return [turn for each in told for turn in each.dir_counts.tolist()]
 
 
@@ -143,7 +145,7 @@ class Rig:
     """A board of one axis that moves 50 steps up in 100 ms, and has 16 ms before its motion's first tick."""
 
     def __init__(self, kernel: Kernel, module: Module | None = None, switches: tuple[Switch, ...] = ()) -> None:
-        self.board = Board(BoardConfig(1, (330.0,), modules=(module or Module(),), switches=switches), kernel)
+        self.board = Board(BoardConfig(modules=(module or WIRES,), switches=switches), kernel)
         self.simulation = Simulation([self.board], Bus(1_000_000))
         if module:
             for address in (od.STEPLEN_NS, od.STEPSPACE_NS, od.DIRSETUP_NS, od.DIRHOLD_NS):
@@ -197,7 +199,7 @@ def test_without_step_the_driver_counts_nothing_until_the_repair(rig: Rig, condi
 @pytest.mark.parametrize(("edge", "at_once", "at_repair"), [(ClkEdge.RISING, 1, 0), (ClkEdge.FALLING, 0, -1)])
 def test_step_held_high_is_one_pulse(fast_kernel: Kernel, edge: ClkEdge, at_once: int, at_repair: int) -> None:
     """The driver steps with its rise or with its fall, to where DIR points then: up first, down after the move."""
-    rig = Rig(fast_kernel, None if edge is ClkEdge.RISING else Module(active_edge=edge))
+    rig = Rig(fast_kernel, None if edge is ClkEdge.RISING else Module(CHIP, active_edge=edge))
     rig.move(10)
     wait(rig.simulation, 150)
     high = rig.wire(Wire.STEP, HIGH)
@@ -278,7 +280,7 @@ def powered(rig: Rig) -> int:
 class TestNoise:
     def test_on_step_moves_a_standing_motor_to_its_switch(self, fast_kernel: Kernel) -> None:
         """The firmware sees the switch in time, and takes its own count for true."""
-        rig = Rig(fast_kernel, switches=(Switch(0, DigitalInput.HOME, to_sixteenths=-20),))
+        rig = Rig(fast_kernel, switches=(Switch(0, DigitalInput.HOME, to_substeps=-20),))
         rig.wire(Wire.STEP, Noise(rate_hz=2_000, width_ns=50_000, count=25, seed=1))
         closed_after = 0
         for _ in range(40):

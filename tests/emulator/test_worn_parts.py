@@ -10,7 +10,7 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.inputs import Bouncer
 from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
-from steptwin.emulator.drivers.tb6560 import Rule
+from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.faults.operations import (
     BouncingSwitch,
     Contact,
@@ -27,7 +27,7 @@ from tests.emulator.simulations import MS, wait
 from tests.emulator.test_wires import Rig
 
 HOME, LIMIT = DigitalInput.HOME, DigitalInput.POSITIVE_LIMIT
-AT_20 = (Switch(0, HOME, from_sixteenths=20),)
+AT_20 = (Switch(0, HOME, from_substeps=20),)
 
 
 def seen(rig: Rig) -> DigitalInput:
@@ -146,21 +146,21 @@ class TestMode:
         wait(rig.simulation, 100)
         assert rig.board.driver_microsteps(0) == 2
         assert rig.monitor == (50, 0)
-        moved = rig.board.position_sixteenths(0) - before
-        assert moved == pytest.approx(8 * (50 - before), abs=16)  # the field jumps to a half step
+        moved = rig.board.position_full_steps(0) - before / 16
+        assert 16 * moved == pytest.approx(8 * (50 - before), abs=16)  # the field jumps to a half step
         assert set(rig.board.trace(0).violations.rules()) == {Rule.MODE_CHANGE}
         levels = [change.level for change in rig.board.pin_changes if change.pin is Pin.M2]
         assert levels == ([1] if module else [1, 0])
         rig.simulation.operate(DriverMode(0, None))
         wait(rig.simulation, 1)
-        stood = rig.board.position_sixteenths(0)
+        stood = rig.board.position_full_steps(0)
         rig.move(20)
         wait(rig.simulation, 150)
         assert rig.board.driver_microsteps(0) == 16
-        assert rig.board.position_sixteenths(0) - stood == 20
+        assert rig.board.position_full_steps(0) - stood == 20 / 16
 
     def test_a_switch_is_reached_by_the_longer_steps(self, fast_kernel: Kernel) -> None:
-        rig = Rig(fast_kernel, switches=(Switch(0, HOME, from_sixteenths=200),))
+        rig = Rig(fast_kernel, switches=(Switch(0, HOME, from_substeps=200),))
         rig.simulation.operate(DriverMode(0, 1))
         rig.move()
         assert [level for _, level in changes_of(rig, 150)] == [True]
@@ -191,6 +191,6 @@ class TestCapacitor:
         assert rig.board.trace(0).position_steps == 150 - missed
         assert np.array_equal(rig.board.trace(0).violations.counts, trace.violations.counts)
 
-    def test_one_outside_the_chips_range_is_refused(self) -> None:
+    def test_one_outside_the_chips_range_is_refused(self, fast_kernel: Kernel) -> None:
         with pytest.raises(ValueError, match="the OSC capacitor is 60 pF"):
-            OscCapacitor(0, 60)
+            Rig(fast_kernel).simulation.operate(OscCapacitor(0, 60))

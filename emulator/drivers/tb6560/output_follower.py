@@ -1,19 +1,19 @@
 """Follow a chip's outputs as its history grows: what has changed from one look to the next.
 
-`Outputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is new.
-Nearly always that is steps alone, which turn the field through a table of currents. Only where an input has changed,
-or a thermal shutdown comes or goes, is the stretch computed by `Outputs`, with a beginning of its own.
+`Tb6560Outputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is
+new. Nearly always that is steps alone, which turn the field through a table of currents. Only where an input has
+changed, or a thermal shutdown comes or goes, is the stretch computed by `Tb6560Outputs`, with a beginning of its own.
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from steptwin.emulator.board.edges import FloatArray, Int8Array, Int64Array, joined
+from steptwin.emulator.drivers.driver_chip import FieldTurns, LevelChange, OutputChanges, Steady
 from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS
-from steptwin.emulator.drivers.tb6560.outputs import Origin, Outputs
-from steptwin.emulator.drivers.tb6560.pins import LevelChange
+from steptwin.emulator.drivers.tb6560.outputs import Origin, Tb6560Outputs
 from steptwin.emulator.drivers.tb6560.thermal import Junction
 from steptwin.protocol.timer import COUNTS_PER_MS
 
@@ -21,58 +21,7 @@ _SETTLING_COUNTS: Final = COUNTS_PER_MS
 """Time from a change of an input until all outputs have followed: ENABLE's delay is 3 us."""
 
 
-class Steady(NamedTuple):
-    """What holds while only steps come.
-
-    Attributes:
-        step_sixteenths: angle by which a step turns the field.
-        currents_a: shape (64, 2), currents of A and B by the field's angle.
-        fast: fraction of fast decay.
-    """
-
-    step_sixteenths: int
-    currents_a: FloatArray
-    fast: float
-
-    @classmethod
-    def at(cls, outputs: Outputs, counts: int) -> "Steady":
-        """Return what holds at an instant."""
-        setting = outputs.setting(counts)
-        (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
-        return cls(setting.excitation.step_sixteenths, _rounded(setting.currents_a()), fast)
-
-
-class FieldTurns(NamedTuple):
-    """Steps, and what held meanwhile.
-
-    Attributes:
-        counts: shape (n,), instants.
-        sixteenths: shape (n,), the field's angle in sixteenths of a full step, counted through; it grows with DIR low.
-        steady: what held.
-    """
-
-    counts: Int64Array
-    sixteenths: Int64Array
-    steady: Steady
-
-
-class OutputChanges(NamedTuple):
-    """Any changes at the outputs, in order of time.
-
-    Attributes:
-        counts: shape (n,), instants.
-        sixteenths: shape (n,), as in `FieldTurns`.
-        currents_a: shape (n, 2), in phases A and B, rounded to mA.
-        fast: shape (n,), fraction of fast decay.
-    """
-
-    counts: Int64Array
-    sixteenths: Int64Array
-    currents_a: FloatArray
-    fast: FloatArray
-
-
-class OutputFollower:
+class Tb6560Follower:
     """The changes at one chip's outputs since power-up, each told once."""
 
     def __init__(self, origin: Origin, sense_ohm: float, junction: Junction) -> None:
@@ -129,7 +78,7 @@ class OutputFollower:
         if not counts.size:
             return None
         assert self._through is not None
-        through = self._through - steady.step_sixteenths * signs.cumsum(dtype=np.int64)
+        through = self._through - steady.step_substeps * signs.cumsum(dtype=np.int64)
         self._through = int(through[-1])
         return FieldTurns(counts, through, steady)
 
@@ -148,7 +97,9 @@ class OutputFollower:
 
     def _look_at_all(self, until_counts: int) -> OutputChanges | None:
         steps = joined(self._counts, np.int64), joined(self._signs, np.int8)
-        outputs = Outputs(self._origin, self._changes, steps, self._junction.shutdowns(until_counts), self._sense_ohm)
+        outputs = Tb6560Outputs(
+            self._origin, self._changes, steps, self._junction.shutdowns(until_counts), self._sense_ohm
+        )
         counts = outputs.instants()
         counts = counts[counts < until_counts]
         changes = self._sampled(outputs, counts) if counts.size else None
@@ -158,17 +109,24 @@ class OutputFollower:
         self._changes = [change for change in self._changes if change.counts >= kept_counts]
         self._steps_before(kept_counts)
         if settled:
-            self._steady = Steady.at(outputs, until_counts - 1)
+            self._steady = _steady(outputs, until_counts - 1)
         return changes
 
-    def _sampled(self, outputs: Outputs, counts: Int64Array) -> OutputChanges:
-        sixteenths = outputs.sixteenths(counts)
+    def _sampled(self, outputs: Tb6560Outputs, counts: Int64Array) -> OutputChanges:
+        sixteenths = outputs.field_substeps(counts)
         before = int(sixteenths[0]) if self._through is None else self._through
         moves = np.diff(sixteenths, prepend=before % CYCLE_SIXTEENTHS)
         half = CYCLE_SIXTEENTHS // 2
         through = before + np.cumsum((moves + half) % CYCLE_SIXTEENTHS - half)
         self._through = int(through[-1])
         return OutputChanges(counts, through, _rounded(outputs.currents_a(counts)), outputs.fast_decay(counts))
+
+
+def _steady(outputs: Tb6560Outputs, counts: int) -> Steady:
+    """Return what holds at an instant."""
+    setting = outputs.setting(counts)
+    (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
+    return Steady(setting.excitation.step_sixteenths, _rounded(setting.currents_a()), fast)
 
 
 def _rounded(currents_a: FloatArray) -> FloatArray:

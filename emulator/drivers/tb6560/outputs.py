@@ -5,9 +5,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, Terminal
 from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, Excitation
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT, LevelChange, LevelPin
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TORQUE_PERCENT
 from steptwin.protocol.timer import COUNTS_PER_US
 
 SENSE_VOLT: Final = 0.5
@@ -16,7 +18,7 @@ SENSE_VOLT: Final = 0.5
 ENABLE_DELAY: Final = Delay(to_high=3 * COUNTS_PER_US, to_low=2 * COUNTS_PER_US)
 """Delay from ENABLE to the outputs (typical, pages 6 to 8)."""
 
-Levels = Mapping[LevelPin, int]
+Levels = Mapping[Terminal, int]
 
 _NEVER: Final = int(np.iinfo(np.int64).min)
 
@@ -36,7 +38,7 @@ class Origin(NamedTuple):
         levels: levels of the inputs.
         field: angle and mode of the field.
         shut_down: 1 if the outputs are shut down, else 0.
-        from_counts: instant from which `Outputs.instants` begins.
+        from_counts: instant from which `Tb6560Outputs.instants` begins.
     """
 
     levels: Levels
@@ -64,7 +66,7 @@ class _Stretch(NamedTuple):
     field: Field
 
 
-class Outputs:
+class Tb6560Outputs:
     """Bridges and MO of one chip, by its steps and inputs since an origin.
 
     Every query takes instants in counts, shape (n,), in any order. Chopping is not resolved: currents are the values to
@@ -97,12 +99,12 @@ class Outputs:
         stretch = _Stretch(_NEVER, 0, self._origin.field)
         yield stretch
         for change in self._changes:
-            levels[change.pin] = change.level
-            if change.pin not in (LevelPin.RESET, LevelPin.VDD, LevelPin.M1, LevelPin.M2):
+            levels[change.terminal] = change.level
+            if change.terminal not in (Pin.RESET, Rail.VDD, Pin.M1, Pin.M2):
                 continue
             steps = int(self._turned[np.searchsorted(self._step_counts, change.counts, side="left")])
-            if levels[LevelPin.RESET] and levels[LevelPin.VDD]:
-                excitation = EXCITATIONS[levels[LevelPin.M2], levels[LevelPin.M1]]
+            if levels[Pin.RESET] and levels[Rail.VDD]:
+                excitation = EXCITATIONS[levels[Pin.M2], levels[Pin.M1]]
                 state = excitation.nearest_state(_angle(stretch, steps))
                 field = Field(state, excitation, initial=False)
             else:
@@ -113,7 +115,7 @@ class Outputs:
     def at(self, counts: int, from_counts: int) -> Origin:
         """Return the state at an instant as an origin, whose `instants` begin at `from_counts`."""
         levels = dict(self._origin.levels)
-        levels |= {change.pin: change.level for change in self._changes if change.counts < counts}
+        levels |= {change.terminal: change.level for change in self._changes if change.counts < counts}
         stretch = self._stretches[int(np.searchsorted(self._from_counts, counts)) - 1]
         turned = int(self._turned[np.searchsorted(self._step_counts, counts)])
         field = stretch.field._replace(sixteenths=_angle(stretch, turned))
@@ -126,7 +128,7 @@ class Outputs:
         An instant before the origin's `from_counts`, which has become known only now, is moved to that.
         """
         changes = np.array([change.counts for change in self._changes], dtype=np.int64)
-        enabled, _ = ENABLE_DELAY.passed(*self._edges(LevelPin.ENABLE))
+        enabled, _ = ENABLE_DELAY.passed(*self._edges(Pin.ENABLE))
         shut_down, _ = _arrays(self._shutdowns)
         instants = np.concatenate((self._step_counts, changes, enabled, shut_down))
         return merged(np.maximum(instants, self.from_counts))
@@ -136,7 +138,7 @@ class Outputs:
         """Instant from which `instants` begins: 0, or the end of those of an earlier origin."""
         return self._origin.from_counts
 
-    def sixteenths(self, counts: Int64Array) -> Int64Array:
+    def field_substeps(self, counts: Int64Array) -> Int64Array:
         """Return the field's angle in sixteenths of a full step, 0 to 63; it grows clockwise, with DIR low."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         turned = self._turned[np.searchsorted(self._step_counts, counts, side="right")]
@@ -149,20 +151,20 @@ class Outputs:
 
     def angle_deg(self, counts: Int64Array) -> FloatArray:
         """Return the field's electrical angle, 0 to below 360 degrees; a cycle is four full steps."""
-        return np.asarray(self.sixteenths(counts) * (360 / CYCLE_SIXTEENTHS), dtype=np.float64)
+        return np.asarray(self.field_substeps(counts) * (360 / CYCLE_SIXTEENTHS), dtype=np.float64)
 
     def mo_levels(self, counts: Int64Array) -> Int8Array:
         """Return the MO pin with a pull-up: low in reset, and in the initial state, which comes once a cycle."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         initial = np.array([stretch.field.initial for stretch in self._stretches])[at]
         angles = np.array([stretch.field.excitation.initial_sixteenths for stretch in self._stretches])[at]
-        return np.where(initial | (self.sixteenths(counts) == angles), 0, 1).astype(np.int8)
+        return np.where(initial | (self.field_substeps(counts) == angles), 0, 1).astype(np.int8)
 
     def currents_a(self, counts: Int64Array) -> FloatArray:
         """Return the currents in phases A and B in ampere, shape (n, 2), positive from OUT_P to OUT_M."""
         at = np.searchsorted(self._from_counts, counts, side="right") - 1
         excitations = np.array([stretch.field.excitation for stretch in self._stretches])[at]
-        angles = self.sixteenths(counts)
+        angles = self.field_substeps(counts)
         percent = np.zeros((counts.size, 2))
         for excitation, table in PHASE_PERCENT.items():
             chosen = excitations == excitation
@@ -181,36 +183,36 @@ class Outputs:
         return OutputSetting(self._stretches[at].field.excitation, float(amplitude_a[0]))
 
     def _torque_percent(self, counts: Int64Array) -> Int64Array:
-        high, low = self._levels(LevelPin.TQ2, counts), self._levels(LevelPin.TQ1, counts)
+        high, low = self._levels(Pin.TQ2, counts), self._levels(Pin.TQ1, counts)
         table = np.array([[TORQUE_PERCENT[tq2, tq1] for tq1 in (0, 1)] for tq2 in (0, 1)], dtype=np.int64)
         chosen: Int64Array = table[high, low]
         return chosen
 
     def fast_decay(self, counts: Int64Array) -> FloatArray:
         """Return the fraction of a chopping period in which the current decays fast."""
-        high, low = self._levels(LevelPin.DCY2, counts), self._levels(LevelPin.DCY1, counts)
+        high, low = self._levels(Pin.DCY2, counts), self._levels(Pin.DCY1, counts)
         table = np.array([[FAST_DECAY_PERCENT[dcy2, dcy1] for dcy1 in (0, 1)] for dcy2 in (0, 1)])
         return np.asarray(table[high, low] / 100.0, dtype=np.float64)
 
     def _on(self, counts: Int64Array) -> Int8Array:
         """Return 1 where current flows: the chip is supplied, enabled and not shut down; else 0."""
-        before = self._origin.levels[LevelPin.ENABLE]
-        enabled = _sampled(counts, *ENABLE_DELAY.passed(*self._edges(LevelPin.ENABLE)), before)
+        before = self._origin.levels[Pin.ENABLE]
+        enabled = _sampled(counts, *ENABLE_DELAY.passed(*self._edges(Pin.ENABLE)), before)
         shut_down = _sampled(counts, *_arrays(self._shutdowns), self._origin.shut_down)
-        supplied = self._levels(LevelPin.VDD, counts) & self._levels(LevelPin.VM, counts)
+        supplied = self._levels(Rail.VDD, counts) & self._levels(Rail.VM, counts)
         on: Int8Array = supplied & enabled & (1 - shut_down)
         return on
 
-    def _levels(self, pin: LevelPin, counts: Int64Array) -> Int8Array:
+    def _levels(self, pin: Terminal, counts: Int64Array) -> Int8Array:
         return _sampled(counts, *self._edges(pin), self._origin.levels[pin])
 
-    def _edges(self, pin: LevelPin) -> tuple[Int64Array, Int8Array]:
-        return _arrays([(change.counts, change.level) for change in self._changes if change.pin is pin])
+    def _edges(self, pin: Terminal) -> tuple[Int64Array, Int8Array]:
+        return _arrays([(change.counts, change.level) for change in self._changes if change.terminal is pin])
 
 
 def initial_field(levels: Levels) -> Field:
     """Return the field in reset."""
-    excitation = EXCITATIONS[levels[LevelPin.M2], levels[LevelPin.M1]]
+    excitation = EXCITATIONS[levels[Pin.M2], levels[Pin.M1]]
     return Field(excitation.initial_sixteenths, excitation, initial=True)
 
 

@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import Final, NamedTuple
 
+from steptwin.controller.node.pins import OUTPUT_PINS, Pin
+from steptwin.emulator.drivers.driver_chip import Rail
 from steptwin.emulator.drivers.tb6560.excitation import Excitation
 
 
@@ -59,29 +61,8 @@ PINS: Final = (
     PinRow(25, "DCY1", PinKind.INPUT, "decay, with DCY2", 3),
 )
 
-
-class LevelPin(Enum):
-    """Pins that are held at a level. VM stands for VMA and VMB together; a supply is high when it is up."""
-
-    VDD = "VDD"
-    VM = "VM"
-    RESET = "RESET"
-    ENABLE = "ENABLE"
-    M1 = "M1"
-    M2 = "M2"
-    TQ1 = "TQ1"
-    TQ2 = "TQ2"
-    DCY1 = "DCY1"
-    DCY2 = "DCY2"
-
-
-class LevelChange(NamedTuple):
-    """An input takes a level, 0 or 1."""
-
-    counts: int
-    pin: LevelPin
-    level: int
-
+TERMINALS: Final = (*Rail, *(pin for pin in Pin if pin not in OUTPUT_PINS))
+"""What is held at a level. VM stands for VMA and VMB together."""
 
 EXCITATIONS: Final = {
     (0, 0): Excitation.TWO_PHASE,

@@ -15,32 +15,17 @@ level (page 11).
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, exp, floor, log
 from operator import attrgetter
 from typing import Final, NamedTuple
 
-from steptwin.protocol.timer import COUNTS_PER_SECOND
+from steptwin.emulator.drivers.driver_chip import Cooling
 
 SHUTDOWN_CELSIUS: Final = 170
 HYSTERESIS_K: Final = 20
 RELEASE_CELSIUS: Final = SHUTDOWN_CELSIUS - HYSTERESIS_K
 ON_RESISTANCE_OHM: Final = 0.6
-
-
-@dataclass(frozen=True, slots=True)
-class Cooling:
-    """Cooling of the chip; the default is the bare package in still air."""
-
-    resistance_k_per_w: float = 25.0
-    capacity_j_per_k: float = 4.0
-    ambient_celsius: float = 25.0
-
-    @property
-    def time_constant_counts(self) -> float:
-        """Time in which 63 % of a change of temperature is over."""
-        return self.resistance_k_per_w * self.capacity_j_per_k * COUNTS_PER_SECOND
 
 
 class _Span(NamedTuple):

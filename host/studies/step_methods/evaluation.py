@@ -15,9 +15,10 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.tb6560 import LevelChange, LevelPin, Pins
+from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.studies.step_methods.motions import PlannedMotion
@@ -27,7 +28,7 @@ from steptwin.host.verify.matching import SLOW_CROSSING
 from steptwin.host.verify.oracle import THRESHOLD_STEPS, IdealSteps, IndexArray, ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-_POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (LevelPin.VDD, LevelPin.VM, LevelPin.RESET, LevelPin.ENABLE))
+_POWERED: Final = tuple(LevelChange(0, pin, 1) for pin in (*Rail, Pin.RESET, Pin.ENABLE))
 _BEGIN_COUNTS: Final = COUNTS_PER_MS
 """The motion's t = 0, in counts after power-up."""
 _SETTLED_COUNTS: Final = 1000 * COUNTS_PER_MS
@@ -37,11 +38,11 @@ _SETTLED_COUNTS: Final = 1000 * COUNTS_PER_MS
 def violations(axis: AxisPulses, microsteps: int, board: BoardSettings) -> int:
     """Feed the pulses to a driver of the board's profile; return the number of broken limits."""
     profile = driver_profile(board)
-    driver = Driver(profile.osc_pf, fitted_module(board, profile, microsteps))
-    driver.feed(Pins(NO_COUNTS, NO_COUNTS, NO_COUNTS, NO_LEVELS, _POWERED, _BEGIN_COUNTS))
+    driver = Driver(fitted_module(board, profile, microsteps))
+    driver.feed(TerminalEdges(NO_COUNTS, NO_COUNTS, NO_COUNTS, NO_LEVELS, _POWERED, _BEGIN_COUNTS))
     rises, falls, turns = (counts + _BEGIN_COUNTS for counts in (axis.rise_counts, axis.fall_counts, axis.dir_counts))
     until_counts = int(np.max(falls, initial=_BEGIN_COUNTS)) + _SETTLED_COUNTS
-    driver.feed(Pins(rises, falls, turns, axis.dir_levels, (), until_counts))
+    driver.feed(TerminalEdges(rises, falls, turns, axis.dir_levels, (), until_counts))
     return driver.violation_count
 
 

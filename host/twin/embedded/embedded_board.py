@@ -178,8 +178,10 @@ class EmbeddedBoard:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
         if self.engine is not None:
             self.engine.repair()
+            osc_pf = self.driver_profile.module.kind.parts.get("osc_pf")
             for axis in range(len(self.robot.joints)):
-                self.operate(OscCapacitor(axis, self.driver_profile.osc_pf))
+                if osc_pf is not None:
+                    self.operate(OscCapacitor(axis, osc_pf))
             self.host_restarts()
 
     @property
@@ -211,10 +213,10 @@ class EmbeddedBoard:
 
     def rotor_positions(self) -> list[float]:
         """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""
-        sixteenths = self._simulation.rotors_sixteenths()
+        full_steps = self._simulation.rotors_full_steps()
         return [
-            start + moved / joint.transmission.step_sixteenths
-            for start, moved, joint in zip(self._start_steps, sixteenths, self.robot.joints, strict=True)
+            start + moved * joint.transmission.microsteps
+            for start, moved, joint in zip(self._start_steps, full_steps, self.robot.joints, strict=True)
         ]
 
     def held_positions(self) -> list[float]:
@@ -232,9 +234,9 @@ class EmbeddedBoard:
 
         That is the way from where its driver would hold it by its steps and by the slips made on purpose.
         """
-        made = [sixteenths for board in self._simulation.boards for sixteenths in board.slipped_sixteenths]
+        made = [full_steps for board in self._simulation.boards for full_steps in board.slipped_full_steps]
         places = zip(self.held_positions(), self.motor_positions(), made, self.robot.joints, strict=True)
-        return [held - steps - moved / joint.transmission.step_sixteenths for held, steps, moved, joint in places]
+        return [held - steps - moved * joint.transmission.microsteps for held, steps, moved, joint in places]
 
     def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
         """Return what the rotors have done up to some ms after a run's last edge; None without motors."""

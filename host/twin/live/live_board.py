@@ -52,7 +52,7 @@ class JointTotals:
         joint: the joint.
         start_steps: position at power-up, in steps of the robot's file from the joint's zero.
         active_edge: edge of CLK that the driver counts.
-        moved_sixteenths: way of the motor from power-up to the last trace, in sixteenths of a full step.
+        moved_full_steps: way of the motor from power-up to the last trace.
         pulses: number of rising CLK edges.
         violations: number of times that a limit of the driver was broken.
     """
@@ -60,7 +60,7 @@ class JointTotals:
     joint: Joint
     start_steps: int
     active_edge: ActiveEdge
-    moved_sixteenths: int = 0
+    moved_full_steps: float = 0.0
     pulses: int = 0
     violations: int = 0
 
@@ -71,14 +71,14 @@ class JointTotals:
 
     def add(self, trace: AxisTrace) -> None:
         """Add what the driver has done since the last trace."""
-        self.moved_sixteenths = trace.position_sixteenths
+        self.moved_full_steps = trace.position_full_steps
         self.pulses += trace.clk_rise_counts.size
         self.violations += trace.violations.counts.size
 
     @property
     def figures(self) -> JointFigures:
         """The figures as of the last trace."""
-        end_steps = self.start_steps + self.moved_sixteenths / self.joint.transmission.step_sixteenths
+        end_steps = self.start_steps + self.moved_full_steps * self.joint.transmission.microsteps
         return JointFigures(self.start_steps, end_steps, self.pulses, self.violations)
 
 

@@ -148,9 +148,6 @@ class ReceivedPlan:
         return trajectory_row(row.time_ms / 1000, positions.tolist(), speeds.tolist())
 
 
-_UNITS_PER_SIXTEENTH: Final = UNITS_PER_FULL_STEP // 16
-
-
 class LivePlan:
     """Turns the records that a robot's axes accept into a plan; the live board tells of SYNCs, starts and ends."""
 
@@ -165,8 +162,9 @@ class LivePlan:
         self._received = ReceivedPlan(robot)
         self._robot = robot
         self._axes = axes
-        self._start_sixteenths = [
-            steps * joint.transmission.step_sixteenths for joint, steps in zip(robot.joints, start_steps, strict=True)
+        self._start_units = [
+            steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
+            for joint, steps in zip(robot.joints, start_steps, strict=True)
         ]
         self._rest_units = self._demands_units()
         """Position of each axis at the last SYNC, as the firmware counts."""
@@ -200,7 +198,7 @@ class LivePlan:
         self._rest_units = self._demands_units()
         self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
         for joint, (board, axis) in enumerate(self._axes):
-            motor_units = (self._start_sixteenths[joint] + board.position_sixteenths(axis)) * _UNITS_PER_SIXTEENTH
+            motor_units = self._start_units[joint] + round(board.position_full_steps(axis) * UNITS_PER_FULL_STEP)
             counted = board.firmware.motion.counter_units(axis) if self._queued[joint] else self._rest_units[joint]
             self._offset_units[joint] = motor_units - counted
 

@@ -38,8 +38,9 @@ def board_configs(
     if sum(axes_per_board) != len(robot.joints):
         raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
     stands_at = zip(robot.joints, standing_steps(robot, joints), strict=True)
-    start_sixteenths = [steps * joint.transmission.step_sixteenths for joint, steps in stands_at]
     profile = driver_profile(robot.board, driver_profile_name)
+    substeps = profile.module.kind.substeps
+    start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
     microsteps = switched_microsteps(robot, profile, dip_microsteps or {})
     modules = tuple(fitted_module(robot.board, profile, each) for each in microsteps)
     configs: list[BoardConfig] = []
@@ -47,40 +48,38 @@ def board_configs(
         first = sum(config.axis_count for config in configs)
         configs.append(
             BoardConfig(
-                axis_count=axes,
-                osc_pf=(profile.osc_pf,) * axes,
-                first_node_id=FIRST_NODE_ID + first,
-                switches=tuple(_switches(robot, first, first + axes)),
-                travels=_travels(robot, first, first + axes),
-                start_sixteenths=tuple(start_sixteenths[first : first + axes]),
                 modules=modules[first : first + axes],
+                first_node_id=FIRST_NODE_ID + first,
+                switches=tuple(_switches(robot, first, first + axes, substeps)),
+                travels=_travels(robot, first, first + axes),
+                start_substeps=tuple(start_substeps[first : first + axes]),
                 crystal_ppm=crystal_ppm,
             )
         )
     return configs
 
 
-def _switches(robot: Robot, first: int, end: int) -> Iterator[Switch]:
+def _switches(robot: Robot, first: int, end: int, substeps: int) -> Iterator[Switch]:
     """Yield the switches of a board's joints; a limit switch is closed from its position to the end of travel."""
     for axis, joint in enumerate(robot.joints[first:end]):
-        place, switches = partial(_place, robot, first + axis), joint.switches
+        place, switches = partial(_place, robot, first + axis, substeps), joint.switches
         if switches.negative_limit is not None:
-            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_sixteenths=place(switches.negative_limit))
+            yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_substeps=place(switches.negative_limit))
         if switches.positive_limit is not None:
-            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_sixteenths=place(switches.positive_limit))
+            yield Switch(axis, DigitalInput.POSITIVE_LIMIT, from_substeps=place(switches.positive_limit))
         ends = switches.home_from, switches.home_to
         lower, upper = (None if position is None else place(position) for position in ends)
         if lower is not None or upper is not None:
             yield Switch(axis, DigitalInput.HOME, lower, upper)
 
 
-def _place(robot: Robot, joint: int, position: float) -> int:
-    """Return a joint position in sixteenths of its axis' full step, on a step of the robot's file, as homing expects.
+def _place(robot: Robot, joint: int, substeps: int, position: float) -> int:
+    """Return a joint position in its axis' substeps, on a step of the robot's file, as homing expects.
 
     A coupled joint's are scaled so that its own axis moves them one to one.
     """
     transmission, own = robot.joints[joint].transmission, robot.coupling.axes_of(joint)[joint]
-    return steps_at(transmission, position / own) * transmission.step_sixteenths
+    return steps_at(transmission, position / own) * substeps // transmission.microsteps
 
 
 def _travels(robot: Robot, first: int, end: int) -> tuple[Travel, ...]:

@@ -14,7 +14,8 @@ from steptwin.emulator.board.board import Board
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int64Array
 from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.drivers.driver_bank import AxisTrace
-from steptwin.emulator.drivers.tb6560 import LimitUnit, Outputs, Violations
+from steptwin.emulator.drivers.driver_chip import Outputs
+from steptwin.emulator.drivers.limits import LimitUnit, Violations
 from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
@@ -26,6 +27,8 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
 }
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
+_SIXTEENTHS: Final = 16
+"""In a full step: the evidence's unit of the field's angle."""
 _NO_PHASES: Final = Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
 
 
@@ -89,7 +92,7 @@ def axis_evidence(
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
         violations=_violations(trace.violations),
-        phases=_phases(trace.outputs) if currents else _NO_PHASES,
+        phases=_phases(trace.outputs, trace.substeps) if currents else _NO_PHASES,
         pins=_level_edges(axis, changes),
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
@@ -124,22 +127,22 @@ def _violations(violations: Violations) -> DriverViolations:
     return DriverViolations(limits, violations.counts, violations.which, values)
 
 
-def _phases(outputs: Outputs) -> Phases:
+def _phases(outputs: Outputs, substeps: int) -> Phases:
     """Sample the phases at each instant at which they may change; keep those at which they do, and power-up."""
     counts = outputs.instants()
     if not counts.size:
         return _NO_PHASES
-    values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
+    values, before = _phase_values(outputs, substeps, counts), _phase_values(outputs, substeps, counts[:1] - 1)
     changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
     changed[:1] |= outputs.from_counts == 0
     angle, a_ma, b_ma = values[changed].T
     return Phases(counts[changed], angle.astype(np.int8), a_ma.astype(np.int16), b_ma.astype(np.int16))
 
 
-def _phase_values(outputs: Outputs, counts: Int64Array) -> NDArray[np.int64]:
+def _phase_values(outputs: Outputs, substeps: int, counts: Int64Array) -> NDArray[np.int64]:
     """Return the angle in sixteenths of a full step and both currents in mA, shape (n, 3)."""
     currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
-    return np.column_stack([outputs.sixteenths(counts), currents_ma])
+    return np.column_stack([outputs.field_substeps(counts) * _SIXTEENTHS // substeps, currents_ma])
 
 
 def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:

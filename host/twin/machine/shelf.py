@@ -93,16 +93,13 @@ class _TipAt:
     """Computes where the tool's tip is, from the positions of all rotors since power-up."""
 
     def __init__(self, robot: Robot, start_joints: Sequence[float]) -> None:
-        steps = standing_steps(robot, start_joints)
-        self._start = np.array(
-            [each * joint.transmission.step_sixteenths for each, joint in zip(steps, robot.joints, strict=True)]
-        )
-        self._per_step = np.array([joint.transmission.step_sixteenths for joint in robot.joints])
+        self._start_steps = np.array(standing_steps(robot, start_joints))
+        self._microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
         self._robot = robot
         actual = actual_chain(robot)
         self._forward = actual.poses if actual else make_kinematics(robot).forward
 
-    def __call__(self, sixteenths: Sequence[float]) -> Point:
-        joints = self._robot.from_steps((self._start + np.array(sixteenths)) / self._per_step)
+    def __call__(self, full_steps: Sequence[float]) -> Point:
+        joints = self._robot.from_steps(self._start_steps + np.array(full_steps) * self._microsteps)
         x_mm, y_mm, z_mm, _ = self._forward(joints[np.newaxis])[0].tolist()
         return x_mm, y_mm, z_mm

@@ -1,10 +1,11 @@
 """The motors, gears and supply that a robot's file describes, as the rotors' model takes them."""
 
 from math import inf, pi
+from typing import Final
 
+from steptwin.emulator.drivers.driver_module import Module
+from steptwin.emulator.drivers.driver_profiles import PROFILES
 from steptwin.emulator.drivers.power_supply import PowerSupply
-from steptwin.emulator.drivers.tb6560 import SENSE_OHM
-from steptwin.emulator.drivers.tb6560.thermal import ON_RESISTANCE_OHM
 from steptwin.emulator.motors.motor import CATALOGUE, Motor
 from steptwin.emulator.motors.pull_out import DriveSupply
 from steptwin.emulator.motors.rotors import Drive
@@ -12,6 +13,9 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
 from steptwin.host.robots.robot import Robot
+
+_USUAL: Final = PROFILES["chip-330pf"].module
+"""The driver whose bridge motors have, where none is named."""
 
 
 def check_described(robot: Robot) -> Dynamics:
@@ -35,7 +39,7 @@ def motor_of(chosen: JointMotor, full_steps_per_rev: int) -> Motor:
     return Motor("own", source="the robot's file", full_steps_per_rev=full_steps_per_rev, **figures)
 
 
-def drive_of(joint: Joint, mounting_rad: float = 0.0, sense_ohm: float = SENSE_OHM) -> Drive:
+def drive_of(joint: Joint, mounting_rad: float = 0.0, driver: Module = _USUAL) -> Drive:
     """Return the drive of a joint that has a motor."""
     chosen, link, transmission = joint.motor, joint.link, joint.transmission
     assert chosen is not None
@@ -43,7 +47,8 @@ def drive_of(joint: Joint, mounting_rad: float = 0.0, sense_ohm: float = SENSE_O
     rad_per_unit = 2.0 * pi / transmission.travel_per_rev
     return Drive(
         motor=motor_of(chosen, transmission.full_steps_per_rev),
-        bridge_ohm=ON_RESISTANCE_OHM + sense_ohm,
+        bridge_ohm=driver.kind.on_resistance_ohm + driver.sense_ohm,
+        current_max_a=driver.kind.current_max_a,
         friction_nm=chosen.friction_nm,
         efficiency=chosen.efficiency,
         brake_nm=chosen.brake_nm,

@@ -11,7 +11,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from steptwin.emulator.drivers.tb6560.pins import FAST_DECAY_PERCENT
+from steptwin.controller.node.pins import DECAY_LEVELS
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.motor import FULL_STEPS_PER_TOOTH
 from steptwin.emulator.motors.rotors import Drive, DriverEvents
@@ -126,7 +126,9 @@ def _counted_through(sixteenths: Int64Array) -> FloatArray:
 def _fast_decay(axis: AxisEvidence, counts: Int64Array) -> FloatArray:
     """Return the fraction of fast decay at instants, by the levels of DCY2 and DCY1."""
     first, second = (_level_at(axis.pins[pin], counts) for pin in _DECAY_PINS)
-    percent = np.array([[FAST_DECAY_PERCENT[high, low] for low in (0, 1)] for high in (0, 1)])
+    percent = np.empty((2, 2))
+    for value, levels in DECAY_LEVELS.items():
+        percent[levels] = value
     return np.asarray(percent[second, first] / 100.0, dtype=np.float64)
 
 

@@ -12,8 +12,8 @@ from steptwin.controller.motion.step_config import StepConfig
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS
-from steptwin.emulator.drivers.tb6560.limits import Rule
 from steptwin.emulator.drivers.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od

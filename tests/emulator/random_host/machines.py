@@ -24,11 +24,7 @@ def _switches(draw: Random, axis: int) -> tuple[Switch, ...]:
     home = draw.randint(-80, 40)
     hysteresis = draw.choice((0, 0, 3))
     return (
-        Switch(
-            axis, DigitalInput.NEGATIVE_LIMIT, to_sixteenths=draw.randint(-400, -200), hysteresis_sixteenths=hysteresis
-        ),
-        Switch(
-            axis, DigitalInput.POSITIVE_LIMIT, from_sixteenths=draw.randint(200, 400), hysteresis_sixteenths=hysteresis
-        ),
+        Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_substeps=draw.randint(-400, -200), hysteresis_substeps=hysteresis),
+        Switch(axis, DigitalInput.POSITIVE_LIMIT, from_substeps=draw.randint(200, 400), hysteresis_substeps=hysteresis),
         Switch(axis, DigitalInput.HOME, home, home + draw.randint(20, 60), hysteresis),
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
+from steptwin.emulator.drivers.driver_profiles import bare_chip
 from steptwin.emulator.faults.operations import (
     BoardTemperature,
     DriverProtect,
@@ -86,7 +87,7 @@ def _setup_record(setup: Setup) -> dict[str, Any]:
         "axes": board.axis_count,
         "bitrate": setup.bitrate,
         "read_latency_counts": board.read_latency_counts,
-        "start_sixteenths": board.start_sixteenths,
+        "start_substeps": board.start_substeps,
         "switches": [asdict(switch) | {"input": switch.input.name} for switch in board.switches],
         "steady_ramps": setup.steady_ramps,
     }
@@ -94,21 +95,20 @@ def _setup_record(setup: Setup) -> dict[str, Any]:
 
 def _setup(record: dict[str, Any]) -> Setup:
     switches = (Switch(**switch | {"input": DigitalInput[switch["input"]]}) for switch in record["switches"])
-    start_sixteenths = tuple(record["start_sixteenths"])
-    board = machine_board(record["read_latency_counts"], tuple(switches), start_sixteenths)
+    start_substeps = tuple(record["start_substeps"])
+    board = machine_board(record["read_latency_counts"], tuple(switches), start_substeps)
     return Setup(record["bitrate"], board, record["steady_ramps"])
 
 
 def machine_board(
-    read_latency_counts: int, switches: tuple[Switch, ...], start_sixteenths: tuple[int, ...]
+    read_latency_counts: int, switches: tuple[Switch, ...], start_substeps: tuple[int, ...]
 ) -> BoardConfig:
     """Return a board with an axis for each start position; its bare chips see the pins as the firmware sets them."""
     return BoardConfig(
-        axis_count=len(start_sixteenths),
-        osc_pf=(330.0,) * len(start_sixteenths),
+        modules=(bare_chip(330).module,) * len(start_substeps),
         read_latency_counts=read_latency_counts,
         switches=switches,
-        start_sixteenths=start_sixteenths,
+        start_substeps=start_substeps,
     )
 
 

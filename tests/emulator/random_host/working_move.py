@@ -138,11 +138,10 @@ class WorkingMove:
 
     def _move(self, axes: list[int]) -> None:
         """Move towards the middle of the travel, and let the chips say how far that was."""
-        board, start_sixteenths = self._machine.board, self._machine.setup.board.start_sixteenths
+        board, starts = self._machine.board, self._machine.setup.board.start_substeps
         begins_steps = [board.position_steps(axis) for axis in axes]
         steps = [
-            _MOVE_STEPS if start_sixteenths[axis] + board.position_sixteenths(axis) < 0 else -_MOVE_STEPS
-            for axis in axes
+            _MOVE_STEPS if starts[axis] / 16 + board.position_full_steps(axis) < 0 else -_MOVE_STEPS for axis in axes
         ]
         for axis, displacement in zip(axes, steps, strict=True):
             self._write(axis, od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)

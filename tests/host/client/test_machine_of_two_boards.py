@@ -9,6 +9,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.client import Machine
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
+from tests.emulator.pins import WIRES
 from tests.host.client.machines import SETTINGS, STEP, TH1, still, travelling
 
 AXES = 8
@@ -21,7 +22,7 @@ class TwoBoards:
     held_up_s = 0.0
 
     def __init__(self, kernel: Kernel) -> None:
-        boards = [Board(BoardConfig(AXES, (330.0,) * AXES, first_node_id=node), kernel) for node in (0x10, 0x18)]
+        boards = [Board(BoardConfig((WIRES,) * AXES, first_node_id=node), kernel) for node in (0x10, 0x18)]
         self.simulation = Simulation(boards, Bus(1_000_000))
         self.network = EmbeddedNetwork(self.simulation)
         self.wait(0.01)

@@ -11,6 +11,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.emulator.pins import WIRES
 from tests.host.client.machines import STEP
 from tests.host.client.other_masters import Node402, enable, node402, set_up
 
@@ -21,7 +22,7 @@ NODES = range(0x10, 0x20)
 
 @pytest.fixture
 def simulation(fast_kernel: Kernel) -> Simulation:
-    boards = [Board(BoardConfig(AXES, (330.0,) * AXES, first_node_id=node), fast_kernel) for node in FIRST_NODES]
+    boards = [Board(BoardConfig((WIRES,) * AXES, first_node_id=node), fast_kernel) for node in FIRST_NODES]
     made = Simulation(boards, Bus(1_000_000))
     made.run_until(COUNTS_PER_SECOND // 100)
     return made

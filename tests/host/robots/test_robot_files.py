@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers import tb6560
-from steptwin.emulator.drivers.dip_switches import IDLE_PERCENT
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import ClkEdge
 from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.tb6560 import oscillator
+from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
+from steptwin.emulator.drivers.tb6560.dip_switches import IDLE_PERCENT, DipSwitches
 from steptwin.emulator.drivers.tb6560.pins import FAST_DECAY_PERCENT
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
@@ -496,12 +497,12 @@ class TestDrivers:
         text = changed("osc_pf = 330", f'driver_profile = "3a-module"\ncurrent_a = 2\n{settings}')
         robot = parse_robot(text, "mine.toml")
         (config,) = board_configs(robot, robot.home, [len(robot.joints)])
-        driver = Driver(config.osc_pf[0], config.modules[0])
+        driver = Driver(config.modules[0])
         driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
         currents = np.abs(driver.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)
         assert currents.tolist() == pytest.approx([0.5 * (1 / 0.33 + 1 / 1.2), currents[0] * idle_percent / 100])
         switches = config.modules[0].switches
-        assert switches is not None
+        assert isinstance(switches, DipSwitches)
         assert (switches.s6, switches.s5) == {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}[fast_decay_percent]
 
     def test_the_smallest_capacitor_is_a_choice(self) -> None:
@@ -512,7 +513,7 @@ class TestDrivers:
         assert tuple(name for name, profile in PROFILES.items() if profile.switched) == SWITCHED_PROFILES
         choices = {"idle_percent": IDLE_PERCENT, "fast_decay_percent": tuple(FAST_DECAY_PERCENT.values())}
         assert choices == SWITCH_CHOICES
-        assert (OSC_PF_MIN, PHASE_CURRENT_MAX_A) == (tb6560.OSC_PF_MIN, tb6560.CURRENT_MAX_A)
+        assert (oscillator.OSC_PF_MIN, Tb6560Kind.current_max_a) == (OSC_PF_MIN, PHASE_CURRENT_MAX_A)
         assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
 
 

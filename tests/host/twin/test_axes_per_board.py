@@ -64,10 +64,10 @@ def test_switches_and_positions_go_to_their_boards() -> None:
     first, second = board_configs(robot, robot.home, [4, 2])
     assert (first.axis_count, first.first_node_id) == (4, 0x10)
     assert (second.axis_count, second.first_node_id) == (2, 0x14)
-    assert first.start_sixteenths + second.start_sixteenths == whole.start_sixteenths
+    assert first.start_substeps + second.start_substeps == whole.start_substeps
     of_both = [*((switch.axis, switch) for switch in first.switches), *((s.axis + 4, s) for s in second.switches)]
-    assert [(axis, switch.input, switch.from_sixteenths, switch.to_sixteenths) for axis, switch in of_both] == [
-        (switch.axis, switch.input, switch.from_sixteenths, switch.to_sixteenths) for switch in whole.switches
+    assert [(axis, switch.input, switch.from_substeps, switch.to_substeps) for axis, switch in of_both] == [
+        (switch.axis, switch.input, switch.from_substeps, switch.to_substeps) for switch in whole.switches
     ]
     with pytest.raises(ValueError, match="are not the 6 axes"):
         board_configs(robot, robot.home, [4, 3])

@@ -80,7 +80,7 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
     rows, hosts = set(), set()
     for number, (robot, boards, harm) in enumerate(_harms(nightly)):
         velocity = 100 if number % 2 else -100
-        axis = AxisMoment(State.OPERATION_ENABLED, True, velocity, 100, position_known=True, lag_sixteenths=0)
+        axis = AxisMoment(State.OPERATION_ENABLED, True, velocity, 100, position_known=True, lag_full_steps=0)
         axes = tuple(replace(axis, board=joint % boards) for joint in range(len(robot.joints)))
         rows.add(documented(harm, Moment(0, axes)).what)
         if isinstance(harm, HostFault):

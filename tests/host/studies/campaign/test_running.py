@@ -239,15 +239,15 @@ def _details(run: Performance) -> dict[str, str]:
     return {breach.invariant: breach.detail for breach in breaches_of(run)}
 
 
-@pytest.mark.parametrize(("rotor", "made", "slipped"), [(232.9, 0, 0.0), (198.0, 0, -32.0), (198.0, -256, 0.0)])
+@pytest.mark.parametrize(("rotor", "made", "slipped"), [(232.9, 0, 0.0), (198.0, 0, -32.0), (198.0, -16, 0.0)])
 def test_a_slip_on_purpose_is_none_that_a_rotor_makes_by_itself(rotor: float, made: int, slipped: float) -> None:
-    """In half steps, of 8 sixteenths: an electrical cycle, 4 full steps, has 8 of them."""
-    transmission = SimpleNamespace(microsteps=2, step_sixteenths=8)
+    """In half steps: an electrical cycle, 4 full steps, has 8 of them."""
+    transmission = SimpleNamespace(microsteps=2)
     board: Any = SimpleNamespace(
         robot=SimpleNamespace(joints=[SimpleNamespace(transmission=transmission)]),
         motor_positions=lambda: [230.0],
         rotor_positions=lambda: [rotor],
-        _simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_sixteenths=[made])]),
+        _simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_full_steps=[made])]),
     )
     board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert EmbeddedBoard.rotor_slips(board) == [slipped]

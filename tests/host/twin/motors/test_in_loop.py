@@ -386,7 +386,7 @@ class TestALiveBoard:
             session.move(0)
             session.wait(60)
             assert session.board.rotors
-            found.append((session.board.live.simulation.rotors_sixteenths(), session.board.rotors.to_dict()))
+            found.append((session.board.live.simulation.rotors_full_steps(), session.board.rotors.to_dict()))
         assert all(each == found[0] for each in found)
         joints = found[0][1]["joints"]
         assert abs(joints[JOINT]["load_angle_deg"]) > 1.0
@@ -424,7 +424,7 @@ class TestALiveBoard:
         for session in (together, apart):
             session.send(NMT_START)
             session.move(0)
-        ours, theirs = (each.board.live.simulation.rotors_sixteenths() for each in (together, apart))
+        ours, theirs = (each.board.live.simulation.rotors_full_steps() for each in (together, apart))
         assert ours == pytest.approx(theirs, abs=0.05)
 
     def test_it_needs_numba(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from steptwin.emulator.drivers.tb6560.excitation import Excitation
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, LevelPin
+from steptwin.controller.node.pins import Pin
+from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT
 
 
 class CurrentSetting(NamedTuple):
@@ -73,26 +73,27 @@ class DipSwitches:
         return 1 / sum(1 / ohm for name, ohm in _SENSE_OHM.items() if getattr(self.current, name))
 
     @property
-    def excitation(self) -> Excitation:
-        """The mode that S3 and S4 select."""
+    def microsteps(self) -> int:
+        """Microsteps of the mode that S3 and S4 select."""
         return EXCITATIONS[int(self.s4), int(self.s3)]
 
     @property
-    def running(self) -> dict[LevelPin, int]:
-        """Levels of the chip's inputs that the switches set, while the motor moves."""
+    def running(self) -> dict[Pin, int]:
+        """Levels of the chip's inputs that the switches set, while the motor moves; RESET is high with the supply."""
         return {
-            LevelPin.M1: int(self.s3),
-            LevelPin.M2: int(self.s4),
-            LevelPin.DCY1: int(self.s5),
-            LevelPin.DCY2: int(self.s6),
-            LevelPin.TQ1: int(self.current.s1),
-            LevelPin.TQ2: 0,
+            Pin.M1: int(self.s3),
+            Pin.M2: int(self.s4),
+            Pin.DCY1: int(self.s5),
+            Pin.DCY2: int(self.s6),
+            Pin.TQ1: int(self.current.s1),
+            Pin.TQ2: 0,
+            Pin.RESET: 1,
         }
 
     @property
-    def standing(self) -> dict[LevelPin, int]:
+    def standing(self) -> dict[Pin, int]:
         """Levels of the torque inputs at standstill: TQ2 alone for 50 %, both for 20 %."""
-        return {LevelPin.TQ1: int(not self.s2), LevelPin.TQ2: 1}
+        return {Pin.TQ1: int(not self.s2), Pin.TQ2: 1}
 
 
 def switches_for(current_a: float, microsteps: int, fast_decay_percent: int = 0, idle_percent: int = 50) -> DipSwitches:
