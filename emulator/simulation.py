@@ -82,6 +82,8 @@ class Simulation:
         self._down_until_counts: dict[int, int] = {}
         """Instant before which a board that is down does not start, by its number."""
         self.boards = tuple(boards)
+        self._lone_board = None if self.boards[1:] else self.boards[0]
+        """The board, if there is only one."""
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
         """Boards whose processors fetch messages with a delay."""
         self._drifting = any(board.own_clock for board in self.boards)
@@ -271,7 +273,7 @@ class Simulation:
                 goal = due_counts
         if self.rotor_watch is not None and self.rotor_watch.next_counts < goal:
             goal = self.rotor_watch.next_counts
-        if self.shelf_watch is not None:
+        if self.shelf_watch is not None and self.shelf_watch.shelf.held:
             look_counts = self.shelf_watch.next_counts
             if look_counts is not None and look_counts < goal:
                 goal = look_counts
@@ -285,7 +287,9 @@ class Simulation:
         """Go to the next event, but not beyond an instant, and execute what is due there."""
         goal_counts = self.next_event_counts(until_counts)
         # This is needed even if no time passes: a tick just computed may have left work to do.
-        now_counts = self._advance_boards(max(goal_counts, self.now_counts))
+        goal_counts = max(goal_counts, self.now_counts)
+        lone_board = self._lone_board
+        now_counts = self._advance_boards(goal_counts) if lone_board is None else lone_board.advance(goal_counts)
         self.now_counts = now_counts
         self.bus.step(now_counts)
         if self._schedule.next_counts is not None:
@@ -321,8 +325,6 @@ class Simulation:
         at the same time go tick by tick. A board that moves alone goes first, and those at rest follow to the instant
         that it has reached.
         """
-        if len(self.boards) == 1:
-            return self.boards[0].advance(goal_counts)
         by_motion = sorted(self.boards, key=lambda board: not board.moving)
         if by_motion[1].moving:
             if self._drifting:

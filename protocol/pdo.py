@@ -78,13 +78,14 @@ class ReceivePdo:
 
     def receive(self, data: bytes) -> ErrorCode:
         """Take a frame: apply it now, or latch it for the next SYNC; return the error in its length, or NONE."""
-        if len(data) < self._length:
+        excess = len(data) - self._length
+        if excess < 0:
             return ErrorCode.PDO_TOO_SHORT
         if self.synchronous:
             self._latched = data
         else:
             self._apply(data)
-        return ErrorCode.PDO_TOO_LONG if len(data) > self._length else _NO_ERROR
+        return ErrorCode.PDO_TOO_LONG if excess else _NO_ERROR
 
     def on_sync(self) -> None:
         """Apply the frame that was latched last, if one came since the last SYNC."""

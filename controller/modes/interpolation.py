@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.motion.board_motion import Refusal
-from steptwin.controller.motion.kernel import I32_MAX
+from steptwin.controller.motion.kernel import I32_MAX, TICKS_PER_MS
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.axis_stop import AxisStop
 from steptwin.controller.node.soft_limits import hull
@@ -84,7 +84,7 @@ class Interpolation(DriveMode):
             least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)
             if least < min(low, start) or most > max(high, start):
                 return Refusal.SOFT_LIMIT
-        return self._motion.push(self._axis, displacement_units, end_velocity, duration_ms)
+        return self._motion.push_ticks(self._axis, displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
 
     def _drop(self, verdict: Verdict) -> None:
         """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""

@@ -48,7 +48,7 @@ class GroupTime:
     @property
     def must_ramp(self) -> bool:
         """True if the rate must begin a ramp, to halt or to resume. This is read after every frame."""
-        return self.halted != self.halt_wanted
+        return (self.rest_tick is not None) != bool(self.members and self._holding)
 
     def rate_q16(self, tick: int) -> int:
         """Return the rate at the start of a tick."""

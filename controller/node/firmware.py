@@ -91,11 +91,12 @@ class Firmware:
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""
-        self._pins: list[PinChange] = []
+        self.pins: list[PinChange] = []
+        """Pin changes since the last `take_pins`."""
         self._routes: dict[int, list[tuple[AxisNode, Handler]]] = {}
         self._dues_us: list[int | None] = [None] * axis_count
         """Time of each node's next poll, as last collected."""
-        self._due_counts: int | None = None
+        self.due_counts: int | None = None
         """The earliest of these: time passes in small steps, and asking every node at each would be slow."""
 
     def boot(self, now_counts: int) -> None:
@@ -108,10 +109,6 @@ class Firmware:
 
     def receive(self, frame: Frame, now_counts: int) -> None:
         """Take one frame from the bus. No frame raises an error, whatever it holds."""
-        self._deliver(frame, now_counts)
-        self._conclude(now_counts)
-
-    def _deliver(self, frame: Frame, now_counts: int) -> None:
         cob_id, data = frame
         routes = self._routes.get(cob_id)
         if routes is not None:
@@ -126,6 +123,7 @@ class Firmware:
                 self._collect(node, now_counts)
         else:
             self.dropped_frames += 1
+        self._conclude(now_counts)
 
     def hears(self, cob_id: int) -> bool:
         """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, and those of the nodes' services.
@@ -216,7 +214,7 @@ class Firmware:
 
     def poll(self, now_counts: int) -> None:
         """Do the work of the nodes that is due by now."""
-        if self._due_counts is not None and self._due_counts <= now_counts:
+        if self.due_counts is not None and self.due_counts <= now_counts:
             self._poll_nodes(now_counts // COUNTS_PER_US, now_counts)
         if self._trips:
             self._conclude(now_counts)
@@ -234,7 +232,7 @@ class Firmware:
     @property
     def next_due_counts(self) -> int | None:
         """The next known instant when the board has work to do without a frame or an input."""
-        due_counts = self._due_counts
+        due_counts = self.due_counts
         if not self.motion.events:
             return due_counts
         event_counts = self.motion.tick * TICK_COUNTS
@@ -304,7 +302,7 @@ class Firmware:
         if node.due_us != self._dues_us[node.axis]:
             self._dues_us[node.axis] = node.due_us
             dues_us = [due_us for due_us in self._dues_us if due_us is not None]
-            self._due_counts = min(dues_us) * COUNTS_PER_US if dues_us else None
+            self.due_counts = min(dues_us) * COUNTS_PER_US if dues_us else None
         if node.pins.changes:
             self._switch_pins(node, now_counts)
 
@@ -313,10 +311,10 @@ class Firmware:
         driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
         for pin, level in node.pins.changes:
             counts = now_counts if pin in OUTPUT_PINS else driver_counts
-            self._pins.append(PinChange(counts, node.axis, pin, level))
+            self.pins.append(PinChange(counts, node.axis, pin, level))
         node.pins.changes.clear()
 
     def take_pins(self) -> list[PinChange]:
         """Return the pin changes since the last call, in order."""
-        pins, self._pins = self._pins, []
+        pins, self.pins = self.pins, []
         return pins

@@ -56,9 +56,9 @@ class TransmitQueue:
     """The frames of all nodes of a board that wait for a mailbox."""
 
     def __init__(self) -> None:
-        self._services: list[_Waiting] = []
+        self.services: list[_Waiting] = []
         """In the order in which they came."""
-        self._process_data: dict[tuple[int, int], Frame] = {}
+        self.process_data: dict[tuple[int, int], Frame] = {}
         """By node and number of the PDO, in the order that the PDOs began to wait."""
         self.due_counts: int | None = None
         """Instant when `take` ends a pause of the process data, if a mailbox is free; None if there is no pause."""
@@ -68,23 +68,23 @@ class TransmitQueue:
         """Instant when the last of them was taken."""
 
     def __len__(self) -> int:
-        return len(self._services) + len(self._process_data)
+        return len(self.services) + len(self.process_data)
 
     def room(self, node: int, service: Service) -> bool:
         """Return whether a further frame of a node's service has a place."""
-        waiting = sum(item.node == node and item.service is service for item in self._services)
+        waiting = sum(item.node == node and item.service is service for item in self.services)
         return waiting < PLACES[service]
 
     def put(self, node: int, service: Service, frame: Frame) -> bool:
         """Let a service's frame wait; return False if it is lost because its places are taken."""
-        if self._services and not self.room(node, service):
+        if self.services and not self.room(node, service):
             return False
-        self._services.append(_Waiting(node, service, frame))
+        self.services.append(_Waiting(node, service, frame))
         return True
 
     def put_process_data(self, node: int, number: int, frame: Frame) -> bool:
         """Let a PDO wait; return False if an older frame of the same PDO is lost, whose place it takes."""
-        waiting = self._process_data
+        waiting = self.process_data
         place = node, number
         fresh = place not in waiting
         waiting[place] = frame
@@ -92,16 +92,14 @@ class TransmitQueue:
 
     def drop(self, node: int) -> None:
         """Forget what waits for a node, whose communication is reset: its next frame is the boot-up message."""
-        self._services = [item for item in self._services if item.node != node]
-        self._process_data = {place: frame for place, frame in self._process_data.items() if place[0] != node}
-        if not self._process_data:
+        self.services = [item for item in self.services if item.node != node]
+        self.process_data = {place: frame for place, frame in self.process_data.items() if place[0] != node}
+        if not self.process_data:
             self.due_counts = None  # nothing waits for the end of the pause
 
     def waits(self, node: int) -> bool:
         """Return whether any frame of a node waits."""
-        return any(item.node == node for item in self._services) or any(
-            node == owner for owner, _ in self._process_data
-        )
+        return any(item.node == node for item in self.services) or any(node == owner for owner, _ in self.process_data)
 
     def take(self, mailboxes: Collection[Frame], idle_since_counts: int, now_counts: int) -> Frame | None:
         """Return the frame to put into a free mailbox now; None if all must wait.
@@ -117,14 +115,14 @@ class TransmitQueue:
         if not mailboxes and now_counts - idle_since_counts >= PAUSE_COUNTS:
             self._in_a_row = 0
         occupied = {frame.cob_id for frame in mailboxes}
-        for i, item in enumerate(self._services):
+        for i, item in enumerate(self.services):
             if item.frame.cob_id not in occupied:
-                del self._services[i]
+                del self.services[i]
                 return item.frame
-        if self._process_data and not self._pauses(None if mailboxes else idle_since_counts, now_counts):
-            for place, frame in self._process_data.items():
+        if self.process_data and not self._pauses(None if mailboxes else idle_since_counts, now_counts):
+            for place, frame in self.process_data.items():
                 if frame.cob_id not in occupied:
-                    del self._process_data[place]
+                    del self.process_data[place]
                     self._in_a_row += 1
                     self._last_counts = now_counts
                     return frame

@@ -121,9 +121,9 @@ class Board:
         self._hot = False
         """True while a driver holds its own Protect pin low."""
         self._watching_outputs = False
-        """True if the board must report each change of a digital output at once."""
-        self._output_changed = False
-        """True if a digital output has changed since `take_output_change`."""
+        """True if the board must note each change of a digital output at once."""
+        self.output_changed = False
+        """True if a digital output has changed; the reader resets it."""
         self.rotor_of: Callable[[int], Shaft] | None = None
         """Tells where an axis' rotor is, if motors turn with the board."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
@@ -185,7 +185,7 @@ class Board:
         """Switch the supply off, until `start`: as `power_cycle`, but the new controller stays off the bus."""
         self._take_pins()
         self._drivers.drop_pins(now_counts)
-        self._output_changed = True
+        self.output_changed = True
         self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
         self._fall_silent(self._drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
 
@@ -196,7 +196,7 @@ class Board:
         """
         self._take_pins()
         self._drivers.release_pins(now_counts)
-        self._output_changed = True
+        self.output_changed = True
         self._fall_silent(self._drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
 
     def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
@@ -396,9 +396,9 @@ class Board:
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
         firmware.poll(now_counts)
-        if firmware.transmit:
+        if firmware.transmit.services or firmware.transmit.process_data:
             self._fill_mailboxes(now_counts)
-        if self._hot or self._watching_outputs:
+        if firmware.pins and (self._hot or self._watching_outputs):
             self._take_pins()
 
     def _fill_mailboxes(self, now_counts: int) -> None:
@@ -410,10 +410,11 @@ class Board:
     @property
     def next_due_counts(self) -> int | None:
         """Instant of the board's next work of its own; None if there is none."""
-        due_counts, read_counts = self.firmware.next_due_counts, self.can.next_due_counts
+        firmware, read_counts = self.firmware, self.can.next_due_counts
+        due_counts = firmware.next_due_counts if firmware.motion.events else firmware.due_counts
         if due_counts is None or (read_counts is not None and read_counts < due_counts):
             due_counts = read_counts
-        pause_counts = self.firmware.transmit.due_counts
+        pause_counts = firmware.transmit.due_counts
         if pause_counts is not None and self.can.has_free_mailbox:  # if none is free, the next frame sent calls `poll`
             due_counts = pause_counts if due_counts is None else min(due_counts, pause_counts)
         if self._look_at_once:
@@ -465,7 +466,7 @@ class Board:
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
             self._drivers.set_pin(change)
-            self._output_changed |= change.pin in OUTPUT_PINS
+            self.output_changed |= change.pin in OUTPUT_PINS
             self._look_at_once |= self._hot and change.pin not in OUTPUT_PINS  # RESET may end the thermal shutdown
 
     @property
@@ -474,13 +475,8 @@ class Board:
         return self._drivers.pin_changes
 
     def watch_outputs(self) -> None:
-        """Let `take_output_change` know of each change at once."""
+        """Let `output_changed` tell of each change at once."""
         self._watching_outputs = True
-
-    def take_output_change(self) -> bool:
-        """Return whether a digital output has changed since the last call."""
-        changed, self._output_changed = self._output_changed, False
-        return changed
 
     def output_level(self, axis: int, pin: Pin) -> int:
         """Return the level of a digital output."""

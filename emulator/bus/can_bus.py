@@ -144,7 +144,8 @@ class Bus:
             elif station.on_bus:
                 continue
             if station.on_bus:
-                event_counts = max(self._free_counts, station.silent_until_counts)
+                silent_counts = station.silent_until_counts
+                event_counts = silent_counts if silent_counts > self._free_counts else self._free_counts
             else:
                 event_counts = self._recovery_counts(station)
             if next_counts is None or event_counts < next_counts:
@@ -174,16 +175,15 @@ class Bus:
         """
         if self._free_counts > now_counts:
             return
-        ready = [
-            station
-            for station in self._stations
-            if station.mailboxes and station.on_bus and station.silent_until_counts <= now_counts
-        ]
+        ready: list[CanController] = []
+        for station in self._stations:
+            if station.mailboxes and station.on_bus and station.silent_until_counts <= now_counts:
+                ready = [*ready, station]
         if not ready:
             return
         frame = ready[0].mailboxes[0]
         senders, outdone = ready, []
-        if len(ready) > 1:
+        if ready[1:]:
             frame = min((station.mailboxes[0] for station in ready), key=_bits_in_order)
             senders = [station for station in ready if station.mailboxes[0] == frame]
             outdone = [
@@ -262,7 +262,7 @@ class Bus:
         bits = frame_bits(frame)
         decided_bits = bits - VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
-        if fault or outdone or self._on_bus == len(senders):
+        if fault or outdone or senders[1:] or self._on_bus == 1:
             self._outcome = self._judge(senders, outdone, fault)
         if self._outcome is _Outcome.DOUBLED:
             bits += _ECHOED_FLAG_BITS + _DELIMITER_BITS

@@ -155,7 +155,8 @@ class CanController:
         """Remove a frame that was sent and acknowledged."""
         self.mailboxes.remove(frame)
         self.idle_since_counts = now_counts
-        self.on_sent(frame, now_counts)
+        if self.on_sent is not unheard:
+            self.on_sent(frame, now_counts)
         if self._queue:
             self._fill_mailboxes()
         if self.errors.transmit_errors or self._active:

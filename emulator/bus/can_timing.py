@@ -95,17 +95,17 @@ def _header(cob_id: int, length: int) -> _Header:
 
 def frame_bits(frame: Frame) -> int:
     """Return the frame's length in bits from SOF to the end of the intermission: 47 + 8n + stuff bits."""
-    data = frame.data
-    begins = frame.cob_id << 4 | len(data)
-    header = _headers.get(begins)
-    if header is None:
-        header = _headers[begins] = _header(frame.cob_id, len(data))
-    crc, crc_tables, row, stuffed = header
+    cob_id, data = frame
+    length = len(data)
+    begins = cob_id << 4 | length
+    if begins not in _headers:
+        _headers[begins] = _header(cob_id, length)
+    crc, crc_tables, row, stuffed = _headers[begins]
     for byte, crc_of in zip(data, crc_tables):  # noqa: B905  (equally long; the check costs time)
         crc ^= crc_of[byte]
         row, more = row[byte]
         stuffed += more
     row, high = row[_SEVEN_BITS + (crc >> 8)]
     low = row[crc & 0xFF][1]
-    payload = _HEADER_BITS + 8 * len(data) + 15
+    payload = _HEADER_BITS + 8 * length + 15
     return payload + stuffed + high + low + UNSTUFFED_TAIL_BITS

@@ -90,9 +90,12 @@ class ShelfWatch:
         """Return whether an output has changed since the last call or a look is due by itself."""
         changed = False
         for board in self._boards:
-            changed |= board.take_output_change()
+            if board.output_changed:
+                board.output_changed, changed = False, True
+        if changed or not self.shelf.held:
+            return changed
         due_counts = self.next_counts
-        return changed or (due_counts is not None and due_counts <= now_counts)
+        return due_counts is not None and due_counts <= now_counts
 
     def look(self, now_counts: int) -> list[tuple[int, SetInput]]:
         """Look; return the boards' inputs that change, with the numbers of the boards."""
