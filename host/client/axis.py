@@ -222,10 +222,12 @@ class AxisClient:
         """Write a string by SDO; raises as `read`."""
         self._dialogue(f"writing {text!r} to {od.place_text(address)}", lambda: self._download(address, text))
 
-    def ensure(self, address: int, value: int) -> None:
-        """Write a numeric object unless it has the value already; raises as `read`."""
-        if self.read(address) != value:
-            self.write(address, value)
+    def ensure(self, address: int, value: int) -> bool:
+        """Write a numeric object unless it has the value already; return whether it was written; raises as `read`."""
+        if self.read(address) == value:
+            return False
+        self.write(address, value)
+        return True
 
     def _download(self, address: int, text: str) -> None:
         self._node.sdo.download(*od.index_and_subindex(address), text.encode("ascii"))
@@ -279,13 +281,24 @@ class AxisClient:
         """Read the drive's state from its statusword."""
         return State.of(self.read(od.STATUSWORD))
 
+    def mode(self, statusword: int) -> int:
+        """Return the mode of operation; read it by SDO unless the last report has this statusword, which was read."""
+        report = self.drive_status
+        if report is not None and report.statusword == statusword:
+            return report.mode
+        return self.read(od.MODE_OF_OPERATION_DISPLAY)
+
     def executing(self) -> int:
         """Read the sequence number of the PVT record that is executed."""
         return self.read(od.PVT_EXECUTING_SEQUENCE)
 
+    def watch_for_restarts(self) -> None:
+        """Let `restarted` count from now."""
+        self._boots_since_enabled = 0
+
     def enable(self) -> None:
         """Lead the drive to OPERATION ENABLED by its controlwords; raise DeviceFaultError if it stays elsewhere."""
-        self._boots_since_enabled = 0
+        self.watch_for_restarts()
         state = State.NOT_READY_TO_SWITCH_ON
 
         def settled() -> bool:

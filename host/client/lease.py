@@ -33,9 +33,16 @@ class Lease:
                 raise _taken(axis)
 
     def claim(self) -> None:
-        """Claim all axes, or claim them again; raise BusError, with nothing claimed, if another program has one."""
+        """Claim all axes; raise BusError, with nothing claimed, if another program has one."""
         for axis in self._axes:
             if not self._take(axis):
+                self.release()
+                raise _taken(axis)
+
+    def keep(self) -> None:
+        """Claim again what was lost since `claim`; raises as it does."""
+        for axis in self._axes:
+            if axis.read(od.CHARGE_TOKEN) != self._token and not self._take(axis):
                 self.release()
                 raise _taken(axis)
 

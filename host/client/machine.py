@@ -1,6 +1,6 @@
 """The axes of a robot on the bus: set up, home, run a trajectory, disconnect."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from itertools import count
 from math import ceil
@@ -71,12 +71,12 @@ class Machine:
                 axis.write(address, value)
             axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
         self._heartbeat.start()
-        self.link.network.nmt.state = "OPERATIONAL"
+        self.start_nodes()
 
-    def adopt(self, objects: Sequence[Objects]) -> None:
+    def adopt(self, objects: Sequence[Objects]) -> bool:
         """Take over a board that may be set up and enabled: write only values that differ, make it watch this host.
 
-        If a node is not OPERATIONAL, all are brought there; no node leaves that state.
+        Return whether a value was written.
 
         Raises:
             DeviceFaultError: an axis refuses a value; it takes its driver's settings only while its power is off.
@@ -88,16 +88,18 @@ class Machine:
             axis.ensure(od.ABORT_CONNECTION_OPTION, AbortConnection.FAULT_SIGNAL)
             axis.write(od.CONSUMER_HEARTBEATS[0], WATCH_HOST)
         self._heartbeat.beat()  # before anything moves, so that even a host that is killed at once is missed
-        for axis, entries in zip(self.axes, objects, strict=True):
-            for address, value in entries:
-                axis.ensure(address, value)
-        if not all(axis.read(od.STATUSWORD) & Status.REMOTE for axis in self.axes):
-            self.link.network.nmt.state = "OPERATIONAL"
+        own = zip(self.axes, objects, strict=True)
+        written = [axis.ensure(*entry) for axis, entries in own for entry in entries]
+        return any(written)
 
-    def enable(self) -> None:
-        """Enable every drive."""
-        for axis in self.axes:
-            axis.enable()
+    def start_nodes(self) -> None:
+        """Let all nodes exchange process data; those that do it go on."""
+        self.link.network.nmt.state = "OPERATIONAL"
+
+    def enable(self, axes: Collection[int] | None = None) -> None:
+        """Enable these drives; None: all."""
+        for i in range(len(self.axes)) if axes is None else axes:
+            self.axes[i].enable()
 
     def disable(self) -> None:
         """Switch every drive off."""
@@ -146,9 +148,16 @@ class Machine:
         for group in [homings] if together else [[homing] for homing in homings]:
             run_homings(self.link, group, lambda: progress(next(homed) / len(homings)))
 
-    def positions_units(self) -> list[int]:
-        """Return the position actual value (6064h) of each axis, by its step counter."""
-        return [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
+    def positions_units(self, moved: Collection[int] | None = None) -> list[int]:
+        """Return the position actual value (6064h) of each axis, by its step counter.
+
+        It is read of the axes that have `moved`; None: all. The others stand where they last reported.
+        """
+        reports = [None if moved is None or i in moved else axis.drive_status for i, axis in enumerate(self.axes)]
+        return [
+            axis.read(od.POSITION_ACTUAL) if report is None else report.position_units
+            for axis, report in zip(self.axes, reports, strict=True)
+        ]
 
     # --- trajectories
 

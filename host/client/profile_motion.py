@@ -3,7 +3,7 @@
 The client follows such a motion by the axes' own reports, so other programs on the bus may use SDO meanwhile.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -27,9 +27,10 @@ _STALL_S: Final = 5.0
 class ProfileMove:
     """The move of one axis: target position (607Ah), profile velocity (6081h) and the acceleration of both ramps.
 
-    The profile acceleration (6083h) and the profile deceleration (6084h) are the same.
+    The profile acceleration (6083h) and the profile deceleration (6084h) are the same. The way leads to the target.
     """
 
+    way_units: int
     target_units: int
     velocity_units_per_s: int
     acceleration_units_per_s2: int
@@ -47,34 +48,35 @@ class VelocityTarget(NamedTuple):
 
 
 def move_together(
-    link: Link, axes: Sequence[AxisClient], moves: Sequence[ProfileMove], progress: Callable[[float], None]
+    link: Link, axes: Sequence[AxisClient], moves: Mapping[int, ProfileMove], progress: Callable[[float], None]
 ) -> None:
-    """Start moves of enabled axes in the same servo tick and wait until all have arrived.
+    """Start moves of enabled axes in the same servo tick and wait until all have arrived; the other axes stand.
 
     Raises:
-        DeviceFaultError: a drive is in fault or was stopped on the way.
+        DeviceFaultError: a drive is in fault or was stopped on the way, also one that stands.
         BusError: an axis sends no reports, does not start or does not go on.
     """
-    starts = [axis.read(od.POSITION_ACTUAL) for axis in axes]
-    for axis, move in zip(axes, moves, strict=True):
+    moving = [axes[i] for i in moves]
+    for axis, move in zip(moving, moves.values(), strict=True):
         _enter(axis, Mode.PROFILE_POSITION)
         axis.write(od.TARGET_POSITION, move.target_units)
         axis.write(od.PROFILE_VELOCITY, move.velocity_units_per_s)
         axis.write(od.PROFILE_ACCELERATION, move.acceleration_units_per_s2)
         axis.write(od.PROFILE_DECELERATION, move.acceleration_units_per_s2)
+    for axis in axes:
         axis.drive_status = None
-    _at_next_sync(link, axes, ENABLE_OPERATION | Control.START)
-    longest = max(range(len(axes)), key=lambda i: abs(moves[i].target_units - starts[i]))
-    way_units = moves[longest].target_units - starts[longest]
+    _at_next_sync(link, moving, ENABLE_OPERATION | Control.START)
+    longest, longest_move = max(moves.items(), key=lambda move: abs(move[1].way_units))
 
     def arrived() -> bool:
         status = axes[longest].drive_status
-        if status is not None and way_units:
-            progress((status.position_units - starts[longest]) / way_units)
-        return all(map(_arrived, axes))
+        if status is not None:
+            left = (longest_move.target_units - status.position_units) / longest_move.way_units
+            progress(min(1.0, max(0.0, 1.0 - left)))
+        return all(map(_arrived, moving))
 
     follow(link, axes, arrived, stall_s=_STALL_S)
-    for axis in axes:
+    for axis in moving:
         axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
 

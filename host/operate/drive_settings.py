@@ -92,7 +92,6 @@ def write_drive_setting(session: Session, setting: DriveSetting, value: float, j
     """
     setting.check(value)
     axes = session.machine.axes if joint is None else (session.machine.axes[session.robot.index_of(joint)],)
-    with session.alone():
-        session.require_idle("settings")
+    with session.alone("settings"):
         for axis in axes:
             axis.ensure(setting.address, round(value * setting.per_unit))

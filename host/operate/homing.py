@@ -6,7 +6,7 @@ from math import ceil, floor
 
 from steptwin.host.client import HomingSettings, Progress
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.moving import check_goal, goal_units, move_within
+from steptwin.host.operate.moving import check_goal, move_within, units_at
 from steptwin.host.operate.recovering import AxisState, axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
@@ -89,8 +89,8 @@ def home_robot(
     """
     robot = session.robot
     chosen = check_homing(robot, robot.joint_names if joints is None else joints)
-    with session.in_charge("home", known=False) as machine:
-        session.require_known(_needed(robot, chosen))
+    with session.charge("home", needs=_needed(robot, chosen)) as charge:
+        machine = charge.enable()
         homed = 0
         for level in robot.coupling.homing_levels(len(robot.joints)):
             own = [axis for axis in level if axis in chosen]
@@ -100,7 +100,7 @@ def home_robot(
         if not stay:
             goal = [home if axis in chosen else None for axis, home in enumerate(robot.home)]
             start_units = session.demanded_units()
-            move_within(session, start_units, goal_units(session, start_units, goal))
+            move_within(session, start_units, units_at(session, start_units, goal))
         return axis_states(session)
 
 
@@ -149,6 +149,6 @@ def declare(session: Session, joints: list[float]) -> list[AxisState]:
     Raises as `home_robot`, and InputError if a joint is outside its limits.
     """
     check_goal(session.robot, joints)
-    with session.in_charge("home", known=False) as machine:
-        machine.preset(session.units(joints))
+    with session.charge("home", needs=()) as charge:
+        charge.enable().preset(session.units(joints))
         return axis_states(session)

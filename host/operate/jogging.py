@@ -22,9 +22,9 @@ from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_least, at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.moving import move_within, standing_joints
-from steptwin.host.operate.session import Session
-from steptwin.host.operate.setting_up import clear_targets
+from steptwin.host.operate.moving import move_within
+from steptwin.host.operate.session import MachineCharge, Session
+from steptwin.host.operate.setting_up import clear_targets, restore_decelerations
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.tool_by_hand import check_tool_jog, plan_tool_jog
 from steptwin.host.robots.joint import Joint
@@ -54,19 +54,19 @@ def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[]
         DeviceFaultError, BusError: as `execute_live`.
     """
     check_tool_jog(coordinate, speed)
-    with session.alone():
-        plan = plan_tool_jog(session.robot, standing_joints(session, "jog"), coordinate, speed)
-        with session.in_charge("jog") as machine:
-            move_within(session, session.demanded_units(), plan.start_units)
-            start = session.positions(plan.start_units)
-            if until():
-                return ToolJogged(coordinate, start, start, at_end=False)
-            stream = machine.start(plan.records(), plan.start_units)
-            while not (stream.ended or until()):
-                machine.wait(POLL_S)
-            if not stream.ended:
-                abandon_trajectory(machine)
-            end = session.positions(machine.positions_units())
+    with session.charge("jog") as charge:
+        plan = plan_tool_jog(session.robot, charge.start.joints, coordinate, speed)
+        machine = charge.enable()
+        move_within(session, charge.start.units, plan.start_units)
+        start = session.positions(plan.start_units)
+        if until():
+            return ToolJogged(coordinate, start, start, at_end=False)
+        stream = machine.start(plan.records(), plan.start_units)
+        while not (stream.ended or until()):
+            machine.wait(POLL_S)
+        if not stream.ended:
+            abandon_trajectory(machine)
+        end = session.positions(machine.positions_units())
     return ToolJogged(coordinate, start, end, at_end=stream.ended)
 
 
@@ -121,11 +121,12 @@ def jog(
     joint = robot.joints.index(check_jog(robot, name, speed))
     axes = {i: session.machine.axes[i] for i in robot.coupling.axes_moved_by(joint)}
     moving = list(axes.values())
-    with session.in_charge("jog", known=False):
-        start = session.positions(session.machine.positions_units())[joint]
+    with session.charge("jog", needs=()) as charge:
+        charge.enable(axes)
+        start = _position(charge, joint)
         if until():
             return Jogged(name, start, start, at_limit=False)
-        _set_limits(session, joint, axes)
+        _set_limits(charge, joint, axes)
         drives = _drives(robot, joint, speed, axes)
         _start(session, drives)
         until_s = session.link.now_s() + (inf if seconds is None else seconds)
@@ -141,7 +142,8 @@ def jog(
         at_limit = all(map(_at_limit, moving))
         _halt(session, moving)
         clear_targets(moving)
-        end = session.positions(session.machine.positions_units())[joint]
+        restore_decelerations(session.machine, robot, axes)
+        end = _position(charge, joint)
     return Jogged(name, start, end, at_limit)
 
 
@@ -173,27 +175,29 @@ def _halt(session: Session, axes: list[AxisClient]) -> None:
         halt_together(session.link, axes)
 
 
-def _set_limits(session: Session, joint: int, axes: dict[int, AxisClient]) -> None:
+def _position(charge: MachineCharge, joint: int) -> float:
+    """Read where a joint is, from the step counters of the axes on which it depends."""
+    session, units = charge.session, list(charge.start.units)
+    for axis in session.robot.coupling.axes_of(joint):
+        units[axis] = session.machine.axes[axis].read(od.POSITION_ACTUAL)
+    return session.positions(units)[joint]
+
+
+def _set_limits(charge: MachineCharge, joint: int, axes: dict[int, AxisClient]) -> None:
     """Let the axes end at the joint's limits, so that the board keeps these even if this program dies.
 
     The other joints stand, so each axis has its own way to a limit, and all come to its end at the same time. The way
     is known if the positions are known of these axes and of those on which the joint's position depends.
     """
-    robot, nodes = session.robot, session.machine.axes
-    needed = axes.keys() | robot.coupling.axes_of(joint).keys()
-    if not all(nodes[i].read(od.STATUSWORD) & Status.POSITION_KNOWN for i in needed):
+    robot = charge.session.robot
+    if not charge.start.knows(axes.keys() | robot.coupling.axes_of(joint).keys()):
         return
-    here = np.array(session.positions(session.demanded_units()))
-    ends = np.array([here, here])
+    ends = np.array([charge.start.joints, charge.start.joints])
     ends[:, joint] = robot.joints[joint].lower, robot.joints[joint].upper
     axis_ends = robot.coupling.to_axes(ends) * robot.wire_units_per_unit
     for i, axis in axes.items():
-        low, high = ceil(axis_ends[:, i].min()), floor(axis_ends[:, i].max())
-        limits = [(od.POSITION_LIMIT_MIN, low), (od.POSITION_LIMIT_MAX, high)]
-        if low > axis.read(od.POSITION_LIMIT_MAX):  # an axis refuses a low limit above its high one
-            limits.reverse()
-        for address, limit in limits:
-            axis.ensure(address, limit)
+        axis.write(od.POSITION_LIMIT_MIN, ceil(axis_ends[:, i].min()))
+        axis.write(od.POSITION_LIMIT_MAX, floor(axis_ends[:, i].max()))
 
 
 def _at_limit(axis: AxisClient) -> bool:

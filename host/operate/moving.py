@@ -1,6 +1,6 @@
 """Move all axes to a joint position or a tool pose by their own profiles, so that they arrive together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -10,7 +10,7 @@ from steptwin.host.client import Progress
 from steptwin.host.client.profile_motion import VELOCITY_MIN_UNITS_PER_S, ProfileMove, move_together
 from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.session import Session
+from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.setting_up import restore_decelerations
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
@@ -20,15 +20,22 @@ from steptwin.host.robots.kinematics import make_kinematics, pose_words
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
+Goal = Sequence[float | None] | Callable[[list[float]], Sequence[float | None]]
+"""Joint positions in mm and degrees, None for a joint that stays; or a function of those where the machine stands."""
+
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A finished move: joint positions in mm and degrees, and the planned duration."""
+    """A finished move: joint positions in mm and degrees, the planned duration, and the tool's pose at the end.
+
+    The pose is None unless every joint knows its position.
+    """
 
     start: list[float]
     goal: list[float]
     end: list[float]
     planned_s: float
+    pose: dict[str, float] | None
 
 
 def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
@@ -75,54 +82,53 @@ def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[f
     return [float(position) for position in nearest]
 
 
-def standing_joints(session: Session, what: str = "move") -> list[float]:
-    """Return the joint position at which the machine stands; raise as `move` if it cannot be moved now.
-
-    `what` names the action in messages.
-    """
-    session.require_ready(what)
-    return session.positions(session.demanded_units())
-
-
 def move(
     session: Session,
-    goal: Sequence[float | None],
+    goal: Goal,
     *,
     speed_percent: float = 100.0,
     progress: Progress = lambda _: None,
-    anywhere: bool = False,
 ) -> Moved:
     """Move joints to a position, straight in joint space.
 
-    The goal is in mm and degrees, None for a joint that stays. Such a joint may stand outside its limits or, unless it
-    is coupled to one that moves, not know its position, as after an interrupted homing: it does not move. StepTwin
-    knows no obstacles: the operator must watch the machine. `speed_percent` is the part of the joints' speed and
-    acceleration limits to use. `progress` is called with the part of the longest way that is covered. With `anywhere`
-    the goal may be outside the limits and positions may be unknown.
+    A joint that stays may stand outside its limits or, unless it is coupled to one that moves, not know its position,
+    as after an interrupted homing: it does not move. For a goal that is a function, all positions must be known.
+    StepTwin knows no obstacles: the operator must watch the machine. `speed_percent` is the part of the joints' speed
+    and acceleration limits to use. `progress` is called with the part of the longest way that is covered.
 
     Raises:
-        InputError: a joint's goal is outside its limits, or a program that claims no lease moves the machine.
+        InputError: a joint's goal is outside its limits, or a program that claims no charge moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or a joint that is to move does not know its position.
         BusError: another program is in charge, or a node does not answer.
     """
-    if not anywhere:
-        check_goal(session.robot, goal)
-    session.require_ready("move", known=False)
-    if not anywhere:
-        session.require_known(session.robot.joint_names[axis] for axis in axes_concerned(session.robot, goal))
-    with session.in_charge("move", known=False):
-        start_units = session.demanded_units()
-        start = session.positions(start_units)
-        planned_s = move_within(session, start_units, goal_units(session, start_units, goal), speed_percent, progress)
-        end_units = session.machine.positions_units()
-    return Moved(start, _reached(start, goal), session.positions(end_units), planned_s)
+    robot, needs = session.robot, None
+    if not callable(goal):
+        check_goal(robot, goal)
+        needs = [robot.joint_names[axis] for axis in axes_concerned(robot, goal)]
+    with session.charge("move", needs=needs) as charge:
+        if callable(goal):
+            goal = goal(charge.start.joints)
+            check_goal(robot, goal)
+        return move_joints(charge, goal, speed_percent, progress)
+
+
+def move_joints(charge: MachineCharge, goal: Sequence[float | None], speed_percent: float, progress: Progress) -> Moved:
+    """Make a move of a machine in charge, wherever the goal is; arguments and errors are those of `move`."""
+    session, start = charge.session, charge.start
+    goal_units = units_at(session, start.units, goal)
+    moving = ways(start.units, goal_units)
+    machine = charge.enable(moving)
+    planned_s = move_within(session, start.units, goal_units, speed_percent, progress)
+    end = session.positions(machine.positions_units(moving))
+    pose = session.pose(end) if charge.start.knows() else None
+    return Moved(start.joints, _reached(start.joints, goal), end, planned_s, pose)
 
 
 def _reached(start: list[float], goal: Sequence[float | None]) -> list[float]:
     return [standing if position is None else position for position, standing in zip(goal, start, strict=True)]
 
 
-def goal_units(session: Session, start_units: list[int], goal: Sequence[float | None]) -> list[int]:
+def units_at(session: Session, start_units: list[int], goal: Sequence[float | None]) -> list[int]:
     """Return where the axes go when the joints with a goal do, in wire units; an axis that need not move stays."""
     reached = session.units(_reached(session.positions(start_units), goal))
     moved = _axes_moved(session.robot, goal)
@@ -141,6 +147,12 @@ def axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
     return moved | {other for axis in moved for joint in coupling.joints_of(axis) for other in coupling.axes_of(joint)}
 
 
+def ways(start_units: Sequence[int], goal_units: Sequence[int]) -> dict[int, int]:
+    """Return the way of each axis that has one, in wire units."""
+    both = zip(start_units, goal_units, strict=True)
+    return {axis: goal - start for axis, (start, goal) in enumerate(both) if goal != start}
+
+
 def move_within(
     session: Session,
     start_units: list[int],
@@ -148,7 +160,7 @@ def move_within(
     speed_percent: float = 100.0,
     progress: Progress = lambda _: None,
 ) -> float:
-    """Make a move inside `in_charge`; return its planned duration in seconds.
+    """Make a move of enabled axes; return its planned duration in seconds.
 
     Afterwards a halt brakes as before it: what follows may be a trajectory.
     """
@@ -156,7 +168,7 @@ def move_within(
         return 0.0
     moves, planned_s = synchronised(session.robot, start_units, goal_units, speed_percent)
     move_together(session.link, session.machine.axes, moves, progress)
-    restore_decelerations(session.machine, session.robot)
+    restore_decelerations(session.machine, session.robot, moves)
     return planned_s
 
 
@@ -169,16 +181,15 @@ def together(robot: Robot, start_units: list[int], goal_units: list[int], speed_
 
 def synchronised(
     robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
-) -> tuple[list[ProfileMove], float]:
-    """Scale one trapezoid, with ramps of whole ms, to the way of each axis, so that all arrive together.
+) -> tuple[dict[int, ProfileMove], float]:
+    """Scale one trapezoid, with ramps of whole ms, to the way of each axis that has one, so that all arrive together.
 
     At least one axis must have a way. `speed_percent` is the part of the joints' speed and acceleration limits to use.
-    Return the move of each axis, and the duration in seconds.
+    Return the move of each of these axes, and the duration in seconds.
     """
     law = together(robot, start_units, goal_units, speed_percent)
-    ways_units = np.subtract(goal_units, start_units)
-    moves = []
-    for target, way in zip(goal_units, ways_units.tolist(), strict=True):
+    moves = {}
+    for axis, way in ways(start_units, goal_units).items():
         velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
-        moves.append(ProfileMove(target, velocity, ceil(velocity / law.ramp_s)))
+        moves[axis] = ProfileMove(way, goal_units[axis], velocity, ceil(velocity / law.ramp_s))
     return moves, law.duration_s

@@ -56,8 +56,7 @@ def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
     """
     asked_s = session.link.now_s() - age_s
     wake(session)
-    with session.alone():
-        session.require_idle("reset")
+    with session.alone("reset"):
         for axis in session.machine.axes:
             if not axis.read(od.STATUSWORD) & Status.REMOTE:
                 axis.start_node()

@@ -12,7 +12,7 @@ from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.input_waiting import Waited, executed, input_waits, waited, waits_document
 from steptwin.host.operate.moving import move_within, together
-from steptwin.host.operate.session import Session
+from steptwin.host.operate.session import MachineAtRest, MachineCharge, Session
 from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.clearance import first_contact, ways_around
 from steptwin.host.planning.plan import Plan
@@ -110,14 +110,12 @@ def execute_live(
         BusError: another program is in charge, or a node does not answer.
     """
     check_repeatable(plan, repeat)
-    with session.alone():
-        session.require_ready("run")
-        start_units = session.demanded_units()
+    with session.charge("run") as charge:
         if approach:
-            _check_way(session, start_units, plan)
+            _check_way(charge.start, plan)
         else:
-            _check_start(plan, session.positions(start_units))
-        return _execute(session, plan, job, repeat, progress, begun)
+            _check_start(plan, charge.start.joints)
+        return run_plan(charge, plan, job, repeat=repeat, progress=progress, begun=begun)
 
 
 def _check_start(plan: Plan, joints: list[float]) -> None:
@@ -127,19 +125,18 @@ def _check_start(plan: Plan, joints: list[float]) -> None:
         raise InputError(f"{error}; approach=True moves it there first") from error
 
 
-def _check_way(session: Session, start_units: list[int], plan: Plan) -> None:
+def _check_way(start: MachineAtRest, plan: Plan) -> None:
     """Raise InputError if the way to the plan's start passes too near to the robot's shelf."""
-    robot = session.robot
-    start, goal = session.positions(start_units), session.positions(plan.start_units)
-    contact = first_contact(robot, start, goal)
+    robot = plan.robot
+    contact = first_contact(robot, start.joints, plan.start_joints)
     if contact is None:
         return
     at_s = 0.0
     if contact.part_of_way:
-        at_s = together(robot, start_units, plan.start_units).time_of(contact.part_of_way)
+        at_s = together(robot, start.units, plan.start_units).time_of(contact.part_of_way)
     x_mm, y_mm, z_mm = contact.at_mm
     unit = robot.joint(contact.joint).unit
-    first = ways_around(robot, start, goal)
+    first = ways_around(robot, start.joints, plan.start_joints)
     clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
     said = (
         f"{contact.joint} at {contact.position:.4f} {unit}, {at_s:.3f} s on the way to the start, brings"
@@ -148,24 +145,32 @@ def _check_way(session: Session, start_units: list[int], plan: Plan) -> None:
     raise InputError(f"approach=True: {said}").plainly(said)
 
 
-def _execute(
-    session: Session, plan: Plan, job: str, repeat: int, progress: Progress, begun: Callable[[], None]
+def run_plan(
+    charge: MachineCharge,
+    plan: Plan,
+    job: str,
+    *,
+    repeat: int = 1,
+    progress: Progress = lambda _: None,
+    begun: Callable[[], None] = lambda: None,
 ) -> LiveOutcome:
+    """Move a machine in charge to a plan's start, and run it; arguments and errors are those of `execute_live`."""
+    session = charge.session
     started_s = time.perf_counter()
     outputs, waits = output_commands(plan.robot, plan.trajectory), input_waits(plan)
     holds_ms: tuple[int, ...] = ()
-    with session.in_charge("run") as machine:
-        repetitions, axes = 0, tuple[AxisEnd, ...]()
-        while repetitions < repeat and all(axis.passed for axis in axes):
-            move_within(session, session.demanded_units(), plan.start_units)
-            machine.run(plan.records(), plan.start_units, progress, outputs, waits, begun)
-            holds_ms = machine.holds_ms
-            session.link.wait(_SETTLED_S)
-            check_faults(session.link, machine.axes)
-            check_enabled(machine.axes)
-            axes = _ends(machine, plan)
-            repetitions += 1
-        end = session.positions([axis.end_units for axis in axes])
+    machine = charge.enable()
+    move_within(session, charge.start.units, plan.start_units)
+    repetitions, axes = 0, tuple[AxisEnd, ...]()
+    while repetitions < repeat and all(axis.passed for axis in axes):
+        machine.run(plan.records(), plan.start_units, progress, outputs, waits, begun)
+        holds_ms = machine.holds_ms
+        session.link.wait(_SETTLED_S)
+        check_faults(session.link, machine.axes)
+        check_enabled(machine.axes)
+        axes = _ends(machine, plan)
+        repetitions += 1
+    end = session.positions([axis.end_units for axis in axes])
     waits_made, wall_s = waited(plan, holds_ms), time.perf_counter() - started_s
     made = executed(plan, holds_ms)
     return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits_made)

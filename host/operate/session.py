@@ -1,25 +1,26 @@
-"""A robot on the bus: its machine, its units, and the rules for taking charge of a board that may be in use."""
+"""A robot on the bus: its machine, its units, and the gate: what is asked of a machine before a program moves it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from steptwin.host.client import Link, Machine
-from steptwin.host.client.axis import AxisClient
+from steptwin.host.client.axis import AxisClient, Objects
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
 from steptwin.host.client.faults import await_reports
 from steptwin.host.client.lease import Lease
 from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.joint_positions import faulty_drive
-from steptwin.host.operate.setting_up import clear_targets, take_over
+from steptwin.host.operate.setting_up import clear_targets, objects_of
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.cia402 import Mode, State, Status
 from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
 
 
@@ -51,7 +52,7 @@ class Session:
         self.link = link
         self.robot = robot
         self.machine = Machine(link, robot.joint_names)
-        self._lease = Lease(self.machine.axes, token)
+        self.lease = Lease(self.machine.axes, token)
         self._stops_known: int | None = None
         """Stops that the axes had reported when the present action began; None without an action."""
 
@@ -114,7 +115,7 @@ class Session:
     def one_action(self) -> Iterator[None]:
         """Let all that the block does be one action: a stop that comes meanwhile makes the rest of it void.
 
-        The axes then refuse by themselves what has begun; `in_charge` refuses to begin, also after a reset.
+        The axes then refuse by themselves what has begun; `MachineCharge.enable` refuses to begin, also after a reset.
         """
         if self._stops_known is not None:  # a part of an action
             yield
@@ -128,110 +129,188 @@ class Session:
     def _stops(self) -> int:
         return sum(axis.stops for axis in self.machine.axes)
 
-    def _require_no_stop(self, what: str) -> None:
+    def require_no_stop(self, what: str) -> None:
+        """Raise DeviceFaultError if the machine was stopped, or a node restarted, after the present action began."""
+        for axis in self.machine.axes:
+            if axis.restarted:
+                raise axis.restart()
         if self._stops_known != self._stops():
             raise DeviceFaultError(f"{what}: void, since the machine was stopped after this was asked for")
 
     # --- taking charge
 
-    def require_ready(self, what: str, *, known: bool = True) -> None:
-        """Check that this program may take charge of the machine; raises as `in_charge`."""
-        self._lease.require_free()
-        self.require_idle(what)
-        for axis in self.machine.axes:
-            self._check(axis, known=known)
-
-    def require_known(self, names: Iterable[str]) -> None:
-        """Raise DeviceFaultError unless these axes know their positions."""
-        wanted = set(names)
-        for axis in self.machine.axes:
-            if axis.name in wanted:
-                _check_known(axis, axis.read(od.STATUSWORD))
-
-    def known_pose(self, joints: list[float]) -> dict[str, float] | None:
-        """Return the tool's pose as `pose` does; None, too, while an axis does not know its position."""
-        known = all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in self.machine.axes)
-        return self.pose(joints) if known else None
+    def look(self, what: str) -> "MachineAtRest":
+        """Ask the axes what `charge` asks them, without taking charge; nothing on the machine changes."""
+        self.lease.require_free()
+        return self.ask(what, None)
 
     @contextmanager
-    def in_charge(self, what: str, *, known: bool = True) -> Iterator[Machine]:
-        """Take charge of the machine: set it up, let its axes watch this host, enable the drives.
+    def charge(self, what: str, *, needs: Collection[str] | None = None) -> Iterator["MachineCharge"]:
+        """Go through the gate: take charge of the machine, and by `MachineCharge.enable` set it up to move it.
 
-        Leaving the context by an error or by Ctrl-C stops all axes first and takes back their targets. Afterwards the
-        drives stay enabled and hold their positions. `what` names the action in messages; with `known` every axis must
-        know its position.
+        Whoever is inside asks nothing again. Leaving by an error or by Ctrl-C stops all axes first, once they are set
+        up, and takes back their targets. Afterwards the drives stay enabled and hold their positions.
+
+        The gate asks each axis:
+            - that no other program is in charge: the axis takes this program's token;
+            - that no trajectory runs, which a program may stream that claims no charge;
+            - that its drive is not in fault, that it rests, and where;
+            - that it knows its position, if it is among `needs`.
+        `MachineCharge.enable` asks, too, that it is a stepper axis, has the settings of the robot's file, watches this
+        host, is still in this program's charge, and that nothing has stopped it since the action began. Whose board it
+        is, `foreign_board` asks when a program connects.
+
+        Args:
+            what: names the action in messages.
+            needs: names of the axes that must know their positions; None: all.
 
         Raises:
-            InputError: a program that claims no lease moves the machine.
+            InputError: a program that claims no charge moves the machine.
             DeviceFaultError: a drive is in fault, has no known position, or refuses a value; or the machine was stopped
                 after the action began.
             BusError: another program is in charge, or a node does not answer.
         """
-        with self.one_action(), self.alone():
-            self.require_ready(what, known=known)
+        with self.one_action(), self._claimed():
+            charge = MachineCharge(self, what, needs)
             try:
-                take_over(self.machine, self.robot)
-                self._lease.claim()  # once more: a computer that was too slow may have lost it before the heartbeat
-                self._require_no_stop(what)
-                self.machine.enable()
-                self._require_no_stop(what)
-                yield self.machine
+                yield charge
             except BaseException as error:
-                self._stop_after(error)
+                if charge.begun:
+                    charge.stop_after(error)
                 raise
             finally:
-                with suppress(StepTwinError):
-                    self._leave()
+                if charge.begun:
+                    with suppress(StepTwinError):
+                        charge.leave()
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Keep other programs from taking charge: for a second, unless the block takes charge itself, which ends it.
+    def alone(self, what: str) -> Iterator[None]:
+        """Keep other programs from taking charge for a second, while nothing moves. Raises as `charge`."""
+        with self._claimed():
+            self.require_idle(what)
+            yield
 
-        Raises:
-            BusError: another program is in charge, or a node does not answer.
-        """
-        self._lease.claim()
+    @contextmanager
+    def _claimed(self) -> Iterator[None]:
+        self.lease.claim()
         try:
             yield
         finally:
-            self._lease.release()
+            self.lease.release()
 
-    def _leave(self) -> None:
-        """Let the axes stop watching this host, unless they have lost it and another program is in charge now."""
-        try:
-            self._lease.claim()
-            self.machine.disconnect()
-        finally:
-            self.machine.fall_silent()
+    def ask(self, what: str, needs: Collection[str] | None) -> "MachineAtRest":
+        """Ask the axes how they are; raise as `charge` unless they may move."""
+        self.require_idle(what)
+        drives = tuple(self._ask_axis(axis, needs) for axis in self.machine.axes)
+        units = self.demanded_units()
+        return MachineAtRest(drives, units, self.positions(units))
 
-    def _stop_after(self, error: BaseException) -> None:
+    def _ask_axis(self, axis: AxisClient, needs: Collection[str] | None) -> "RestingDrive":
+        axis.watch_for_restarts()
+        statusword = axis.read(od.STATUSWORD)
+        state, mode = State.of(statusword), axis.mode(statusword)
+        known = bool(statusword & Status.POSITION_KNOWN)
+        if state in FAULT_STATES:
+            raise faulty_drive(axis, state)
+        if not at_rest(statusword, mode):
+            raise _still_moving(f"{axis.name}: is moving")
+        if not known and (needs is None or axis.name in needs):
+            raise DeviceFaultError(
+                f"{axis.name}: the position is unknown: home the machine first, `steptwin home`"
+            ).plainly(f"{axis.name}: the position is unknown: home the machine first")
+        return RestingDrive(state, mode, known=known, operational=bool(statusword & Status.REMOTE))
+
+
+class RestingDrive(NamedTuple):
+    """A drive at rest: its state and mode, whether it knows its position, and whether its node reports by itself."""
+
+    state: State
+    mode: int
+    known: bool
+    operational: bool
+
+
+class MachineAtRest(NamedTuple):
+    """A machine at rest, as its axes said at the gate: whoever moves it need not ask them again.
+
+    Attributes:
+        drives: the drive of each axis.
+        units: position demand value (6062h) of each axis, from which the next motion begins.
+        joints: the same in mm and degrees.
+    """
+
+    drives: tuple[RestingDrive, ...]
+    units: list[int]
+    joints: list[float]
+
+    def knows(self, axes: Iterable[int] | None = None) -> bool:
+        """Return whether these axes know their positions; None: all."""
+        return all(self.drives[axis].known for axis in (range(len(self.drives)) if axes is None else axes))
+
+
+class MachineCharge:
+    """This program's charge of a machine, from `Session.charge`; `start` is how the machine stood then."""
+
+    def __init__(self, session: Session, what: str, needs: Collection[str] | None) -> None:
+        self.session = session
+        self.start = session.ask(what, needs)
+        self._what = what
+        self._needs = needs
+        self.begun = False
+        """True once the axes are being set up: from then on an error stops them."""
+
+    def enable(self, moving: Collection[int] | None = None) -> Machine:
+        """Set the machine up, let its axes watch this host, enable the drives. Raises as `Session.charge`.
+
+        `moving` has the axes that will move; None: all. Of the others, the limits and targets of an earlier program
+        stay, which nothing uses.
+        """
+        session, machine = self.session, self.session.machine
+        self.begun = True
+        changed = machine.adopt(self._objects(moving))
+        if not all(drive.operational for drive in self.start.drives):
+            machine.start_nodes()
+        session.lease.keep()  # a computer that was too slow may have lost it before the heartbeat
+        session.require_no_stop(self._what)
+        if changed:  # another microstep mode loses the position
+            self.start = session.ask(self._what, self._needs)
+        machine.enable([axis for axis, drive in enumerate(self.start.drives) if not _is_enabled(drive)])
+        session.require_no_stop(self._what)
+        return machine
+
+    def _objects(self, moving: Collection[int] | None) -> list[Objects]:
+        """Return what each axis must hold. In profile velocity an axis follows its target by being enabled."""
+        robot = self.session.robot
+        return [
+            objects_of(joint, robot.board, moves=moving is None or i in moving or drive.mode == Mode.PROFILE_VELOCITY)
+            for i, (joint, drive) in enumerate(zip(robot.joints, self.start.drives, strict=True))
+        ]
+
+    def stop_after(self, error: BaseException) -> None:
         """Stop all axes and take back their targets; if they cannot be told, raise an error that says so as well."""
+        session = self.session
         try:
-            quick_stop(self.link, self.machine.axes)
+            quick_stop(session.link, session.machine.axes)
         except BusError as silent:
             raise unsure(error if isinstance(error, StepTwinError) else silent) from error
         except DeviceFaultError:
             return  # the first error is the one to report
         with suppress(StepTwinError):
-            self._lease.claim()  # another program that has the machine now keeps its own targets
-            clear_targets(self.machine.axes)
+            session.lease.keep()  # another program that has the machine now keeps its own targets
+            clear_targets(session.machine.axes)
 
-    def _check(self, axis: AxisClient, *, known: bool) -> None:
-        statusword = axis.read(od.STATUSWORD)
-        state = State.of(statusword)
-        if state in FAULT_STATES:
-            raise faulty_drive(axis, state)
-        if not at_rest(statusword, axis.read(od.MODE_OF_OPERATION_DISPLAY)):
-            raise _still_moving(f"{axis.name}: is moving")
-        if known:
-            _check_known(axis, statusword)
+    def leave(self) -> None:
+        """Let the axes stop watching this host, unless they have lost it and another program is in charge now."""
+        try:
+            self.session.lease.keep()
+            self.session.machine.disconnect()
+        finally:
+            self.session.machine.fall_silent()
 
 
-def _check_known(axis: AxisClient, statusword: int) -> None:
-    if not statusword & Status.POSITION_KNOWN:
-        raise DeviceFaultError(
-            f"{axis.name}: the position is unknown: home the machine first, `steptwin home`"
-        ).plainly(f"{axis.name}: the position is unknown: home the machine first")
+def _is_enabled(drive: RestingDrive) -> bool:
+    """Return whether a drive needs no enabling: its node would have reported a stop since then."""
+    return drive.state is State.OPERATION_ENABLED and drive.operational
 
 
 def _still_moving(text: str) -> InputError:

@@ -5,6 +5,7 @@ from math import ceil
 from typing import Final
 
 from steptwin.host.client import AxisClient, AxisSettings, Machine
+from steptwin.host.client.axis import Objects
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -21,11 +22,6 @@ _NO_TARGETS: Final = [
     (od.POSITION_LIMIT_MAX, DataType.INTEGER32.high),
 ]
 """No velocity, and then no position limits, at which an axis may stand: planned motions are checked by the host."""
-_FOR_AN_OPERATOR: Final = [
-    *_NO_TARGETS,
-    (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP),
-    (od.MOTION_PROFILE_TYPE, LINEAR_RAMP),
-]
 
 
 def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
@@ -43,26 +39,27 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
     machine.preset(start_units)
 
 
-def take_over(machine: Machine, robot: Robot) -> None:
-    """Write a robot's settings into the axes of a board that may be set up and enabled; make them watch this host.
+def objects_of(joint: Joint, board: BoardSettings, *, moves: bool) -> Objects:
+    """Return what an axis must hold that an operator moves: a drive holds its position after a quick stop.
 
-    Only values that differ are written, nodes stay OPERATIONAL, drives hold their positions after a quick stop, and no
-    velocity or position limit of an earlier program remains. Raises as `set_up`.
+    For an axis that `moves`, no velocity or position limit of an earlier program remains.
     """
-    machine.adopt([[*axis_settings(joint, robot.board).objects(), *_FOR_AN_OPERATOR] for joint in robot.joints])
+    targets = [*_NO_TARGETS, (od.MOTION_PROFILE_TYPE, LINEAR_RAMP)] if moves else []
+    return [*axis_settings(joint, board).objects(), *targets, (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP)]
 
 
 def clear_targets(axes: Iterable[AxisClient]) -> None:
-    """Take back a target velocity and position limits, as `take_over` does; raises as it does."""
+    """Take back a target velocity and position limits, which an axis takes that does not move; raises as `set_up`."""
     for axis in axes:
         for address, value in _NO_TARGETS:
-            axis.ensure(address, value)
+            axis.write(address, value)
 
 
-def restore_decelerations(machine: Machine, robot: Robot) -> None:
-    """Give the axes back the deceleration of stops and halts, which a profile move has scaled to its own way."""
-    for axis, joint in zip(machine.axes, robot.joints, strict=True):
-        axis.ensure(od.PROFILE_DECELERATION, axis_settings(joint, robot.board).deceleration_units_per_s2)
+def restore_decelerations(machine: Machine, robot: Robot, axes: Iterable[int]) -> None:
+    """Give axes back the deceleration of stops and halts, which their own ramps have replaced."""
+    for axis in axes:
+        settings = axis_settings(robot.joints[axis], robot.board)
+        machine.axes[axis].write(od.PROFILE_DECELERATION, settings.deceleration_units_per_s2)
 
 
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:

@@ -7,14 +7,12 @@ from steptwin.host.client import Progress
 from steptwin.host.common.bad_input import at_least, at_most, outside
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.jogging import ways_units
-from steptwin.host.operate.moving import Moved, axes_concerned, move, standing_joints
-from steptwin.host.operate.running import execute_live
+from steptwin.host.operate.moving import Moved, axes_concerned, move_joints
+from steptwin.host.operate.running import run_plan
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.tool_by_hand import ToolStep, plan_tool_step
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol import od
-from steptwin.protocol.cia402 import Status
 
 STEP_SPEED_PERCENT: Final = 20.0
 """Usual part of the highest speeds for a step: 50 mm/s for the tool."""
@@ -63,15 +61,13 @@ def step_joint(
     joint = check_step(session.robot, name, distance)
     check_step_speed(speed_percent)
     i = session.robot.joints.index(joint)
-    with session.alone():
-        session.require_ready("jog", known=False)
-        standing = session.positions(session.demanded_units())[i]
+    with session.charge("jog", needs=()) as charge:
+        standing = charge.start.joints[i]
         goal: list[float | None] = [None] * len(session.robot.joints)
         goal[i] = standing + distance
-        axes = [session.machine.axes[axis] for axis in axes_concerned(session.robot, goal)]
-        if all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in axes):
+        if charge.start.knows(axes_concerned(session.robot, goal)):
             goal[i] = _within_limits(joint, standing, standing + distance)
-        return move(session, goal, speed_percent=speed_percent, progress=progress, anywhere=True)
+        return move_joints(charge, goal, speed_percent, progress)
 
 
 def _within_limits(joint: Joint, start: float, goal: float) -> float:
@@ -98,11 +94,11 @@ def step_tool(session: Session, step: ToolStep, *, progress: Progress = lambda _
         DeviceFaultError, BusError: as `execute_live`; DeviceFaultError, too, if an axis ends at another step.
     """
     check_step_speed(step.speed_percent)
-    with session.alone():
-        plan = plan_tool_step(session.robot, standing_joints(session, "jog"), step)
-        outcome = execute_live(session, plan, "jog", progress=progress)
+    with session.charge("jog") as charge:
+        plan = plan_tool_step(session.robot, charge.start.joints, step)
+        outcome = run_plan(charge, plan, "jog", progress=progress)
     for axis in outcome.axes:
         if not axis.passed:
             raise DeviceFaultError(f"{axis.name}: ended {axis.error_steps:.4f} steps from where planned")
     goal = session.positions([axis.planned_units for axis in outcome.axes])
-    return Moved(outcome.start, goal, outcome.end, plan.trajectory.duration_s)
+    return Moved(outcome.start, goal, outcome.end, plan.trajectory.duration_s, session.pose(outcome.end))

@@ -56,7 +56,8 @@ def test_waveforms_show_joint_positions(axis_steps: tuple[int, int], elbow_deg: 
     board = BoardUnderTest(coupled_robot(), stand_at=[0.0] * 4, kernel=fast_kernel)
     units = [round(steps / STEPS_PER_DEG * UNITS_PER_DEG) for steps in (*axis_steps, 0, 0)]
     session = Session(board, board.robot)
-    with session.in_charge("move", known=False) as machine:
+    with session.charge("move", needs=()) as charge:
+        machine = charge.enable()
         machine.preset([0] * 4)
         move_within(session, [0] * 4, units)
     states = [HeldValues(np.empty(0, np.int64), np.empty(0, np.int64), 0)] * 4

@@ -124,7 +124,8 @@ class TestLive:
         example = plan(robot, compile_program(program, robot).trajectory)
         board = EmbeddedBoard(robot, kernel, MachineOptions(stand_at=example.start_joints))
         session = Session(board, robot)
-        with session.in_charge("preset", known=False) as machine:
+        with session.charge("preset", needs=()) as charge:
+            machine = charge.enable()
             machine.preset(example.start_units)
         return board, session, example
 

@@ -70,7 +70,7 @@ def jog(
             _tell_jogged(live, loaded, _at_speed(session, name, value, seconds))
         else:
             moved = _by_step(session, name, value, speed)
-            tell_moved(live, loaded, moved, session.known_pose(moved.end))
+            tell_moved(live, loaded, moved)
 
 
 def _unit(robot: "Robot", name: str) -> str:

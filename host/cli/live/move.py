@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved", pose: dict[str, float] | None) -> None:
+def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
     """Print the joints at the end, and the tool's pose if it is known; with JSON also start, goal and duration."""
     names = robot.joint_names
     figures = {
@@ -35,7 +35,7 @@ def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved", pose: dict[str
         for key, value in asdict(moved).items()
     }
     joints = ", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True))
-    live.tell(robot, figures | {"pose": pose}, joints, *(() if pose is None else (pose_text(pose),)))
+    live.tell(robot, figures, joints, *(() if moved.pose is None else (pose_text(moved.pose),)))
 
 
 @command(
@@ -71,7 +71,7 @@ def move(
 
     The path is straight in joint space, not for the tool. Ctrl-C stops all axes.
     """
-    from steptwin.host.operate.moving import goal_by_name, joints_at, move, nearest_joints, standing_joints
+    from steptwin.host.operate.moving import Goal, goal_by_name, joints_at, move, nearest_joints
     from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 
     loaded, rest = live.robot_and_rest(words)
@@ -88,18 +88,19 @@ def move(
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")
     saved = saved_position(loaded, to, file)
     with prefixed(f"--to {to}: " if saved else ""):
-        goal = goal_by_name(loaded, saved.joints if isinstance(saved, JointPosition) else joints)
-    with live.session(loaded) as session, session.alone():
-        if pose:
-            standing = standing_joints(session)
-            goal = [*nearest_joints(loaded, _whole_pose(session, standing, pose), standing)]
-        elif isinstance(saved, ToolPosition):
+        goal: Goal = goal_by_name(loaded, saved.joints if isinstance(saved, JointPosition) else joints)
+    with live.session(loaded) as session:
+
+        def tool_goal(standing: list[float]) -> list[float]:
+            if not isinstance(saved, ToolPosition):
+                return nearest_joints(loaded, _whole_pose(session, standing, pose), standing)
             with prefixed(f"--to {to}: "):
-                goal = [*joints_at(loaded, saved, standing_joints(session))]
+                return joints_at(loaded, saved, standing)
+
+        goal = tool_goal if pose or isinstance(saved, ToolPosition) else goal
         with progress_bar(f"{loaded.name} move") as progress:
             moved = move(session, goal, speed_percent=speed, progress=progress)
-        reached = session.known_pose(moved.end)
-    tell_moved(live, loaded, moved, reached)
+    tell_moved(live, loaded, moved)
 
 
 def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:

@@ -71,12 +71,11 @@ def _split(words: list[str]) -> tuple[str, str, list[str]]:
 
 
 def _save(live: SessionOptions, robot: "Robot", path: str, name: str, *, replace: bool) -> None:
-    from steptwin.host.operate.moving import standing_joints
     from steptwin.host.planning.programs.positions import check_saving, find_position, read_positions, save_position
 
     check_saving(path, robot, name, replace=replace)
     with live.session(robot) as session:
-        joints = standing_joints(session, "positions save")
+        joints = session.look("positions save").joints
         pose = session.pose(joints)
         save_position(path, robot, name, joints, "" if pose is None else pose_text(pose), replace=replace)
         position = find_position(read_positions(path, robot), name, path)

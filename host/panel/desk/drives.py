@@ -19,8 +19,9 @@ class Enable(Command):
 
     def perform(self, work: Work) -> str:
         """Switch the drives on."""
-        with work.session.in_charge("switch on", known=False):
-            return ""
+        with work.session.charge("switch on", needs=()) as charge:
+            charge.enable()
+        return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,7 @@ class Disable(Command):
 
     def perform(self, work: Work) -> str:
         """Switch the drives off, unless they move."""
-        with work.session.alone():
-            work.session.require_idle("switch off")
+        with work.session.alone("switch off"):
             work.session.machine.disable()
         return ""
 

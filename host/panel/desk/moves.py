@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.operate.homing import check_homing, declare, home_robot
-from steptwin.host.operate.moving import check_goal, goal_by_name, joints_at, move, standing_joints
+from steptwin.host.operate.moving import Goal, check_goal, goal_by_name, joints_at, move
 from steptwin.host.operate.running import check_repeatable, execute_live
 from steptwin.host.operate.stepping import STEP_SPEED_PERCENT, check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.panel.desk.requests import Command, Work
@@ -16,8 +17,6 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol import od
-from steptwin.protocol.cia402 import Status
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +101,7 @@ class StepJoint(Command):
         """Step; return the positions, or the distance if they are unknown."""
         session, percent = work.session, self.speed_percent
         moved = step_joint(session, self.joint, self.distance, speed_percent=percent, progress=work.progress)
-        if all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in session.machine.axes):
+        if moved.pose is not None:
             return _words(session.robot, moved.end)
         return f"by {self.distance:+g} {session.robot.joint(self.joint).unit}"
 
@@ -171,9 +170,7 @@ class MoveTool(Command):
 
     def perform(self, work: Work) -> str:
         """Move; return the positions."""
-        session = work.session
-        with session.alone():
-            return _move(work, joints_at(session.robot, self.position, standing_joints(session)), self.speed_percent)
+        return _move(work, partial(joints_at, work.session.robot, self.position), self.speed_percent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,9 +222,9 @@ def _check_percent(percent: float) -> None:
         raise InputError(f"speed: {percent:g} is not above 0 and up to 100 percent")
 
 
-def _move(work: Work, goal: Iterable[float | None], percent: float) -> str:
+def _move(work: Work, goal: Goal, percent: float) -> str:
     """Move to joint positions; return those at the end in words."""
-    moved = move(work.session, list(goal), speed_percent=percent, progress=work.progress)
+    moved = move(work.session, goal, speed_percent=percent, progress=work.progress)
     return _words(work.session.robot, moved.end)
 
 

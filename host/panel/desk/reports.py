@@ -223,7 +223,7 @@ def set_up_reports(session: Session) -> bool:
             return True
         if not all(map(_rests, session.machine.axes)):
             return False
-        with session.alone():
+        with session.alone("reports"):
             session.link.network.nmt.state = "PRE-OPERATIONAL"
             for axis, objects in wanted:
                 for address, value in objects:

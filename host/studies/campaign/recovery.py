@@ -5,7 +5,7 @@ from typing import Final
 
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.operate.homing import home_robot
-from steptwin.host.operate.moving import goal_units, move
+from steptwin.host.operate.moving import move, units_at
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
@@ -63,7 +63,7 @@ def recover(board: EmbeddedBoard) -> Recovery:
         doing = "a move"
         goal = _goal(session, standing)
         move(session, goal)
-        wanted = goal_units(session, session.units(goal), goal)
+        wanted = units_at(session, session.units(goal), goal)
         reported = session.machine.positions_units()
     except StepTwinError as error:
         return Recovery(f"{doing} failed", str(error))
@@ -81,7 +81,8 @@ def _let_settle(session: Session, board: EmbeddedBoard) -> None:
 
     A driver that is switched on again takes its rotor up to two full steps away, and little damps the swing.
     """
-    with session.in_charge("hold", known=False):
+    with session.charge("hold", needs=()) as charge:
+        charge.enable()
         end_s = board.now_s() + _SETTLING_MAX_S
         while board.now_s() < end_s and _swing(board):
             pass

@@ -10,7 +10,7 @@ from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.faults.engine import Engine
-from steptwin.host.operate.setting_up import take_over
+from steptwin.host.operate.setting_up import objects_of
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, ErrorCode
@@ -57,7 +57,8 @@ def _restart(board: EmbeddedBoard) -> str:
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)  # of the host that is gone
                 axis.write(od.CONTROLWORD, 0)
                 axis.write(od.CONTROLWORD, Control.FAULT_RESET)
-        take_over(machine, board.robot)
+        machine.adopt([objects_of(joint, board.robot.board, moves=True) for joint in board.robot.joints])
+        machine.start_nodes()
         machine.enable()
         machine.disconnect()
     except StepTwinError as error:

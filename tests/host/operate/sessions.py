@@ -28,7 +28,8 @@ def board_at(joints: list[float], kernel: Kernel) -> EmbeddedBoard:
 def preset(board: EmbeddedBoard, joints: list[float]) -> Session:
     """Return a session on an enabled board whose position was declared."""
     session = Session(board, ROBOT)
-    with session.in_charge("preset", known=False) as machine:
+    with session.charge("preset", needs=()) as charge:
+        machine = charge.enable()
         machine.preset(session.units(joints))
     return session
 

@@ -31,7 +31,8 @@ def machine(kernel: Kernel, coupling: str = DIRECT, *, known: bool = True) -> tu
     board = BoardUnderTest(robot, stand_at=HERE, kernel=kernel)
     session = Session(board, robot)
     if known:
-        with session.in_charge("preset", known=False) as axes:
+        with session.charge("preset", needs=()) as charge:
+            axes = charge.enable()
             axes.preset(session.units(HERE))
     return board, session
 
@@ -75,7 +76,8 @@ def test_a_joint_is_known_if_all_its_axes_are(fast_kernel: Kernel) -> None:
     """The elbow's motor alone says only where the forearm points."""
     _, session = machine(fast_kernel, known=False)
     here = HomingSettings(HOME_HERE, 1, 1, 1, session.units(HERE)[1], 0)
-    with session.in_charge("preset", known=False) as axes:
+    with session.charge("preset", needs=()) as charge:
+        axes = charge.enable()
         axes.home_axes((None, here, None, None))
     assert [axis.position_known for axis in read_status(session).axes] == [False] * 4
     with pytest.raises(DeviceFaultError, match=r"^th1: the position is unknown"):
@@ -202,7 +204,8 @@ def test_a_limit_switch_stands_at_a_joint_position(turn_deg: float, closed: bool
     board = BoardUnderTest(robot, stand_at={"th2": 100.0}, kernel=fast_kernel)
     session = Session(board, robot)
     units = session.units([0.0, 100.0, 0.0, 0.0])
-    with session.in_charge("preset", known=False) as axes:
+    with session.charge("preset", needs=()) as charge:
+        axes = charge.enable()
         axes.preset(units)
         goal = [units[0] + round(turn_deg * UNITS_PER_DEG), *units[1:]]
         move_within(session, units, goal)

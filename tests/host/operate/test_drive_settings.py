@@ -33,7 +33,8 @@ def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -
     """Taking charge writes what the robot's file says, and leaves the rest."""
     torque = drive_setting("torque")
     write_drive_setting(session, torque, 50.0, "th1")
-    with session.in_charge("nothing"):
+    with session.charge("nothing") as charge:
+        charge.enable()
         assert read_drive_setting(session, torque)[TH1] == 50.0
 
 

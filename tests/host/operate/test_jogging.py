@@ -146,7 +146,8 @@ def test_taking_charge_begins_with_targets_at_rest(board: EmbeddedBoard, session
         th1.write(address, value)
     board.wait(0.5)
     standing = board.driver_positions()
-    with session.in_charge("nothing"):
+    with session.charge("nothing") as charge:
+        charge.enable()
         assert left_by(th1) == AT_REST
         board.wait(0.5)
     assert board.driver_positions() == standing

@@ -8,7 +8,7 @@ from steptwin.host.client.lease import Lease
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import reset, stop
-from steptwin.host.operate.session import Session
+from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
@@ -42,7 +42,8 @@ def take_away(axis: AxisClient) -> None:
 
 
 def test_the_second_program_is_refused(session: Session, other: Session) -> None:
-    with session.in_charge("move"):
+    with session.charge("move") as charge:
+        charge.enable()
         held = tokens(session)
         for do in (lambda: move(other, HOME), lambda: reset(other)):
             with pytest.raises(BusError, match=TAKEN) as caught:
@@ -55,7 +56,8 @@ def test_the_second_program_is_refused(session: Session, other: Session) -> None
 
 
 def test_everyone_may_look_and_stop(session: Session, other: Session) -> None:
-    with session.in_charge("move"):
+    with session.charge("move") as charge:
+        charge.enable()
         assert not read_status(other).streaming
         assert {state.state for state in stop(other)} == {"QUICK STOP ACTIVE"}
 
@@ -67,10 +69,15 @@ def test_a_program_that_gets_some_axes_only_gives_them_back(session: Session, ot
     assert [token == FREE for token in tokens(session)] == [axis < TH2 for axis in range(6)]
 
 
+def fail_in(charge: MachineCharge, error: type[BaseException]) -> None:
+    charge.enable()
+    raise error
+
+
 def test_an_error_or_an_interruption_frees_the_machine(session: Session, other: Session) -> None:
     for error in (KeyboardInterrupt, BusError):
-        with pytest.raises(error), session.in_charge("move"):
-            raise error
+        with pytest.raises(error), session.charge("move") as charge:
+            fail_in(charge, error)
         assert tokens(session) == [FREE] * 6
     move(other, HOME)
 
@@ -78,7 +85,7 @@ def test_an_error_or_an_interruption_frees_the_machine(session: Session, other: 
 def test_a_program_that_hangs_before_its_heartbeat_loses_the_machine(
     board: EmbeddedBoard, session: Session, other: Session
 ) -> None:
-    with session.alone():
+    with session.alone("look"):
         with pytest.raises(BusError, match=TAKEN):
             move(other, HOME)
         board.wait(UNWATCHED_MS / 1000)
@@ -86,7 +93,8 @@ def test_a_program_that_hangs_before_its_heartbeat_loses_the_machine(
 
 
 def test_a_program_that_has_lost_the_machine_leaves_the_next_one_alone(session: Session, other: Session) -> None:
-    with session.in_charge("move"):
+    with session.charge("move") as charge:
+        charge.enable()
         for axis in other.machine.axes:
             take_away(axis)
         Lease(other.machine.axes).claim()
@@ -111,3 +119,14 @@ def test_a_program_that_lost_the_machine_while_setting_up_enables_no_drive(
     with pytest.raises(BusError, match=TAKEN):
         move(session, HOME)
     assert {axis.state for axis in read_status(other).axes} == {"SWITCH ON DISABLED"}
+
+
+def test_a_charge_that_nobody_has_taken_meanwhile_is_claimed_again(session: Session) -> None:
+    with session.charge("move") as charge:
+        held = tokens(session)
+        take_away(session.machine.axes[TH2])
+        charge.enable()
+        assert tokens(session) == held
+        take_away(session.machine.axes[TH2])
+    assert tokens(session) == [FREE] * 6
+    assert watched(session) == [0] * 6

@@ -12,6 +12,7 @@ from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Status
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.client.machines import SX, TH1, TH2, TH3, Neighbour, sdo_requests
@@ -47,10 +48,14 @@ def test_one_trapezoid_for_all() -> None:
     start, goal = [0] * 6, [1_000_000, 0, -300_000, 2_000_000, 40_000, 7]
     moves, planned_s = synchronised(ROBOT, start, goal, 100.0)
     per_unit = ROBOT.wire_units_per_unit
-    for joint, wire, one in zip(ROBOT.joints, per_unit, moves, strict=True):
+    assert list(moves) == [0, 2, 3, 4, 5]
+    for axis, one in moves.items():
+        joint, wire = ROBOT.joints[axis], per_unit[axis]
         assert one.velocity_units_per_s / wire <= joint.speed_max + 2 * 16 / wire
         assert one.acceleration_units_per_s2 / wire <= joint.acceleration_max * 1.001 + 1000 / wire
-    for way, one in zip(goal, moves, strict=True):
+    for axis, one in moves.items():
+        way = goal[axis]
+        assert (one.way_units, one.target_units) == (way, way)
         if abs(way) > 1000:
             ramp_s = one.velocity_units_per_s / one.acceleration_units_per_s2
             assert abs(way) / one.velocity_units_per_s + ramp_s == pytest.approx(planned_s, abs=0.002)
@@ -106,7 +111,8 @@ def test_a_joint_moves_although_another_stands_outside_its_limits(board: Embedde
 def test_a_joint_moves_although_another_does_not_know_its_position(board: EmbeddedBoard, steptwin: CommandLine) -> None:
     """Then the tool's pose is unknown."""
     session = Session(board, ROBOT)
-    with session.in_charge("declare", known=False) as machine:
+    with session.charge("declare", needs=()) as charge:
+        machine = charge.enable()
         here = HomingSettings(HOME_HERE, 1000, 1000, 1000, session.units(HOME)[TH2], 0)
         machine.home_axes(tuple(here if i == TH2 else None for i in range(6)))
     assert steptwin.json("move warehouse-scara th2=20")["pose"] is None
@@ -226,3 +232,30 @@ def test_a_move_leaves_the_decelerations_of_halts(session: Session) -> None:
     for axis, joint in zip(session.machine.axes, ROBOT.joints, strict=True):
         wanted = axis_settings(joint, ROBOT.board).deceleration_units_per_s2
         assert axis.read(od.PROFILE_DECELERATION) == wanted
+
+
+def test_a_fault_of_an_axis_that_stands_ends_a_move_of_another(session: Session) -> None:
+    def halfway(fraction: float) -> None:
+        if fraction > 0.5:
+            session.machine.axes[TH2].emergency_stop()
+
+    with pytest.raises(DeviceFaultError, match=r"^th2: "):
+        move(session, [400.0, None, None, None, None, None], progress=halfway)
+    assert session.positions(session.demanded_units())[0] < 399.0
+
+
+def test_other_microsteps_make_the_position_unknown_before_anything_moves(
+    board: EmbeddedBoard, session: Session
+) -> None:
+    """The gate sets those of the robot's file again, and then asks the axes once more."""
+    machine = session.machine
+    machine.disable()
+    machine.axes[TH2].write(od.MICROSTEPS, 8)
+    machine.enable()
+    machine.preset(session.units(HOME))
+    machine.disable()
+    assert all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in machine.axes)
+    before = board.driver_positions()
+    with pytest.raises(DeviceFaultError, match=r"^th2: the position is unknown: home the machine first"):
+        move(session, GOAL)
+    assert board.driver_positions() == before

@@ -175,7 +175,8 @@ def test_a_coupled_joint_is_known_only_with_all_its_axes(fast_kernel: Kernel) ->
     """The elbow's motor alone says only where the forearm points, so the joint has no limits yet."""
     board, session = machine(fast_kernel, known=False)
     here = HomingSettings(HOME_HERE, 1, 1, 1, session.units([0.0, 150.0, 0.0, 0.0])[1], 0)
-    with session.in_charge("preset", known=False) as axes:
+    with session.charge("preset", needs=()) as charge:
+        axes = charge.enable()
         axes.home_axes((None, here, None, None))
     step_joint(session, "th2", 5.0)
     assert standing(board) == pytest.approx([HERE[0], HERE[1] + 5.0, *HERE[2:]], abs=3 * COUPLED_STEP_DEG)

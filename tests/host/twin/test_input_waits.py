@@ -160,7 +160,8 @@ class TestLive:
     @pytest.fixture
     def session(self, board: EmbeddedBoard) -> Session:
         session = Session(board, ROBOT)
-        with session.in_charge("preset", known=False) as machine:
+        with session.charge("preset", needs=()) as charge:
+            machine = charge.enable()
             machine.preset(session.units(list(ROBOT.home)))
         return session
 

@@ -39,6 +39,7 @@ def test_a_recovery_waits_until_a_rotor_swings_by_less_than_a_tenth_of_a_full_st
 ) -> None:
     """By up to 0.05 of a full step to either side: with 2/s after ln(20) / 2 = 1.5 s."""
     board: Any = Swinging(teaching, damping_per_s)
-    session: Any = SimpleNamespace(in_charge=lambda *_, **__: nullcontext())
+    charge = SimpleNamespace(enable=lambda: None)
+    session: Any = SimpleNamespace(charge=lambda *_, **__: nullcontext(charge))
     _let_settle(session, board)
     assert least_s - 1e-9 <= board.now_s() <= most_s

@@ -1,0 +1,88 @@
+"""How often an operator's action talks to a configured machine of four axes that is enabled and stands."""
+
+from collections import Counter
+from collections.abc import Callable
+
+import pytest
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.host.client.axis import AxisClient
+from steptwin.host.operate.homing import declare, home_robot
+from steptwin.host.operate.jogging import jog, jog_tool
+from steptwin.host.operate.moving import move
+from steptwin.host.operate.running import execute_live
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.stepping import step_joint, step_tool
+from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.tool_by_hand import ToolStep
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.protocol import od
+
+ROBOT = load_robot("lab-scara")
+HOME = list(ROBOT.home)
+TH2 = ROBOT.index_of("th2")
+GOAL = [None, HOME[TH2] + 5.0, None, None]
+
+ACTIONS: dict[str, tuple[Callable[[Session], object], int]] = {
+    "move": (lambda session: move(session, GOAL), 93),
+    "move to a pose": (lambda session: move(session, lambda standing: [*GOAL[:2], *standing[2:]]), 93),
+    "step": (lambda session: step_joint(session, "th2", 1.0), 93),
+    "jog": (lambda session: jog(session, "th2", 5.0, 0.2), 99),
+    "step of the tool": (lambda session: step_tool(session, ToolStep({"x": -1.0}, 20.0)), 132),
+    "jog of the tool": (lambda session: jog_tool(session, "x", -5.0, lambda: True), 96),
+    "home": (lambda session: home_robot(session, joints=["th2"], stay=True), 112),
+    "run": (lambda session: execute_live(session, spiral(), "spiral", approach=True), 152),
+}
+"""What is done, and its SDO dialogues: reads and writes of one object each, without the looks at a homing's end."""
+
+
+def spiral() -> Plan:
+    return plan(ROBOT, make_job(ROBOT, "spiral", {}))
+
+
+@pytest.fixture
+def session(fast_kernel: Kernel) -> Session:
+    made = Session(EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=HOME)), ROBOT)
+    declare(made, HOME)
+    move(made, HOME)
+    return made
+
+
+@pytest.fixture
+def dialogues(monkeypatch: pytest.MonkeyPatch) -> Counter[tuple[str, str, int]]:
+    """Count the dialogues by axis, kind and object."""
+    made: Counter[tuple[str, str, int]] = Counter()
+    for kind in ("read", "write"):
+        original = getattr(AxisClient, kind)
+
+        def counted(axis: AxisClient, *args: int, _kind: str = kind, _original: Callable[..., int] = original) -> int:
+            made[axis.name, _kind, args[0]] += 1
+            return _original(axis, *args)
+
+        monkeypatch.setattr(AxisClient, kind, counted)
+    return made
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+def test_what_an_action_asks_and_tells(action: str, session: Session, dialogues: Counter[tuple[str, str, int]]) -> None:
+    """It claims each axis once."""
+    do, count = ACTIONS[action]
+    dialogues.clear()
+    do(session)
+    assert {dialogues[joint.name, "write", od.CHARGE_TOKEN] for joint in ROBOT.joints} == {1}
+    assert {dialogues[joint.name, "read", od.DEVICE_TYPE] for joint in ROBOT.joints} == {1}
+    looks = dialogues["th2", "read", od.STATUSWORD] if action == "home" else 0
+    assert dialogues.total() - looks == count
+
+
+def test_a_move_reads_nothing_twice_but_who_is_in_charge(
+    session: Session, dialogues: Counter[tuple[str, str, int]]
+) -> None:
+    dialogues.clear()
+    move(session, GOAL)
+    again = {address: count for (_, kind, address), count in dialogues.items() if kind == "read" and count > 1}
+    assert again == {od.CHARGE_TOKEN: 3}
