@@ -31,9 +31,9 @@ def _of_pdos(indices: Iterable[int], checks: dict[int, str]) -> dict[int, str]:
 
 
 READ_FROM: Final = {
-    od.ERROR_REGISTER: "EmergencyProducer.register",
-    od.ERROR_HISTORY_COUNT: "EmergencyProducer.history_length",
-    **dict.fromkeys(od.ERROR_HISTORY, "EmergencyProducer.history_at"),
+    od.ERROR_REGISTER: "AxisErrors.register",
+    od.ERROR_HISTORY_COUNT: "AxisErrors.history_length",
+    **dict.fromkeys(od.ERROR_HISTORY, "AxisErrors.history_at"),
     **dict.fromkeys((*STORES, *RESTORES), "ParameterStorage.ability"),
     od.TIME_STAMP: "AxisNode.time_stamp_us",
     od.BOARD_TEMPERATURE: "BoardReadings.temperature_decidegc",
@@ -44,7 +44,7 @@ READ_FROM: Final = {
     od.PVT_EXECUTING_SEQUENCE: "Interpolation.executing_sequence",
     od.BOARD_CLOCK_US: "AxisNode.board_clock_us",
     od.DELAYED_STEPS: "BoardMotion.delayed_steps",
-    od.EMCYS_LOST: "EmergencyProducer.lost",
+    od.EMCYS_LOST: "AxisErrors.lost",
     od.EMERGENCY_STOP: "AxisDrive.emergency_stopped",
     od.ROBOT_NAME_CRC: "AxisNode.robot_name_crc",
     od.CHARGE_TOKEN: "Charge.token",
@@ -69,17 +69,17 @@ READ_FROM: Final = {
 """The attribute, property or method that supplies the present value of an entry."""
 
 OBEYED_BY: Final = {
-    od.ERROR_HISTORY_COUNT: "EmergencyProducer.clear_history",
+    od.ERROR_HISTORY_COUNT: "AxisErrors.clear_history",
     **dict.fromkeys(STORES, "ParameterStorage.save_at"),
     **dict.fromkeys(RESTORES, "ParameterStorage.load_at"),
     od.TIME_STAMP: "AxisNode.set_clock",
     od.EMCY_COB_ID: "AxisErrors.check_new_cob_id",
     **dict.fromkeys(od.CONSUMER_HEARTBEATS, "HeartbeatConsumer.watch_at"),
     od.PRODUCER_HEARTBEAT_TIME: "AxisNode.set_heartbeat_period",
-    od.SYNC_COUNTER_OVERFLOW: "SyncConsumer.check_overflow",
+    od.SYNC_COUNTER_OVERFLOW: "ProcessData.check_sync_overflow",
     **_of_pdos((*od.RPDO_COMMUNICATION, *od.TPDO_COMMUNICATION), _PDO_CHECKS),
     **_of_pdos((*od.RPDO_MAPPING, *od.TPDO_MAPPING), _MAPPING_CHECKS),
-    **dict.fromkeys(STEP_ENTRIES, "StepSettings.change_at"),
+    **dict.fromkeys(STEP_ENTRIES, "DriverSettings.change_at"),
     od.EMERGENCY_STOP: "AxisDrive.stop_at_once",
     od.CHARGE_TOKEN: "Charge.claim",
     od.CHARGE_RELEASE: "Charge.release",

@@ -106,6 +106,14 @@ PULSE_NS_MIN: Final = 4_000
 TIMING_NS_MAX: Final = 1_000_000
 """Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
 
+CHARGE_FREE: Final = 0
+"""The token (2017h) that is read while no program is in charge.
+
+Programs that do not know the object drive the axis as ever: it only lets programs that ask for it take turns.
+"""
+CHARGE_UNWATCHED_MS: Final = 1000
+"""Time after which a node forgets the program in charge if it monitors no heartbeat."""
+
 CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""
 MILLI: Final = -3

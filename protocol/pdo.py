@@ -227,6 +227,26 @@ class ProcessData:
             if address in pdo.addresses:
                 pdo.trigger()
 
+    def sync_counter(self, data: bytes) -> int | None:
+        """Return the counter of a SYNC frame, 0 if SYNC carries none; None if the frame's length is wrong.
+
+        The synchronous counter overflow value (1019h) says whether SYNC carries a counter (CiA 301, section 7.2.5).
+        """
+        counted = self._dictionary.get(od.SYNC_COUNTER_OVERFLOW) != 0
+        if len(data) != counted:
+            return None
+        return data[0] if counted else 0
+
+    def check_sync_overflow(self, value: int) -> None:
+        """Refuse 1 (the object table bounds the value to 0..240), and any value while a cycle period (1006h) is set.
+
+        That period concerns SYNC producers only; it is stored and has no other effect (CiA 301, section 7.5.2.19).
+        """
+        if value == 1:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        if self._dictionary.get(od.COMMUNICATION_CYCLE_PERIOD):
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+
     def check_configurable(self, _value: int) -> None:
         """Refuse any change of a parameter outside of PRE-OPERATIONAL; a change that is allowed rebuilds the PDOs."""
         if not self.configurable:

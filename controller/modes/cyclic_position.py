@@ -34,7 +34,7 @@ from steptwin.controller.modes.interpolation import Interpolation
 from steptwin.controller.motion.board_motion import Refusal
 from steptwin.controller.motion.kernel import TICKS_PER_MS, way_q16
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.axis_stop import AxisStop
+from steptwin.controller.node.stops import AxisStop
 from steptwin.controller.node.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError

@@ -14,9 +14,8 @@ from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.motion.board_motion import Refusal
 from steptwin.controller.motion.kernel import I32_MAX, TICKS_PER_MS
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.axis_stop import AxisStop
 from steptwin.controller.node.soft_limits import hull
-from steptwin.controller.node.stops import StopKind
+from steptwin.controller.node.stops import AxisStop, StopKind
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status

@@ -1,19 +1,66 @@
 """The parts of an axis that its node, its drive and its modes of operation share."""
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.node.axis_errors import AxisErrors
-from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import AxisPins
-from steptwin.controller.node.position_reference import PositionReference
 from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue
+from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pdo import ProcessData
+
+
+@dataclass(slots=True)
+class BoardReadings:
+    """Readings that all axes of the board share; nominal values until the first measurement."""
+
+    supply_10mv: int = 2400
+    temperature_decidegc: int = 250
+
+
+class PositionReference:
+    """The position reference of one axis: set by homing, lost when the driver is cut off in motion.
+
+    The steps that the driver has lost stand in object 2F00h, which only the emulated board supplies. A real board
+    without encoder counts every step as made, and its following error is then the rounding to steps.
+    """
+
+    def __init__(self, axis: int, motion: BoardMotion, dictionary: ObjectDictionary) -> None:
+        self._axis = axis
+        self._motion = motion
+        self._lost_steps = dictionary.cell(od.LOST_STEPS)
+        self._lost_before_steps = 0
+        """Steps lost before the reference was set last: they do not count."""
+        self.known = False
+        """True from a homing on, until the axis may have moved without counting."""
+        dictionary.bind(self)
+
+    def set(self) -> None:
+        """Note that homing has set the position: the rotor is where the counter says."""
+        self.known = True
+        self._lost_before_steps = self._lost_steps.get()
+
+    def lose(self) -> None:
+        """Note that the rotor may have moved without the counter."""
+        self.known = False
+
+    @property
+    def lost_units(self) -> int:
+        """Distance by which the rotor has fallen behind the step counter since the reference was set."""
+        lost_steps = self._lost_steps.get() - self._lost_before_steps
+        return lost_steps * UNITS_PER_FULL_STEP // self._motion.config(self._axis).microsteps
+
+    @property
+    def following_error_units(self) -> int:
+        """Demanded position less the position that the driver has counted."""
+        return self._motion.demand_units(self._axis) - self._motion.counter_units(self._axis) + self.lost_units
 
 
 class Trip(Protocol):

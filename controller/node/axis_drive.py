@@ -10,11 +10,10 @@ from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.modes.profile_position import ProfilePosition
 from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.axis_stop import AxisStop
 from steptwin.controller.node.driver_settings import DriverSettings
 from steptwin.controller.node.pins import Pin
 from steptwin.controller.node.power_states import ENERGISED, next_state
-from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, StopKind, fault_stop
+from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, AxisStop, StopKind, fault_stop
 from steptwin.controller.node.supervision import Supervision
 from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
@@ -57,10 +56,10 @@ class AxisDrive:
         self.fault_number = 0
         """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
         self._fault_us = 0
-        self.settings = DriverSettings(context.dictionary, context.pins.set)
         self.supervision = Supervision(context)
         self.stop = AxisStop(context)
         self.interpolation = Interpolation(context, self.stop)
+        self.settings = DriverSettings(context, self.interpolation)
         self.feed = ProfileFeed(context, self.interpolation)
         self._profile_velocity = ProfileVelocity(context, self.feed)
         self._modes: dict[int, DriveMode] = {
@@ -183,11 +182,6 @@ class AxisDrive:
         if controlword is not None:
             self._obey(next_state(self.state, controlword, self._controlword))
 
-    def select_microsteps(self, microsteps: int) -> None:
-        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
-        self.settings.set_microsteps(microsteps)
-        self._context.reference.lose()
-
     # --- states
 
     def _enter(self, state: State) -> None:
@@ -264,7 +258,7 @@ class AxisDrive:
 
     def _report(self, code: ErrorCode, detail: int) -> None:
         self._set_error(code)
-        if not self._context.errors.is_reported(code):
+        if not self._context.errors.is_active(code):
             self._context.errors.report(code, detail)
 
     def _set_error(self, code: ErrorCode) -> None:

@@ -13,16 +13,15 @@ from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 _PDO_LENGTH_ERRORS: Final = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
 
 
-class AxisErrors:
+class AxisErrors(EmergencyProducer):
     """Reports errors when they occur and resolves them when their cause has gone."""
 
     def __init__(self, dictionary: ObjectDictionary, heartbeats: HeartbeatConsumer, touch: Callable[[], None]) -> None:
-        self.producer = EmergencyProducer()
+        super().__init__()
         self._dictionary = dictionary
         self._heartbeats = heartbeats
         self._touch = touch
         dictionary.bind(self)
-        dictionary.bind(self.producer)
 
     def check_new_cob_id(self, cob_id: int) -> None:
         """Refuse what is no COB-ID of an EMCY, and another one while the present one is valid."""
@@ -31,11 +30,7 @@ class AxisErrors:
     def report(self, code: ErrorCode, detail: int) -> None:
         """Send an EMCY unless the error is active already."""
         self._touch()
-        self.producer.raise_error(code, detail)
-
-    def is_reported(self, code: ErrorCode) -> bool:
-        """Return whether an error with this code is active, with any detail."""
-        return self.producer.is_active(code)
+        self.raise_error(code, detail)
 
     def resolved(self, code: ErrorCode, detail: int | None = None) -> None:
         """Resolve an error with one detail, or with all its details."""
@@ -59,10 +54,10 @@ class AxisErrors:
 
     def _resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
         self._touch()
-        self.producer.resolve(gone)
+        self.resolve(gone)
 
-    def poll(self, now_us: int) -> Frame | None:
+    def next_frame(self, now_us: int) -> Frame | None:
         """Return the EMCY to send now, if one is due and the EMCY COB-ID (1014h) is valid."""
-        payload = self.producer.poll(now_us, self._dictionary.get(od.EMCY_INHIBIT_TIME))
+        payload = self.poll(now_us, self._dictionary.get(od.EMCY_INHIBIT_TIME))
         cob_id = self._dictionary.get(od.EMCY_COB_ID)
         return Frame(cob_id, payload) if payload and not cob_id & COB_ID_INVALID else None

@@ -8,7 +8,6 @@ from steptwin.controller.node.axis_context import AxisContext, BoardContext
 from steptwin.controller.node.axis_drive import AxisDrive
 from steptwin.controller.node.charge import Charge
 from steptwin.controller.node.pins import Pin
-from steptwin.controller.node.step_settings import StepSettings
 from steptwin.controller.node.stops import LOSS_EFFECTS, ConnectionLoss
 from steptwin.controller.node.transmit_queue import Outbox, Service
 from steptwin.protocol import od
@@ -19,7 +18,6 @@ from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after
 from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
-from steptwin.protocol.sync import SyncConsumer
 
 _RETRY_US: Final = 1000
 """Time after which an EMCY that found no place in the transmit queue tries again."""
@@ -53,15 +51,12 @@ class AxisNode:
         """Time when the high resolution time stamp (1013h) was 0."""
         self._statusword = 0
         self._sdo = SdoServer(self.dictionary)
-        self._sync = SyncConsumer(self.dictionary)
         self._heartbeat = HeartbeatProducer()
         self._heartbeats = context.heartbeats
         self._errors = context.errors
-        self._emergency = context.errors.producer
         self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
         self._charge = Charge(self.dictionary)
         self.drive = AxisDrive(context)
-        self._steps = StepSettings(context, self.drive)
         self.dictionary.bind(self)
         ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 
@@ -151,15 +146,15 @@ class AxisNode:
         """Lose everything that a power cycle would lose, except the position of a standing axis."""
         self.drive.reset()
         self.dictionary.reset(first_index=0x2000)
-        self._steps.apply()
-        self._emergency.forget()
+        self.drive.settings.apply()
+        self._errors.forget()
         self.pins.switch_outputs(0)
 
     def _reset_communication(self) -> None:
         self.dictionary.reset(last_index=0x1FFF)
         self._sdo.reset()
         self.set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
-        self._emergency.reset_communication()
+        self._errors.reset_communication()
         self._heartbeats.restart()
         self._outbox.reset()
         self._charge.forget()
@@ -189,7 +184,7 @@ class AxisNode:
         error = self.process_data.receive_pdos[number].receive(data)
         if error:
             self._errors.report(error, number + 1)
-        elif self._emergency.register:
+        elif self._errors.register:
             self._errors.pdo_received(number)
         if context.touched:  # most frames are PVT records, which change nothing that is sent at once
             self._settle()
@@ -199,12 +194,12 @@ class AxisNode:
         if self.nmt_state is not NmtState.OPERATIONAL:
             return
         self._context.now_us = now_us
-        counter = self._sync.counter_of(data)
+        counter = self.process_data.sync_counter(data)
         if counter is None:
             self._errors.report(ErrorCode.SYNC_LENGTH, len(data))
             self._settle()
             return
-        if self._emergency.register:
+        if self._errors.register:
             self._errors.resolved(ErrorCode.SYNC_LENGTH)
         for receive_pdo in self.process_data.receive_pdos:
             receive_pdo.on_sync()
@@ -327,7 +322,7 @@ class AxisNode:
             *self.drive.dues_us(),
         ]
         if self.nmt_state not in _SILENT:
-            dues.append(self._emergency.due_us)
+            dues.append(self._errors.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
             dues += [pdo.due_us for pdo in self.process_data.transmit_pdos if pdo.exists]
         known = [due for due in dues if due is not None]
@@ -358,6 +353,6 @@ class AxisNode:
     def _send_emergency(self, now_us: int) -> None:
         """Send the EMCY that is due, or try again later if too many of this node wait for the bus: none is lost."""
         if not self._outbox.has_room(Service.EMCY):
-            self._emergency.postpone(now_us + _RETRY_US)
-        elif emergency := self._errors.poll(now_us):
+            self._errors.postpone(now_us + _RETRY_US)
+        elif emergency := self._errors.next_frame(now_us):
             self._outbox.send(Service.EMCY, emergency, now_us)

@@ -3,18 +3,18 @@
 from typing import Final
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
 
-_UNWATCHED_US: Final = 1000 * UNWATCHED_MS
+_UNWATCHED_US: Final = 1000 * CHARGE_UNWATCHED_MS
 
 
 class Charge:
     """The token of the program in charge, until that program gives it back or falls silent."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
-        self.token = FREE
-        """The token of the program in charge; FREE while none is."""
+        self.token = CHARGE_FREE
+        """The token of the program in charge; CHARGE_FREE while none is."""
         self._claimed = False
         self.due_us: int | None = None
         """Time of the next call of `poll`; None while no program is in charge."""
@@ -22,9 +22,9 @@ class Charge:
 
     def claim(self, token: int) -> None:
         """Lend the axis to the program with this token, unless another one is in charge."""
-        if token == FREE:
+        if token == CHARGE_FREE:
             raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
-        if self.token not in (FREE, token):
+        if self.token not in (CHARGE_FREE, token):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         self.token, self._claimed = token, True
 
@@ -36,7 +36,7 @@ class Charge:
 
     def forget(self) -> None:
         """Let the axis be free: the program in charge has released it, was lost, or the node is reset."""
-        self.token, self._claimed, self.due_us = FREE, False, None
+        self.token, self._claimed, self.due_us = CHARGE_FREE, False, None
 
     def settle(self, now_us: int) -> None:
         """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis, or claimed it again."""

@@ -1,31 +1,77 @@
-"""Set the TB6560's static inputs by the driver objects (2000h): excitation mode, torque, decay, rest torque."""
+"""Pass the settings of driver and steps from the object dictionary to the TB6560's static inputs and the motion.
 
-from collections.abc import Callable
+The driver objects (2000h) set excitation mode, torque, decay and rest torque; with the step timing (2001h), the speed
+limit and the polarity they make the step configuration.
+"""
+
+from dataclasses import replace
 from typing import Final
 
+from steptwin.controller.modes.interpolation import Interpolation
+from steptwin.controller.motion.step_config import INVERT_DIR, REVERSED, StepConfig
+from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
 from steptwin.protocol import od
-from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.objects import STEP_ENTRIES
 
 IDLE_AFTER_US: Final = 500_000
 """Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
+_CHOICES: Final = {
+    od.MICROSTEPS: tuple(MODE_LEVELS),
+    od.INVERT_MASK: (0, INVERT_DIR),
+    od.POLARITY: (0, REVERSED),  # position and velocity can only be reversed together
+}
+"""The values allowed while the driver is off; while it is on the state is the reason for refusing any."""
 
 
 class DriverSettings:
-    """Sets the driver's torque and decay pins, and its excitation mode when the step configuration changes."""
+    """Sets the driver's pins and the step configuration of one axis."""
 
-    def __init__(self, dictionary: ObjectDictionary, set_pin: Callable[[Pin, int], None]) -> None:
-        self._dictionary = dictionary
-        self._set_pin = set_pin
+    def __init__(self, context: AxisContext, records: Interpolation) -> None:
+        self._axis = context.axis
+        self._motion = context.motion
+        self._dictionary = context.dictionary
+        self._pins = context.pins
+        self._reference = context.reference
+        self._records = records
         self._idle = False
         self.due_us: int | None = None
         """Time when a standing axis' torque is lowered; None if that has happened or does not apply."""
+        context.dictionary.bind(self)
 
-    def set_microsteps(self, microsteps: int) -> None:
-        """Select the excitation mode. The chip takes a new one only in reset (page 15), which also resets its angle."""
-        self._set_pin(Pin.RESET, 0)
+    def change_at(self, address: int, value: int) -> None:
+        """Reconfigure the steps while the driver is off: a TB6560 changes its mode only in reset (page 15).
+
+        Drop the records that wait: they were accepted within the old limits. The speed limit (607Fh) may change while
+        the driver is on: from the next set-point on, and for a stream of records or set-points when it has ended.
+        """
+        energised = bool(self._pins.level(Pin.ENABLE))
+        if energised and address == od.MAX_PROFILE_VELOCITY:
+            config = replace(self._motion.config(self._axis), velocity_max_units_per_s=value)
+            self._motion.change_speed_limit(self._axis, config)
+            return
+        if energised:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        if value not in _CHOICES.get(address, (value,)):
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        self._records.discard()
+        self.apply({address: value})
+
+    def apply(self, changes: dict[int, int] | None = None) -> None:
+        """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
+        changes, get = changes or {}, self._dictionary.get
+        config = StepConfig(*(changes.get(address, get(address)) for address in STEP_ENTRIES))
+        if config.microsteps != self._motion.config(self._axis).microsteps:
+            self._select_microsteps(config.microsteps)
+        self._motion.configure(self._axis, config)
+
+    def _select_microsteps(self, microsteps: int) -> None:
+        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
+        self._pins.set(Pin.RESET, 0)
         self._set(Pin.M2, Pin.M1, MODE_LEVELS[microsteps])
-        self._set_pin(Pin.RESET, 1)
+        self._pins.set(Pin.RESET, 1)
+        self._reference.lose()
 
     def settle(self, now_us: int, *, moving: bool) -> None:
         """Set torque and decay at the end of a call; full torque while moving, rest torque after IDLE_AFTER_US."""
@@ -43,5 +89,5 @@ class DriverSettings:
             self._idle, self.due_us = True, None
 
     def _set(self, high: Pin, low: Pin, levels: tuple[int, int]) -> None:
-        self._set_pin(high, levels[0])
-        self._set_pin(low, levels[1])
+        self._pins.set(high, levels[0])
+        self._pins.set(low, levels[1])

@@ -12,9 +12,8 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.board_motion import AxisEvent, BoardMotion
 from steptwin.controller.motion.group_ramp import ramp_group
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.controller.node.axis_context import BoardContext
+from steptwin.controller.node.axis_context import BoardContext, BoardReadings
 from steptwin.controller.node.axis_node import AxisNode
-from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue

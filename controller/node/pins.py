@@ -48,6 +48,10 @@ class AxisPins:
         self._levels = dict.fromkeys(Pin, 0)
         self.changes: list[tuple[Pin, int]] = []
 
+    def level(self, pin: Pin) -> int:
+        """Return the level of a pin."""
+        return self._levels[pin]
+
     def set(self, pin: Pin, level: int) -> None:
         """Set a pin to a level."""
         if self._levels[pin] != level:

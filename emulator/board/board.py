@@ -7,8 +7,8 @@ from typing import NamedTuple
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.firmware import Firmware
-from steptwin.controller.node.measurements import BoardReadings
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock

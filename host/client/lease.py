@@ -14,8 +14,8 @@ from contextlib import suppress
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
-from steptwin.protocol.charge import FREE, UNWATCHED_MS
 from steptwin.protocol.entry import DataType
+from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
 
 
 class Lease:
@@ -29,7 +29,7 @@ class Lease:
     def require_free(self) -> None:
         """Raise BusError if another program is in charge of an axis; nothing on the machine changes."""
         for axis in self._axes:
-            if axis.read(od.CHARGE_TOKEN) not in (FREE, self._token):
+            if axis.read(od.CHARGE_TOKEN) not in (CHARGE_FREE, self._token):
                 raise _taken(axis)
 
     def claim(self) -> None:
@@ -61,7 +61,7 @@ class Lease:
 
 def _taken(axis: AxisClient) -> BusError:
     taken, wait = "another program is in charge of the machine", "wait for its end"
-    killed = f"up to {UNWATCHED_MS / 1000:g} s if it was killed"
+    killed = f"up to {CHARGE_UNWATCHED_MS / 1000:g} s if it was killed"
     return BusError(
         f"{taken}, says {axis.name} (node 0x{axis.node_id:02X}): {wait}, {killed}; "
         "`steptwin stop` and `estop` work at any time"

@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
-from steptwin.protocol.charge import FREE, UNWATCHED_MS
+from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
 from tests.controller.bench_board import BenchBoard
 
 ALICE, BOB = 0x1234_5678, 0xFFFF_FFFF
@@ -34,11 +34,11 @@ def in_charge(board: BenchBoard, axis: int = 0) -> int:
 
 
 def test_only_one_program_gets_the_axis(pair: BenchBoard) -> None:
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
     assert claim(pair, ALICE) == 0
     assert claim(pair, BOB) == AbortCode.DEVICE_STATE
     assert claim(pair, ALICE) == 0
-    assert (in_charge(pair), in_charge(pair, 1)) == (ALICE, FREE)
+    assert (in_charge(pair), in_charge(pair, 1)) == (ALICE, CHARGE_FREE)
     assert claim(pair, BOB, 1) == 0
 
 
@@ -47,7 +47,7 @@ def test_only_its_owner_gives_it_back(pair: BenchBoard) -> None:
     assert release(pair, BOB) == AbortCode.DEVICE_STATE
     assert in_charge(pair) == ALICE
     assert release(pair, ALICE) == 0
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
     assert release(pair, ALICE) == AbortCode.DEVICE_STATE
     assert claim(pair, BOB) == 0
 
@@ -56,12 +56,12 @@ def test_only_its_owner_gives_it_back(pair: BenchBoard) -> None:
 def test_a_program_without_a_heartbeat_is_forgotten(pair: BenchBoard, again: bool) -> None:
     claim(pair, ALICE)
     if again:
-        pair.wait(UNWATCHED_MS - 1)
+        pair.wait(CHARGE_UNWATCHED_MS - 1)
         claim(pair, ALICE)
-    pair.wait(UNWATCHED_MS - 1)
+    pair.wait(CHARGE_UNWATCHED_MS - 1)
     assert in_charge(pair) == ALICE
     pair.wait(2)
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
 
 
 def test_a_heartbeat_keeps_it(pair: BenchBoard) -> None:
@@ -79,7 +79,7 @@ def test_a_killed_program_is_forgotten_with_its_heartbeat(pair: BenchBoard) -> N
     pair.wait(WATCH_MS - 1)
     assert claim(pair, BOB) == AbortCode.DEVICE_STATE
     pair.wait(2)
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
     assert claim(pair, BOB) == 0
 
 
@@ -88,15 +88,15 @@ def test_a_program_that_ends_its_monitoring_and_dies_is_forgotten(pair: BenchBoa
     watch(pair)
     pair.wait(WATCH_MS - 1)
     pair.write(od.CONSUMER_HEARTBEATS[0], 0)
-    pair.wait(UNWATCHED_MS + 1)
-    assert in_charge(pair) == FREE
+    pair.wait(CHARGE_UNWATCHED_MS + 1)
+    assert in_charge(pair) == CHARGE_FREE
 
 
 @pytest.mark.parametrize("command", [RESET_NODE, RESET_COMMUNICATION])
 def test_a_reset_frees_the_axis(pair: BenchBoard, command: int) -> None:
     claim(pair, ALICE)
     pair.nmt(command)
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
     assert claim(pair, BOB) == 0
 
 
@@ -104,7 +104,7 @@ def test_it_is_not_stored(pair: BenchBoard) -> None:
     claim(pair, ALICE)
     assert pair.write(od.STORE_ALL, int.from_bytes(b"save", "little")) == 0
     pair.nmt(RESET_NODE)
-    assert in_charge(pair) == FREE
+    assert in_charge(pair) == CHARGE_FREE
 
 
 def test_programs_that_know_nothing_of_it_drive_the_axis(pair: BenchBoard) -> None:

@@ -6,7 +6,7 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.protocol import od
-from steptwin.protocol.charge import FREE
+from steptwin.protocol.objects import CHARGE_FREE
 from tests.emulator.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
 from tests.end_to_end.served import Server, in_real_time, serving
@@ -35,12 +35,12 @@ def test_a_killed_program_blocks_nobody() -> None:
         with BusLink(open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port)), "the server") as link:
             first = Session(link, load_robot(ROBOT)).machine.axes[0]
             jogging = server.start("jog", ROBOT, "th1", "-1deg/s")
-            await_true(lambda: first.read(od.CHARGE_TOKEN) != FREE, "the jog takes charge")
+            await_true(lambda: first.read(od.CHARGE_TOKEN) != CHARGE_FREE, "the jog takes charge")
             code, said = ended(server.start("move", ROBOT, "th1=1"))
             assert (code, said.partition(",")[0]) == (4, "steptwin: another program is in charge of the machine")
             jogging.kill()
             ended(jogging)
-            await_true(lambda: first.read(od.CHARGE_TOKEN) == FREE, "the board forgets the killed program")
+            await_true(lambda: first.read(od.CHARGE_TOKEN) == CHARGE_FREE, "the board forgets the killed program")
         assert server.run("reset", ROBOT) == 0
         assert server.run("move", ROBOT, "th1=1") == 0
 

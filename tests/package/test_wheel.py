@@ -109,11 +109,11 @@ def test_a_project_with_packages_of_the_same_names(installed: Path, tmp_path: Pa
 def test_coverage_is_measured_through_the_links(tmp_path: Path) -> None:
     """The report names the real files, also those that no test imports; below the limit the run fails."""
     options = ["-p", "no:cacheprovider", "--cov=steptwin.controller", "--cov=steptwin.protocol", "--cov-fail-under=95"]
-    command = [sys.executable, "-m", "pytest", "-q", "tests/protocol/test_sync.py", *options]
+    command = [sys.executable, "-m", "pytest", "-q", "tests/protocol/test_homing_methods.py", *options]
     environment = os.environ | {"COVERAGE_FILE": str(tmp_path / "coverage")}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     cover = {line.split()[0]: line.split()[-1] for line in done.stdout.splitlines() if ".py" in line}
-    assert cover["protocol/sync.py"] == "100%"
+    assert cover["protocol/homing_methods.py"] == "100%"
     assert cover["controller/node/firmware.py"] == "0%"
     assert done.returncode == 1
     assert "less than fail-under=95" in done.stdout

@@ -5,7 +5,7 @@ import pytest
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.sync import SyncConsumer
+from steptwin.protocol.pdo import ProcessData
 
 
 @pytest.mark.parametrize(
@@ -14,9 +14,9 @@ from steptwin.protocol.sync import SyncConsumer
 )
 def test_sync_carries_a_counter_if_an_overflow_value_is_set(overflow: int, data: bytes, counter: int | None) -> None:
     dictionary = ObjectDictionary(0x10)
-    sync = SyncConsumer(dictionary)
+    sync = ProcessData(dictionary)
     dictionary.write(od.SYNC_COUNTER_OVERFLOW, bytes((overflow,)))
-    assert sync.counter_of(data) == counter
+    assert sync.sync_counter(data) == counter
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_sync_carries_a_counter_if_an_overflow_value_is_set(overflow: int, data:
 )
 def test_overflow_values_that_are_refused(overflow: int, period_us: int, code: AbortCode) -> None:
     dictionary = ObjectDictionary(0x10)
-    SyncConsumer(dictionary)
+    ProcessData(dictionary)
     dictionary.write(od.COMMUNICATION_CYCLE_PERIOD, period_us.to_bytes(4, "little"))
     with pytest.raises(SdoAbortError) as caught:
         dictionary.write(od.SYNC_COUNTER_OVERFLOW, bytes((overflow,)))

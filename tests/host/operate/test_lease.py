@@ -12,7 +12,7 @@ from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
-from steptwin.protocol.charge import FREE, UNWATCHED_MS
+from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
 from tests.host.client.machines import TH2, Neighbour
 from tests.host.operate.sessions import HOME, ROBOT
 
@@ -51,7 +51,7 @@ def test_the_second_program_is_refused(session: Session, other: Session) -> None
             assert caught.value.exit_code == 4
         assert tokens(session) == held
         assert watched(session) == [WATCH_HOST] * len(held)
-    assert tokens(session) == [FREE] * len(held)
+    assert tokens(session) == [CHARGE_FREE] * len(held)
     move(other, HOME)
 
 
@@ -66,7 +66,7 @@ def test_a_program_that_gets_some_axes_only_gives_them_back(session: Session, ot
     Lease(other.machine.axes[TH2:]).claim()
     with pytest.raises(BusError, match=r"says th2 \(node 0x14\)"):
         move(session, HOME)
-    assert [token == FREE for token in tokens(session)] == [axis < TH2 for axis in range(6)]
+    assert [token == CHARGE_FREE for token in tokens(session)] == [axis < TH2 for axis in range(6)]
 
 
 def fail_in(charge: MachineCharge, error: type[BaseException]) -> None:
@@ -78,7 +78,7 @@ def test_an_error_or_an_interruption_frees_the_machine(session: Session, other: 
     for error in (KeyboardInterrupt, BusError):
         with pytest.raises(error), session.charge("move") as charge:
             fail_in(charge, error)
-        assert tokens(session) == [FREE] * 6
+        assert tokens(session) == [CHARGE_FREE] * 6
     move(other, HOME)
 
 
@@ -88,7 +88,7 @@ def test_a_program_that_hangs_before_its_heartbeat_loses_the_machine(
     with session.alone("look"):
         with pytest.raises(BusError, match=TAKEN):
             move(other, HOME)
-        board.wait(UNWATCHED_MS / 1000)
+        board.wait(CHARGE_UNWATCHED_MS / 1000)
         move(other, HOME)
 
 
@@ -128,5 +128,5 @@ def test_a_charge_that_nobody_has_taken_meanwhile_is_claimed_again(session: Sess
         charge.enable()
         assert tokens(session) == held
         take_away(session.machine.axes[TH2])
-    assert tokens(session) == [FREE] * 6
+    assert tokens(session) == [CHARGE_FREE] * 6
     assert watched(session) == [0] * 6
