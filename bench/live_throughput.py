@@ -17,7 +17,7 @@ from rich.table import Table
 from steptwin.bench.bench_table import bench_table
 from steptwin.bench.live_lateness import lateness_row, round_trip_rows
 from steptwin.bench.live_server import SERVE, cpu_s, memory_mb, serving
-from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client import AxisSettings, Machine, StreamedMotion
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S
@@ -73,7 +73,7 @@ def _streamed(seconds: float) -> tuple[list[str], str]:
             machine.configure((_SETTINGS,) * AXES)
             machine.enable()
             machine.preset([0] * AXES)
-            stream = machine.start(records, [0] * AXES)
+            stream = machine.start(StreamedMotion(records, [0] * AXES))
             began_s, server_s, client_s = time.perf_counter(), cpu_s(server.process.pid), time.process_time()
             queue_least = _feed(machine, stream)
             wall_s = time.perf_counter() - began_s

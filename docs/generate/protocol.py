@@ -6,7 +6,7 @@ from typing import Final
 from docs.generate.commands import DOCS, filled
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.power_states import next_state
-from steptwin.host.client import AxisSettings, Machine
+from steptwin.host.client import AxisSettings, Machine, StreamedMotion
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import code, table
@@ -73,7 +73,7 @@ def _played() -> EmbeddedBoard:
     machine.configure((_SETTINGS,))
     machine.enable()
     machine.preset([0])
-    machine.run((_RECORDS,), [0], lambda _: None)
+    machine.run(StreamedMotion((_RECORDS,), [0]), lambda _: None)
     machine.disable()
     machine.disconnect()
     return board

@@ -6,7 +6,7 @@ from steptwin.host.client.links.can_bus import object_dictionary
 from steptwin.host.client.links.link import Link
 from steptwin.host.client.machine import Machine, Progress
 from steptwin.host.client.output_schedule import OutputCommand
-from steptwin.host.client.stream import Stream
+from steptwin.host.client.stream import Stream, StreamedMotion
 from steptwin.host.client.waits import InputWait
 
 __all__ = [
@@ -19,5 +19,6 @@ __all__ = [
     "OutputCommand",
     "Progress",
     "Stream",
+    "StreamedMotion",
     "object_dictionary",
 ]

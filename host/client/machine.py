@@ -11,20 +11,25 @@ from steptwin.host.client.axis_homing import AxisHoming, HomingSettings, run_hom
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.links.can_bus import object_dictionary
 from steptwin.host.client.links.link import Link
-from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.shared_node import Patience
-from steptwin.host.client.starting import StreamStarter, stop_the_rest
-from steptwin.host.client.stream import Stream
+from steptwin.host.client.stream import Stream, StreamedMotion, stop_the_rest
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
-from steptwin.host.client.waits import InputWait, Waits
-from steptwin.host.common.arrays import AxisRecords
+from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status
 from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.homing_methods import HOME_HERE
-from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
+from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
 
+_STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
+"""Address of the event timer with which TPDO3 reports a queue's free places."""
+_STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2].event_timer_ms
+"""Longest period of these reports: the event timer's value after power-up."""
+_STATUS_PERIOD_MIN_MS: Final = 10
+"""Shortest period of these reports: the inhibit time of TPDO3, at which the client polls."""
+_STATUS_PERIOD_SEGMENTS: Final = 20
+"""Number of segments from one report to the next: three reports come before a queue of 64 runs dry."""
 _LOOKS_PER_REPORT: Final = 10
 """Looks at a stream from one report of its progress to the next: ten reports a second."""
 Progress = Callable[[float], None]
@@ -44,7 +49,7 @@ class Machine:
             AxisClient(link, name, FIRST_NODE_ID + i, dictionary, patience) for i, name in enumerate(names)
         )
         self._heartbeat = Heartbeat(link.network)
-        self._starter = StreamStarter(link, self.axes)
+        self._status_period_ms = _STATUS_PERIOD_MAX_MS
         self._stream: Stream | None = None
         self._waits: Waits | None = None
         """The waits of the last trajectory that was started."""
@@ -161,20 +166,12 @@ class Machine:
 
     # --- trajectories
 
-    def run(
-        self,
-        records: tuple[AxisRecords, ...],
-        start_units: list[int],
-        progress: Progress,
-        outputs: tuple[OutputCommand, ...] = (),
-        waits: tuple[InputWait, ...] = (),
-        begun: Callable[[], None] = lambda: None,
-    ) -> None:
+    def run(self, motion: StreamedMotion, progress: Progress, begun: Callable[[], None] = lambda: None) -> None:
         """Start a trajectory and wait for its end; raises as `start` and `Stream.tend`.
 
         `begun` is called once, when the axes have reported that they set off.
         """
-        stream = self.start(records, start_units, outputs, waits)
+        stream = self.start(motion)
         begun()
         for look in count(1):
             self.wait(POLL_S)
@@ -183,26 +180,34 @@ class Machine:
             if stream.ended:
                 return
 
-    def start(
-        self,
-        records: tuple[AxisRecords, ...],
-        start_units: list[int],
-        outputs: tuple[OutputCommand, ...] = (),
-        waits: tuple[InputWait, ...] = (),
-    ) -> Stream:
+    def start(self, motion: StreamedMotion) -> Stream:
         """Start a trajectory from its first point, where the axes must stand; `wait` tends it until its end.
 
-        The records of all axes have the same durations. The outputs are switched on the way; at each of the waits,
-        which are in order of time, the axes stand still until the input has its level, and `holds_ms` says how long.
+        How long the axes stand still at its waits, `holds_ms` says.
 
         Raises:
             DeviceFaultError: an axis stands elsewhere, its position is unknown, or it refuses a record.
             BusError: a node does not answer, or a queue does not fill.
         """
         self._waits = None
-        stream = self._stream = self._starter.start(records, start_units, outputs, waits)
+        self._set_status_period(min(motion.records[0].durations_ms + [HOLD_MS] * bool(motion.waits)))
+        stream = self._stream = Stream(self.link, self.axes, motion)
         self._waits = stream.waits
         return stream
+
+    def _set_status_period(self, shortest_ms: int) -> None:
+        """Make the nodes report their queues' free places often enough for segments as short as `shortest_ms`.
+
+        Nodes take PDO parameters only in PRE-OPERATIONAL; their drives keep their state meanwhile.
+        """
+        period_ms = min(_STATUS_PERIOD_MAX_MS, max(_STATUS_PERIOD_MIN_MS, _STATUS_PERIOD_SEGMENTS * shortest_ms))
+        if period_ms == self._status_period_ms:
+            return
+        self.link.network.nmt.state = "PRE-OPERATIONAL"
+        for axis in self.axes:
+            axis.write(_STATUS_PERIOD, period_ms)
+        self.start_nodes()
+        self._status_period_ms = period_ms
 
     @property
     def holds_ms(self) -> tuple[int, ...]:

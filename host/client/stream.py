@@ -1,16 +1,54 @@
-"""Stream a trajectory: feed the queues, switch outputs, notice faults, a halt and the end."""
+"""Stream a trajectory: preload the queues and start all axes, feed the queues, switch outputs, notice its end."""
 
-from typing import Final
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.client.links.link import Link
 from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime, fill
-from steptwin.host.client.waiting import POLL_S
-from steptwin.host.client.waits import Waits
-from steptwin.host.common.errors import BusError
+from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
+from steptwin.host.client.waits import InputWait, Waits, divide
+from steptwin.host.common.arrays import AxisRecords
+from steptwin.host.common.errors import BusError, DeviceFaultError
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, QUICK_STOP, Control, Mode, State, Status
+from steptwin.protocol.frame import COB_SYNC
+from steptwin.protocol.pvt import PvtFlag
 
+
+class StreamedMotion(NamedTuple):
+    """A trajectory as it is streamed.
+
+    Attributes:
+        records: those of each axis; the records of all axes have the same durations.
+        start_units: where the axes must stand, in wire units.
+        outputs: outputs to switch on the way.
+        waits: waits for inputs, in order of time; the axes stand still until each input has its level.
+    """
+
+    records: tuple[AxisRecords, ...]
+    start_units: list[int]
+    outputs: tuple[OutputCommand, ...] = ()
+    waits: tuple[InputWait, ...] = ()
+
+
+def stop_the_rest(axes: Sequence[AxisClient]) -> None:
+    """Quick-stop the axes that may still follow a trajectory after something has ended it for others.
+
+    The axes of one board stop together by themselves, those of another board do not.
+    """
+    with suppress(BusError):  # the error that has ended the trajectory is what matters
+        for axis in axes:
+            if axis.drive_status is None or axis.drive_status.state is State.OPERATION_ENABLED:
+                axis.send_interpolation_controlword(QUICK_STOP)
+
+
+_PRELOAD_RECORDS: Final = 32
+_PRELOAD_TIMEOUT_S: Final = 5.0
+"""Time limit for filling the queues: on a bad line lost records can be sent again a few times."""
 _STALL_S: Final = 5.0
 """Time limit for a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp."""
 
@@ -22,31 +60,50 @@ class Stream:
     records that do not go on although nothing halts them.
     """
 
-    def __init__(
-        self,
-        link: Link,
-        axes: tuple[AxisClient, ...],
-        feeds: list[QueueFeed],
-        fed_ms: list[int],
-        outputs: tuple[OutputCommand, ...],
-        waits: Waits,
-    ) -> None:
-        """Follow a motion that has just been started.
-
-        `fed_ms` has the durations of all records that the feeds have so far, `outputs` the commands within them.
-        """
+    def __init__(self, link: Link, axes: tuple[AxisClient, ...], motion: StreamedMotion) -> None:
+        """Start a trajectory; raises as `Machine.start`."""
         self.ended = False
-        self.waits = waits
         self._link = link
         self._axes = axes
-        self._feeds = feeds
+        for axis in axes:
+            if not axis.read(od.STATUSWORD) & Status.POSITION_KNOWN:
+                raise DeviceFaultError(f"{axis.name}: the position is unknown: home the axis first")
+        for axis, start in zip(axes, motion.start_units, strict=True):
+            _prepare(axis, start)
+        legs = divide(motion.records, motion.outputs, motion.waits)
+        self.waits = Waits(axes, motion.waits, legs)
+        self._feeds = [QueueFeed(axis, own, link.now_s()) for axis, own in zip(axes, legs[0].records, strict=True)]
+        fed_ms = self.waits.feed_first(self._feeds)
+        self._least_records = min(_PRELOAD_RECORDS, len(fed_ms))
+        require(link, self._preloaded, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
+        self._start_together()
         now_s = link.now_s()
         self._reached = TrajectoryTime(fed_ms, now_s)
-        self._schedule = OutputSchedule(axes, outputs, self._reached)
+        self._schedule = OutputSchedule(axes, legs[0].outputs, self._reached)
         self._seen = axes[0].pvt_status
         self._progress_s = now_s
         self._progress_at_s = 0.0
         """The trajectory time that was reached at `_progress_s`."""
+
+    def _preloaded(self) -> bool:
+        """Send records for which there is room; return whether every queue holds enough of them to start."""
+        now_s = self._link.now_s()
+        for feed in self._feeds:
+            feed.update(now_s)
+        fill(self._feeds)
+        return all(axis.read(od.BUFFER_POSITION) >= self._least_records for axis in self._axes)
+
+    def _start_together(self) -> None:
+        """Latch every axis' start bit, then send one SYNC: all axes start in the same servo tick."""
+        for axis in self._axes:
+            axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
+            axis.pvt_status = None  # a report from before the start says nothing about it
+        self._link.network.send_message(COB_SYNC, b"")
+        try:
+            require(self._link, lambda: all(map(_started, self._axes)), "not all axes start", REPLY_TIMEOUT_S)
+        except BusError:
+            stop_the_rest([axis for axis in self._axes if _started(axis)])
+            raise
 
     @property
     def fraction(self) -> float:
@@ -114,3 +171,23 @@ class Stream:
             self._progress_at_s = self._reached.least_s
         elif now_s - self._progress_s > _STALL_S:
             raise BusError(f"the motion has stalled for {_STALL_S:g} s at {self._progress_at_s:g} s of its time")
+
+
+def _prepare(axis: AxisClient, start_units: int) -> None:
+    """Check where the axis stands, then clear its queue and its start bit, whose rise is what starts a trajectory."""
+    demand = axis.read(od.POSITION_DEMAND)
+    if demand != start_units:
+        raise DeviceFaultError(
+            f"{axis.name}: stands at {demand} units, the trajectory starts at {start_units}"
+        ).plainly(f"{axis.name}: does not stand where the trajectory starts: move there first")
+    axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+    axis.write(od.MODE_OF_OPERATION, Mode.INTERPOLATED_POSITION)
+    axis.write(od.INTERPOLATION_SUBMODE, PVT_SUBMODE)
+    axis.write(od.BUFFER_CLEAR, 0)
+    axis.pvt_status = None
+
+
+def _started(axis: AxisClient) -> bool:
+    """Return whether an axis runs, or has run: a trajectory may be so short that it is done already."""
+    running = axis.pvt_status is not None and bool(axis.pvt_status.flags & PvtFlag.RUNNING)
+    return axis.done or (running and axis.interpolating)

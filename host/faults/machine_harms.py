@@ -24,7 +24,7 @@ from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table, integer_from, number_from
 from steptwin.host.faults.harms import HarmKind, Writer, by_fields, joint_at, place
-from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.robot import Robot
 
 PER_V: Final = 100

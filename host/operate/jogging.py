@@ -6,6 +6,7 @@ from math import ceil, floor, inf
 
 import numpy as np
 
+from steptwin.host.client import StreamedMotion
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.pausing import abandon_trajectory
 from steptwin.host.client.profile_motion import (
@@ -61,7 +62,7 @@ def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[]
         start = session.positions(plan.start_units)
         if until():
             return ToolJogged(coordinate, start, start, at_end=False)
-        stream = machine.start(plan.records(), plan.start_units)
+        stream = machine.start(StreamedMotion(plan.records(), plan.start_units))
         while not (stream.ended or until()):
             machine.wait(POLL_S)
         if not stream.ended:

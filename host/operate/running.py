@@ -10,10 +10,9 @@ import numpy as np
 from steptwin.host.client import Machine, Progress
 from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.input_waiting import Waited, executed, input_waits, waited, waits_document
+from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_motion, waits_document, waits_made
 from steptwin.host.operate.moving import move_within, together
 from steptwin.host.operate.session import MachineAtRest, MachineCharge, Session
-from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.clearance import first_contact, ways_around
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
@@ -48,7 +47,7 @@ class LiveOutcome:
     start: list[float]
     end: list[float]
     wall_s: float
-    waits: tuple[Waited, ...] = ()
+    waits: tuple[WaitMade, ...] = ()
     """The waits for inputs; the plan is what was executed, with the standstills in it."""
 
     @property
@@ -157,23 +156,21 @@ def run_plan(
     """Move a machine in charge to a plan's start, and run it; arguments and errors are those of `execute_live`."""
     session = charge.session
     started_s = time.perf_counter()
-    outputs, waits = output_commands(plan.robot, plan.trajectory), input_waits(plan)
-    holds_ms: tuple[int, ...] = ()
+    motion = streamed_motion(plan)
     machine = charge.enable()
     move_within(session, charge.start.units, plan.start_units)
     repetitions, axes = 0, tuple[AxisEnd, ...]()
     while repetitions < repeat and all(axis.passed for axis in axes):
-        machine.run(plan.records(), plan.start_units, progress, outputs, waits, begun)
-        holds_ms = machine.holds_ms
+        machine.run(motion, progress, begun)
         session.link.wait(_SETTLED_S)
         check_faults(session.link, machine.axes)
         check_enabled(machine.axes)
         axes = _ends(machine, plan)
         repetitions += 1
     end = session.positions([axis.end_units for axis in axes])
-    waits_made, wall_s = waited(plan, holds_ms), time.perf_counter() - started_s
-    made = executed(plan, holds_ms)
-    return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits_made)
+    holds_ms, wall_s = machine.holds_ms, time.perf_counter() - started_s
+    made, waits = plan_made(plan, holds_ms), waits_made(plan, holds_ms)
+    return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits)
 
 
 _SETTLED_S: Final = 0.02

@@ -12,7 +12,7 @@ from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.faults import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
-from steptwin.host.operate.input_waiting import read_inputs
+from steptwin.host.operate.inputs_outputs import read_inputs
 from steptwin.host.operate.joint_positions import JointReading, joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint

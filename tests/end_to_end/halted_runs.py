@@ -10,9 +10,9 @@ import pytest
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import GroupTime
-from steptwin.host.client import InputWait, Machine, OutputCommand, Progress
+from steptwin.host.client import Machine, Progress, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
-from steptwin.host.common.arrays import AxisRecords, Int64Array
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, plan
 from steptwin.host.robots import load_robot
@@ -103,16 +103,8 @@ def run_with(
     begin = GroupTime.ramp
 
     class BreakingMachine(Machine):
-        def run(
-            self,
-            records: tuple[AxisRecords, ...],
-            start_units: list[int],
-            progress: Progress,
-            outputs: tuple[OutputCommand, ...] = (),
-            waits: tuple[InputWait, ...] = (),
-            begun: Callable[[], None] = lambda: None,
-        ) -> None:
-            run = self.start(records, start_units, outputs, waits)
+        def run(self, motion: StreamedMotion, progress: Progress, begun: Callable[[], None] = lambda: None) -> None:
+            run = self.start(motion)
             begun()
             for at_s, lasts_s in breaks:
                 while run.trajectory_s < at_s:

@@ -20,7 +20,7 @@ def outputs(
     ] = None,
 ) -> None:
     """List the digital outputs by their names in the robot's file, or switch one."""
-    from steptwin.host.operate.switching import no_such_output, read_outputs, switch_output
+    from steptwin.host.operate.inputs_outputs import no_such_output, read_outputs, switch_output
 
     loaded, rest = live.robot_and_rest(words)
     if rest and (len(rest) != 2 or rest[1] not in LEVELS):

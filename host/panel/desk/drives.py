@@ -4,8 +4,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from steptwin.host.operate.inputs_outputs import no_such_output, switch_output
 from steptwin.host.operate.recovering import reset
-from steptwin.host.operate.switching import no_such_output, switch_output
 from steptwin.host.panel.desk.requests import Command, Work
 from steptwin.host.panel.desk.settings import check_settings, write_settings
 from steptwin.host.panel.desk.state import DeskState

@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.client.drive_status import STOPPED, DriveStatus, at_rest
 from steptwin.host.client.words import error_words, hindrance_words, state_text, state_words
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.reports import SILENT_S, AxisTelemetry, Reports

@@ -15,9 +15,9 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.links.bus_network import BusNetwork
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
+from steptwin.host.operate.inputs_outputs import read_outputs
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.switching import read_outputs
 from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, Press
 from steptwin.host.panel.desk.publisher import Publisher
 from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports

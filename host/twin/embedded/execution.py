@@ -2,23 +2,21 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.faults.bus_faults import FaultScript
-from steptwin.host.client import InputWait, Machine, Progress, object_dictionary
+from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
 from steptwin.host.client.stopping import await_rest
-from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
 from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.report import ScenarioReport, not_begun
 from steptwin.host.faults.reporting import RunEnd, scenario_report
-from steptwin.host.operate.input_waiting import executed, input_waits, waited
+from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
 from steptwin.host.operate.setting_up import set_up
-from steptwin.host.operate.switching import output_commands
 from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import waits_of
@@ -76,7 +74,7 @@ def execute(
         options = replace(options, stand_at=plan.start_joints)
     else:
         plan.check_start(options.joints(robot))
-    stream = _Stream.of(plan, cut_stream_s)
+    motion = streamed_motion(plan) if cut_stream_s is None else _cut(streamed_motion(plan), plan, cut_stream_s)
     expected_shelf = errand.planned(robot.shelf) if errand and robot.shelf else None
     options = _stocked(options, errand)
     kernel = kernel or fastest_kernel()
@@ -93,9 +91,9 @@ def execute(
     on_board(board)
     board.change_inputs(inputs)
     host = Machine(board, robot.joint_names)
-    fault = _drive(host, board, plan, stream, progress)
+    fault = _drive(host, board, plan, motion, progress)
     timed_out = fault is not None and fault.timed_out
-    made = executed(plan, host.holds_ms, timed_out=timed_out)
+    made = plan_made(plan, host.holds_ms, timed_out=timed_out)
     run = RunInfo(
         robot=robot.name,
         job=job,
@@ -114,7 +112,7 @@ def execute(
         board.bus_log,
         fault,
         board.driver_profile.name,
-        waited(plan, host.holds_ms, timed_out=timed_out),
+        waits_made(plan, host.holds_ms, timed_out=timed_out),
         _played(board, comparison, report, fault),
         rotors,
         tuple(board.operations.requests()),
@@ -123,24 +121,14 @@ def execute(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Stream:
-    """What a host sends of a plan: the records of each axis, and the waits for inputs between them."""
-
-    records: tuple[AxisRecords, ...]
-    waits: tuple[InputWait, ...]
-
-    @classmethod
-    def of(cls, plan: Plan, cut_s: float | None) -> "_Stream":
-        """Return all of a plan, or what comes before a time; raise InputError if that is outside the motion."""
-        waits = input_waits(plan)
-        if cut_s is None:
-            return cls(plan.records(), waits)
-        count = int(np.searchsorted(plan.times_ms[1:], cut_s * 1000, side="right"))
-        if not 0 < count < len(plan.times_ms) - 1:
-            first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
-            raise InputError(f"cut_stream_s={cut_s:g}: must be from {first_s:g} s to below {end_s:g} s")
-        return cls(plan.records(count), tuple(wait for wait in waits if wait.at_s < cut_s))
+def _cut(motion: StreamedMotion, plan: Plan, cut_s: float) -> StreamedMotion:
+    """Return what comes before a time; raise InputError if that is outside the motion."""
+    count = int(np.searchsorted(plan.times_ms[1:], cut_s * 1000, side="right"))
+    if not 0 < count < len(plan.times_ms) - 1:
+        first_s, end_s = plan.times_ms[1] / 1000, plan.times_ms[-1] / 1000
+        raise InputError(f"cut_stream_s={cut_s:g}: must be from {first_s:g} s to below {end_s:g} s")
+    waits = tuple(wait for wait in motion.waits if wait.at_s < cut_s)
+    return motion._replace(records=plan.records(count), waits=waits)
 
 
 def _stocked(options: MachineOptions, errand: Errand | None) -> MachineOptions:
@@ -150,22 +138,25 @@ def _stocked(options: MachineOptions, errand: Errand | None) -> MachineOptions:
     return replace(options, stock=errand.stock)
 
 
-def _drive(machine: Machine, board: EmbeddedBoard, plan: Plan, stream: _Stream, progress: Progress) -> RunFault | None:
+def _drive(
+    machine: Machine, board: EmbeddedBoard, plan: Plan, motion: StreamedMotion, progress: Progress
+) -> RunFault | None:
     """Set a machine up, stream a plan to it, and disconnect; return the fault that ended it after its start, if any."""
     try:
         set_up(machine, plan.robot, plan.start_units)
-        fault = _run(machine, board, plan, stream, progress)
+        fault = _run(machine, board, plan, motion, progress)
         machine.disconnect()
     except (BusError, DeviceFaultError) as error:
         return _given_up(error, board)
     return fault
 
 
-def _run(machine: Machine, board: EmbeddedBoard, plan: Plan, stream: _Stream, progress: Progress) -> RunFault | None:
+def _run(
+    machine: Machine, board: EmbeddedBoard, plan: Plan, motion: StreamedMotion, progress: Progress
+) -> RunFault | None:
     """Stream a plan to a machine that is set up; return the fault that ended it after its start, if any."""
     try:
-        outputs = output_commands(plan.robot, plan.trajectory)
-        machine.run(stream.records, plan.start_units, progress, outputs, stream.waits)
+        machine.run(motion, progress)
         machine.disable()
     except DeviceFaultError as error:
         if not board.started:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from steptwin.host.faults.report import ScenarioReport
-from steptwin.host.operate.input_waiting import Waited, waits_document
+from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
 from steptwin.host.twin.machine.boards import crystals_document
@@ -70,7 +70,7 @@ class Outcome:
     bus_log: list[tuple[int, Frame]]
     fault: RunFault | None
     driver_profile: str
-    waits: tuple[Waited, ...] = ()
+    waits: tuple[WaitMade, ...] = ()
     scenario: ScenarioReport | None = None
     rotors: RotorTrace | None = None
     operations: tuple[Mapping[str, Any], ...] = ()

@@ -10,7 +10,7 @@ from steptwin.host.common.listening import listen
 from steptwin.host.faults.machine_harms import PER_DEGC, PER_V
 from steptwin.host.faults.operations import read_request
 from steptwin.host.faults.wire_harms import switches_of
-from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.protocol.cia402 import DigitalInput
 

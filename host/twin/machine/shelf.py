@@ -8,7 +8,7 @@ from steptwin.emulator.world.moving_shelf import MovingShelf, Point, ShelfConfig
 from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.input_waiting import wired_inputs
+from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.host.client import Machine
+from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
 from steptwin.host.client.pausing import pause_trajectory
 from steptwin.host.client.stopping import await_rest
@@ -98,7 +98,7 @@ def test_a_host_may_reconnect(board: EmbeddedBoard, machine: Machine) -> None:
     machine.disconnect()
     board.wait(2.0)
     again = ready(board)
-    again.run(travelling(20), [0] * AXES, lambda _: None)
+    again.run(StreamedMotion(travelling(20), [0] * AXES), lambda _: None)
     assert emergencies(board) == []
 
 
@@ -106,7 +106,7 @@ def test_a_silent_host_is_reported_as_lost(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The host feeds the queues, but its heartbeat is lost: the axes leave OPERATIONAL and report only by EMCY."""
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$") as caught:
@@ -123,7 +123,7 @@ def test_a_host_that_dies_leaves_no_motion(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Heartbeat and records stop: the axis ramps down from 4 kHz at 9766 steps/s^2 before its queue is dry."""
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
     board.wait(3.0)
@@ -143,7 +143,7 @@ def test_a_host_that_dies_leaves_no_motion(
 def test_a_paused_machine_is_watched_too(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(0.5)
     pause_trajectory(machine)
     rested_s = board.now_s()

@@ -6,7 +6,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.client import Machine
+from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from tests.emulator.pins import WIRES
@@ -49,7 +49,7 @@ def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
     records = list(still(101, 20)[:1] * (2 * AXES))
     for axis in MOVING:
         records[axis] = travelling(101)[TH1]
-    run = machine.start(tuple(records), [0] * (2 * AXES))
+    run = machine.start(StreamedMotion(tuple(records), [0] * (2 * AXES)))
     machine.wait(0.5)
     assert pause_trajectory(machine)
     rest_units = machine.positions_units()

@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.client import Machine, OutputCommand
+from steptwin.host.client import Machine, OutputCommand, StreamedMotion
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import OutputChange
@@ -53,7 +53,7 @@ def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
         OutputCommand(TH3, MAGNET, on=True, from_s=0.21),
         OutputCommand(TH3, MAGNET, on=False, from_s=1.0),
     )
-    run = machine.start(still(100, 10), [0] * AXES, commands)
+    run = machine.start(StreamedMotion(still(100, 10), [0] * AXES, commands))
     while not run.ended:
         machine.wait(0.01)
     evidence = board.evidence()
@@ -65,7 +65,9 @@ def test_outputs_are_switched_at_their_times(board: EmbeddedBoard) -> None:
 
 def test_an_output_amid_a_record_waits_for_the_next(board: EmbeddedBoard) -> None:
     machine = ready(board)
-    machine.run(still(10, 200), [0] * AXES, lambda _: None, (OutputCommand(TH3, MAGNET, on=True, from_s=0.5),))
+    machine.run(
+        StreamedMotion(still(10, 200), [0] * AXES, (OutputCommand(TH3, MAGNET, on=True, from_s=0.5),)), lambda _: None
+    )
     evidence = board.evidence()
     assert (evidence.outputs[0].counts - evidence.start_counts) / 72e6 == pytest.approx(0.6, abs=0.02)
 
@@ -74,5 +76,5 @@ def test_the_board_is_asked_only_when_it_matters(board: EmbeddedBoard) -> None:
     """The client reads the record number a few times for each output, not at every poll."""
     machine = ready(board)
     commands = tuple(OutputCommand(TH3, MAGNET, on=bool(i % 2), from_s=0.3 * i) for i in range(1, 10))
-    machine.run(still(300, 10), [0] * AXES, lambda _: None, commands)
+    machine.run(StreamedMotion(still(300, 10), [0] * AXES, commands), lambda _: None)
     assert len(frames_to(board, 0x610, bytes.fromhex("40122004"))) <= 3 * len(commands)

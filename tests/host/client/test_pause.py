@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from steptwin.host.client import Machine, OutputCommand
+from steptwin.host.client import Machine, OutputCommand, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -38,7 +38,7 @@ def controlwords(board: EmbeddedBoard, axis: int) -> list[Frame]:
 
 def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine) -> None:
     """From 4 kHz at 9766 steps/s^2 the ramp takes 0.41 s."""
-    run = machine.start(travelling(101), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(0.5)
     assert not run.halted
     asked_s = board.now_s()
@@ -56,7 +56,7 @@ def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine)
 
 
 def test_repeated_requests_change_nothing(machine: Machine) -> None:
-    run = machine.start(travelling(101), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
     resume_trajectory(machine)
     machine.wait(0.5)
     assert pause_trajectory(machine)
@@ -71,7 +71,7 @@ def test_repeated_requests_change_nothing(machine: Machine) -> None:
 
 def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
     """Within 0.1 s of its end a trajectory cannot halt: it ends, and the halt request does not hold the next one."""
-    run = machine.start(travelling(20), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(20), [0] * AXES))
     machine.wait(0.3)
     assert pause_trajectory(machine) is False
     machine.wait(0.05)
@@ -79,7 +79,7 @@ def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine
     assert machine.positions_units() == [0, 0, 0, 19 * 80 * STEP, 0, 0]
     assert [frame.data[:2] for frame in controlwords(board, TH1)] == [b"\x1f\x01", b"\x1f\x00"]
     machine.preset([0] * AXES)
-    machine.run(travelling(20), [0] * AXES, lambda _: None)
+    machine.run(StreamedMotion(travelling(20), [0] * AXES), lambda _: None)
 
 
 @pytest.mark.parametrize(("what", "change"), [("pause", pause_trajectory), ("resume", resume_trajectory)])
@@ -94,7 +94,7 @@ def test_without_a_trajectory_there_is_nothing_to_halt(
     nothing(Machine(board, ROBOT.joint_names))
     machine = ready(board)
     nothing(machine)
-    machine.run(still(20, 10), [0] * AXES, lambda _: None)
+    machine.run(StreamedMotion(still(20, 10), [0] * AXES), lambda _: None)
     nothing(machine)
     machine.disable()
     nothing(machine)
@@ -104,7 +104,7 @@ def test_without_a_trajectory_there_is_nothing_to_halt(
 def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     """The other host sends no SDO request, and the host that streams waits for any length of time."""
     other = Machine(Neighbour(board, monkeypatch, machine.wait), ROBOT.joint_names)
-    run = machine.start(travelling(101), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     begin = len(board.bus_log)
     assert pause_trajectory(other)
@@ -122,7 +122,7 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
 def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     """The host that streams dies while the axes slow down: the pause raises its fault instead of reporting an end."""
     other = Machine(Neighbour(board, monkeypatch), ROBOT.joint_names)
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
     with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
@@ -131,7 +131,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
 
 def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
     """One axis' halt bit halts the group, and `resume_trajectory` clears it."""
-    run = machine.start(travelling(101), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(30.0)
     assert run.halted
@@ -142,7 +142,7 @@ def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
 
 def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBoard, machine: Machine) -> None:
     """The axes halt, but their reports do not arrive."""
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     for axis in machine.axes:
         board.network.unsubscribe(0x180 + axis.node_id)
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
@@ -155,7 +155,7 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
     """With the lowest deceleration the ramp takes 16 s and its last records of 255 ms take seconds each."""
     for axis in machine.axes:
         axis.write(od.PROFILE_DECELERATION, 1)
-    run = machine.start(travelling(60, 255), [0] * AXES)
+    run = machine.start(StreamedMotion(travelling(60, 255), [0] * AXES))
     machine.wait(1.0)
     asked_s = board.now_s()
     assert pause_trajectory(machine)
@@ -166,7 +166,7 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
 
 
 def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> None:
-    machine.start(travelling(101), [0] * AXES)
+    machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(0.5)
     pause_trajectory(machine)
     machine.axes[TH1].write(od.CONSUMER_HEARTBEATS[0], 0x7E << 16 | 50)
@@ -179,7 +179,9 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
 def test_an_output_waits_for_the_trajectory(board: EmbeddedBoard, machine: Machine) -> None:
     """The machine is halted at the output's time, before the host knows that this time has come."""
     th3 = machine.axes[TH3]
-    run = machine.start(still(100, 20), [0] * AXES, (OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.5),))
+    run = machine.start(
+        StreamedMotion(still(100, 20), [0] * AXES, (OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.5),))
+    )
     started_s = board.now_s()
     machine.wait(0.48)
     board.wait(started_s + 0.5 - board.now_s())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.client import Machine
+from steptwin.host.client import Machine, StreamedMotion
 from steptwin.host.common.arrays import AxisRecords, FloatArray
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.planning.jobs import make_job
@@ -22,7 +22,7 @@ from tests.host.client.machines import AXES, ROBOT, START, TH1, connected, frame
 
 
 def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
-    machine.run(records, [0] * AXES, lambda _: None)
+    machine.run(StreamedMotion(records, [0] * AXES), lambda _: None)
 
 
 @pytest.mark.parametrize("refused", [5, 100], ids=["before the start", "on the way"])
@@ -133,9 +133,9 @@ def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
 
 def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedBoard) -> None:
     machine = ready(board)
-    machine.start(travelling(20), [0] * AXES)
+    machine.start(StreamedMotion(travelling(20), [0] * AXES))
     machine.wait(0.1)
     machine.axes[TH1].write(od.CONTROLWORD, DISABLE_VOLTAGE)
     machine.axes[TH1].enable()
     with pytest.raises(DeviceFaultError, match="th1: the position is unknown"):
-        machine.start(still(5, 20), [0] * AXES)
+        machine.start(StreamedMotion(still(5, 20), [0] * AXES))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.emulator.faults.operations import SetInput
-from steptwin.host.client import InputWait, Machine, OutputCommand
+from steptwin.host.client import InputWait, Machine, OutputCommand, StreamedMotion
 from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS, divide
 from steptwin.host.common.arrays import AxisRecords
@@ -52,7 +52,7 @@ def sent_records(board: EmbeddedBoard, axis: int) -> list[PvtRecord]:
 
 
 def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
     machine.wait(2.0)
     rest_units = machine.positions_units()
     assert rest_units[TH1] == DONE_UNITS[TH1] // 2
@@ -81,13 +81,13 @@ def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: Emb
 
 def test_an_input_that_has_its_level_costs_only_the_lead(board: EmbeddedBoard, machine: Machine) -> None:
     set_part(board, on=True)
-    machine.run(there_and_on(), [0] * AXES, lambda _: None, (), (wait(0.4),))
+    machine.run(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)), lambda _: None)
     assert LEAD_MS <= machine.holds_ms[0] <= LEAD_MS + 2 * HOLD_MS
     assert machine.positions_units() == DONE_UNITS
 
 
 def test_a_level_that_has_gone_before_the_machine_comes_does_not_count(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
     set_part(board, on=True)
     machine.wait(0.3)
     set_part(board, on=False)
@@ -102,7 +102,7 @@ def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine
     """At the very start, between the travels, and in the last record; outputs keep their places in the motion."""
     records = joined(joined(still(1, 10), there_and_on()), still(1, 10))
     command = OutputCommand(TH3, DigitalOutput.OUT1, on=True, from_s=0.41)
-    run = machine.start(records, [0] * AXES, (command,), (wait(0.0), wait(0.41, on=False), wait(0.81)))
+    run = machine.start(StreamedMotion(records, [0] * AXES, (command,), (wait(0.0), wait(0.41, on=False), wait(0.81))))
     machine.wait(1.0)
     assert machine.positions_units() == [0] * AXES
     set_part(board, on=True)
@@ -127,7 +127,7 @@ def test_an_early_wait_holds_as_long_as_it_must(
 ) -> None:
     """Also one that begins before the start's own records cover 250 ms; None: the input never comes on."""
     records = joined(still(round(100 * begins_s), 10), travelling(20))
-    run = machine.start(records, [0] * AXES, (), (wait(begins_s, timeout_s=5.0),))
+    run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=5.0),)))
     if on_after_s is None:
         with pytest.raises(WaitTimeoutError, match=f"^no part at {begins_s:g} s$"):
             machine.wait(7.0)
@@ -147,7 +147,7 @@ def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) 
     """Waits 10 ms apart, each of which lasts a second."""
     records = joined(still(2, 10), travelling(20))
     waits = (wait(0.0), wait(0.01, on=False), wait(0.02))
-    run = machine.start(records, [0] * AXES, (), waits)
+    run = machine.start(StreamedMotion(records, [0] * AXES, (), waits))
     for on_s, on in ((1.5, True), (3.0, False), (4.5, True)):
         go_on_until(machine, board, on_s)
         assert not run.ended
@@ -162,7 +162,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch, lost: int
 ) -> None:
     """The queue of one axis then runs dry before the others: at rest, as all of them do a little later."""
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     go_on_until(machine, board, 1.3)
     monkeypatch.setattr(machine.axes[lost], "send_record", lambda _payload: None)
     with pytest.raises(WaitTimeoutError, match=r"^no part at 0\.4 s$"):
@@ -173,7 +173,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
 
 @pytest.mark.parametrize(("on_after_s", "passes"), [(2.9, True), (3.1, False)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=3.0),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=3.0),)))
     go_on_until(machine, board, 0.4 + on_after_s)
     set_part(board, on=True)
     if passes:
@@ -190,7 +190,7 @@ def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_a
 
 
 def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     machine.wait(0.8)
     assert pause_trajectory(machine)
     machine.wait(10.0)
@@ -206,7 +206,7 @@ def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, ma
 @pytest.mark.parametrize(("late_ms", "passes"), [(LEAD_MS - 30, True), (LEAD_MS + 60, False)])
 def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, late_ms: int, passes: bool) -> None:
     """Beyond it the queues run dry at rest, which is said, and nothing moves."""
-    machine.start(there_and_on(), [0] * AXES, (), (wait(0.4),))
+    machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
     machine.wait(1.5)
     board.wait(late_ms / 1000)
     if passes:
@@ -219,7 +219,7 @@ def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, 
 
 def test_a_long_wait_passes_every_sequence_number(board: EmbeddedBoard, machine: Machine) -> None:
     """Four seconds are some 360 records of standstill."""
-    run = machine.start(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=60.0),))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=60.0),)))
     go_on_until(machine, board, 4.0)
     set_part(board, on=True)
     machine.wait(1.0)

@@ -10,7 +10,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.client.waits import HOLD_MS, LEAD_MS
 from steptwin.host.common.errors import InputError, WaitTimeoutError
-from steptwin.host.operate.input_waiting import input_waits
+from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
@@ -146,7 +146,7 @@ def test_unknown_inputs_and_waits_in_motion_are_refused(fast_kernel: Kernel) -> 
     said = complaint_of(lambda: execute(PLAN, "waits", fast_kernel, inputs=[InputChange("part", on=True, at_s=1.0)]))
     assert said == "input of teaching-scara 'part' is unknown: did you mean part_ready?"
     moving = replace(MOTION, waits=(replace(MOTION.waits[0], at_s=0.3),))
-    said = complaint_of(lambda: input_waits(plan(ROBOT, moving)))
+    said = complaint_of(lambda: streamed_motion(plan(ROBOT, moving)))
     assert said == "step 2: the machine does not stand at t = 0.300 s to wait for part_ready on"
     with pytest.raises(InputError):
         execute(plan(ROBOT, moving), "waits", fast_kernel)

@@ -3,8 +3,8 @@
 import pytest
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.operate.inputs_outputs import switch_output
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.switching import switch_output
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalOutput

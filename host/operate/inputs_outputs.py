@@ -1,4 +1,4 @@
-"""Wait for digital inputs, by their names in the robot's file, while a trajectory runs; read them at rest."""
+"""Digital inputs and outputs by their names in the robot's file: at once, or while a trajectory runs."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.host.client import InputWait
+from steptwin.host.client import InputWait, OutputCommand, StreamedMotion
 from steptwin.host.client.waits import HOLD_MS
+from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.motions.held import Hold
@@ -16,11 +17,11 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import PlannedWait, waits_of
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
+from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput, DigitalOutput
 
 
 @dataclass(frozen=True, slots=True)
-class Waited:
+class WaitMade:
     """A wait of a motion that was executed.
 
     Attributes:
@@ -38,21 +39,21 @@ class Waited:
     timed_out: bool = False
 
 
-def waited(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[Waited, ...]:
+def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[WaitMade, ...]:
     """Return the waits of a plan to which a machine came, with the times for which it stood there.
 
     `timed_out` tells whether the last of them has ended the motion.
     """
     before_ms = accumulate(holds_ms, initial=0)
     made = [
-        Waited(wait.input, wait.on, (round(1000 * wait.at_s) + later_ms) / 1000, hold_ms / 1000)
+        WaitMade(wait.input, wait.on, (round(1000 * wait.at_s) + later_ms) / 1000, hold_ms / 1000)
         for wait, hold_ms, later_ms in zip(waits_of(plan.trajectory), holds_ms, before_ms, strict=False)
         if hold_ms
     ]
     return (*made[:-1], replace(made[-1], timed_out=True)) if timed_out else tuple(made)
 
 
-def waits_document(waits: Sequence[Waited]) -> dict[str, Any]:
+def waits_document(waits: Sequence[WaitMade]) -> dict[str, Any]:
     """Return the waits under their key in the JSON document of a run, which has it only if there were waits.
 
     Only a wait that has timed out has the key `timed_out`.
@@ -80,16 +81,52 @@ def read_inputs(session: Session) -> dict[str, bool]:
     }
 
 
-def input_waits(plan: Plan) -> tuple[InputWait, ...]:
-    """Return the waits of a plan; raise InputError if the machine does not stand still at one of them."""
-    wired = wired_inputs(plan.robot)
-    return tuple(
-        InputWait(*wired[wait.input], wait.on, _standstill_s(plan, wait), wait.timeout_s, _timeout_text(wait))
+def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
+    """Return the axis and the bit of every output in the robot's file."""
+    bits = tuple(DigitalOutput)
+    return {
+        name: (robot.joint_names.index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()
+    }
+
+
+def streamed_motion(plan: Plan) -> StreamedMotion:
+    """Return what is streamed of a plan; raise InputError if the machine does not stand still at one of its waits."""
+    outputs, inputs = wired_outputs(plan.robot), wired_inputs(plan.robot)
+    commands = [OutputCommand(*outputs[each.output], each.on, each.from_s) for each in plan.trajectory.switchings]
+    waits = [
+        InputWait(*inputs[wait.input], wait.on, _standstill_s(plan, wait), wait.timeout_s, _timeout_text(wait))
         for wait in waits_of(plan.trajectory)
-    )
+    ]
+    return StreamedMotion(plan.records(), plan.start_units, tuple(commands), tuple(waits))
 
 
-def executed(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> Plan:
+def read_outputs(session: Session) -> dict[str, bool]:
+    """Read whether each output is on; raise InputError while a trajectory runs, BusError if a node does not answer."""
+    session.require_idle("outputs")
+    levels = {}
+    for name, (axis, bit) in wired_outputs(session.robot).items():
+        node = session.machine.axes[axis]
+        levels[name] = bool(node.read(od.DIGITAL_OUTPUTS) & node.read(od.DIGITAL_OUTPUTS_MASK) & bit)
+    return levels
+
+
+def switch_output(session: Session, name: str, *, on: bool) -> dict[str, bool]:
+    """Switch one output, then read all; raises as `read_outputs`, and InputError for an unknown name."""
+    wired = wired_outputs(session.robot)
+    if name not in wired:
+        raise no_such_output(session.robot.name, name, list(wired))
+    session.require_idle("outputs")
+    axis, bit = wired[name]
+    session.machine.axes[axis].switch_output(bit, on=on)
+    return read_outputs(session)
+
+
+def no_such_output(robot: str, name: str, names: list[str]) -> InputError:
+    """Return the error for an output name that does not exist."""
+    return unknown(f"output of {robot}", name, names)
+
+
+def plan_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> Plan:
     """Return what a machine has executed that stood still for these times at the first waits of a plan.
 
     `timed_out` tells whether the last of them has ended the motion.
