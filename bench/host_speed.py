@@ -11,7 +11,7 @@ from rich.table import Table
 from steptwin.bench.bench_table import bench_table
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, Window
-from steptwin.host.record.waveforms.vcd import csv, vcd
+from steptwin.host.record.waveforms.export import csv, vcd
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot

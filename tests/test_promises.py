@@ -30,7 +30,7 @@ from steptwin.host.panel.page import plots_card as plot
 from steptwin.host.planning.motions import composer
 from steptwin.host.planning.programs import paces
 from steptwin.host.planning.trajectory_file import points
-from steptwin.host.record.recorded_bus import recorded_log as reading
+from steptwin.host.record import recorded_bus as reading
 from steptwin.host.studies.campaign import results
 from steptwin.host.twin.live import live_board
 from steptwin.host.twin.motors import verdict

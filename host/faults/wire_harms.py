@@ -21,8 +21,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, integer_from, number_from
 from steptwin.host.faults.harms import HarmKind, Writer
 from steptwin.host.robots.board_settings import OSC_PF_MIN
+from steptwin.host.robots.joint import MICROSTEPS
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import MICROSTEPS
 from steptwin.protocol.cia402 import DigitalInput
 
 _LEVELS: Final = {Stuck.CLOSED: True, Stuck.OPEN: False, Stuck.FREE: None}

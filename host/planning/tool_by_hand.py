@@ -19,9 +19,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import SCurve
-from steptwin.host.planning.motions.following import present_branch
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints
+from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, present_branch
 from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched

@@ -16,7 +16,7 @@ from steptwin.host.robots.box import Range
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, OutputChange
-from steptwin.host.verify.wiring import output_changes
+from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _END: Final = float("inf")

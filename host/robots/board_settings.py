@@ -1,4 +1,4 @@
-"""The settings of a robot's board: the bus, the drivers and the shape of the step pulses."""
+"""The settings of a robot's board: the bus, the drivers, the step pulses, and the wired inputs and outputs."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from steptwin.host.common.bad_input import at_most, require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
+from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -178,3 +179,33 @@ class BoardSettings:
             -(-phase_ns * COUNTS_PER_SECOND // 10**9) for phase_ns in (self.steplen_ns, self.stepspace_ns)
         )
         return min(self.step_rate_max_hz, COUNTS_PER_SECOND / pulse_counts)
+
+
+OUTPUTS_PER_AXIS: Final = len(DigitalOutput)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A digital output: the joint whose axis has it, and its number there, from 1 to OUTPUTS_PER_AXIS."""
+
+    joint: str
+    out: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.out <= OUTPUTS_PER_AXIS:
+            raise InputError(f"out: {self.out} is not from 1 to {OUTPUTS_PER_AXIS}")
+
+
+INPUTS_PER_AXIS: Final = len(GENERAL_INPUTS)
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A digital input: the joint whose axis has it, and its number there, from 1 to INPUTS_PER_AXIS."""
+
+    joint: str
+    input: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.input <= INPUTS_PER_AXIS:
+            raise InputError(f"input: {self.input} is not from 1 to {INPUTS_PER_AXIS}")

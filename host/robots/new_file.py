@@ -18,12 +18,11 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.robots.joint import Unit
+from steptwin.host.robots.joint import Transmission, Unit
 from steptwin.host.robots.kinematics.base import dimensions, geometry_of, meaning
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
 from steptwin.host.robots.robot import Dimension, Robot
-from steptwin.host.robots.transmission import Transmission
 
 BOARD: Final = BoardSettings(
     bitrate=1_000_000,

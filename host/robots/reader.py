@@ -15,11 +15,10 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
-from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings
+from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings, Input, Output
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
-from steptwin.host.robots.digital_lines import Input, Output
-from steptwin.host.robots.joint import Joint, Unit, with_fewer_steps
+from steptwin.host.robots.joint import Joint, Transmission, Unit, with_fewer_steps
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import check_names, check_unit, keys_of
 from steptwin.host.robots.kinematics.chain import check_links
@@ -30,7 +29,6 @@ from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMot
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.host.robots.transmission import Transmission
 
 _Made = TypeVar("_Made")
 

@@ -12,8 +12,8 @@ from typing import Final
 from steptwin.host.common.bad_input import require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
+from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.digital_lines import Input, Output
 
 Point = tuple[float, float, float]
 

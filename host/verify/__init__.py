@@ -3,8 +3,8 @@
 The verifier shares no code with the firmware that it judges.
 """
 
-from steptwin.host.verify.comparison import Comparison, compare
-from steptwin.host.verify.consistency import contradictions, motor_moves
+from steptwin.host.verify.comparison import Comparison, Expectation, Forward, compare
+from steptwin.host.verify.counted import contradictions, motor_moves
 from steptwin.host.verify.evidence import (
     NO_SLIPS,
     AxisEvidence,
@@ -18,7 +18,6 @@ from steptwin.host.verify.evidence import (
     ShelfEvidence,
     Slips,
 )
-from steptwin.host.verify.expectation import Expectation, Forward
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.host.verify.report import (
     AxisReport,

@@ -11,8 +11,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.planar2r import wrapped_deg
-from steptwin.host.verify.comparison import Comparison
-from steptwin.host.verify.expectation import Forward
+from steptwin.host.verify.comparison import Comparison, Forward
 
 INSTANTS_PER_CHUNK = 16_384
 """Number of instants evaluated at once; it bounds the memory for any number of steps."""

@@ -1,10 +1,12 @@
 """Verify digital outputs: each planned change was made within its time, in the planned order, and no other change."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.verify.evidence import Evidence, OutputChange
+from steptwin.host.robots.robot import Robot
+from steptwin.host.verify.evidence import AxisEvidence, Evidence, OutputChange
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
@@ -72,3 +74,15 @@ def _time_s(change: OutputChange, evidence: Evidence) -> float:
 
 def _when(changed_s: float | None) -> str:
     return "never" if changed_s is None else f"at {changed_s:.6f} s"
+
+
+def output_changes(robot: Robot, axes: Sequence[AxisEvidence]) -> tuple[OutputChange, ...]:
+    """Return every change of the robot's outputs in order of time; pins without a named output are left out."""
+    pins = {axis.name: axis.pins for axis in axes}
+    changes = [
+        OutputChange(name, counts, level)
+        for name, output in robot.outputs.items()
+        for edges in [pins[output.joint][f"out{output.out}"]]
+        for counts, level in zip(edges.counts.tolist(), edges.levels.tolist(), strict=True)
+    ]
+    return tuple(sorted(changes, key=lambda change: change.counts))

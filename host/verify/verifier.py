@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify.comparison import Comparison, compare
+from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
-from steptwin.host.verify.expectation import Expectation
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport, violation_reports

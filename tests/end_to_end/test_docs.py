@@ -23,11 +23,10 @@ from docs.generate.tables import ROBOTS, WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
 from steptwin.host.robots import robot_names
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.host.robots.transmission import Transmission
 from steptwin.host.studies.papers import PAPERS, evaluated
 from steptwin.host.studies.papers.paper_page import render_page as render_paper
 from steptwin.host.studies.papers.runs import Runs

@@ -24,7 +24,7 @@ from steptwin.host.record.path_error import PathError, path_error
 from steptwin.host.record.recorded_machine import RecordedMachine
 from steptwin.host.record.waveforms import Changes, Signal, phases, pins, whole_record
 from steptwin.host.robots.kinematics.planar2r import wrapped_deg
-from steptwin.host.verify.wiring import output_changes
+from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001

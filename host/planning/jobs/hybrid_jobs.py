@@ -20,8 +20,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs.job import Job, hybrid_scale
 from steptwin.host.planning.jobs.options import number, parse_options
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.following import follow
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.tool_move import follow
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 

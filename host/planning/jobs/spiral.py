@@ -17,8 +17,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.planning.jobs.job import Job, in_reach
 from steptwin.host.planning.jobs.options import number
-from steptwin.host.planning.motions.following import follow
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.tool_move import follow
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow
 from steptwin.host.robots.robot import Robot

@@ -1,24 +1,94 @@
 """Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import shortened, unknown, whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.laws import Law, SCurve
-from steptwin.host.planning.laws.times import check_duration
+from steptwin.host.planning.laws import Law, SCurve, check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
-from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.paths import StraightLine, ToolPath
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class Standstill:
+    """A motion in which all joints stand still; implements Trajectory."""
+
+    joint_names: tuple[str, ...]
+    at: tuple[float, ...]
+    duration_s: float
+
+    breakpoints_s: ClassVar[tuple[float, ...]] = ()
+    switchings: ClassVar[tuple[Switching, ...]] = ()
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints), all equal."""
+        return np.tile(np.array(self.at), (len(t_s), 1))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints), all 0."""
+        return np.zeros((len(t_s), len(self.joint_names)))
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """Motions in a row: each begins where the previous one ended; implements Trajectory.
+
+    Attributes:
+        joint_names: names of the robot's joints.
+        parts: the motions, at least one.
+        starts_ms: start of each part, and then the end of the last one.
+        switchings: changes of outputs during the motion.
+        waits: waits for inputs, each at the beginning of a pause.
+    """
+
+    joint_names: tuple[str, ...]
+    parts: tuple[Trajectory, ...]
+    starts_ms: tuple[int, ...]
+    switchings: tuple[Switching, ...]
+    waits: tuple[PlannedWait, ...] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of all parts together."""
+        return self.starts_ms[-1] / 1000
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The parts' breakpoints, and the times when one part follows another."""
+        breakpoints_ms = set(self.starts_ms[1:-1])
+        for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
+            breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
+        return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self._pieced(t_s, lambda part, own_s: part.positions(own_s))
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self._pieced(t_s, lambda part, own_s: part.velocities(own_s))
+
+    def _pieced(self, t_s: FloatArray, of: Callable[[Trajectory, FloatArray], FloatArray]) -> FloatArray:
+        starts_s = np.array(self.starts_ms) / 1000
+        which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
+        values = np.empty((len(t_s), len(self.joint_names)))
+        counts = np.bincount(which, minlength=len(self.parts))
+        in_order = np.split(np.argsort(which, kind="stable"), np.cumsum(counts)[:-1])
+        for i in np.flatnonzero(counts):
+            part, own = self.parts[i], in_order[i]
+            values[own] = of(part, np.clip(t_s[own] - starts_s[i], 0.0, part.duration_s))
+        return values
+
 
 SWITCHING_S: Final = 0.3
 """Time for which the machine stands still while a gripper, a magnet or a lock works."""

@@ -2,8 +2,7 @@
 
 from steptwin.host.planning.programs.compiling import CompiledProgram, StepRow, compile_program
 from steptwin.host.planning.programs.names import check_names
-from steptwin.host.planning.programs.own_robot import load_own_robot
-from steptwin.host.planning.programs.program import Program
+from steptwin.host.planning.programs.program import Program, load_own_robot
 from steptwin.host.planning.programs.program_file import SUFFIX, parse_program, read_program
 
 __all__ = [

@@ -12,13 +12,20 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
-from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.peaks import Peak, sampled, shifted
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.names import check_names
-from steptwin.host.planning.programs.own_robot import check_own_robot
-from steptwin.host.planning.programs.program import STEPS_MAX, Place, Program, Written, WrongStep, written_out
+from steptwin.host.planning.programs.program import (
+    STEPS_MAX,
+    Place,
+    Program,
+    Written,
+    WrongStep,
+    check_own_robot,
+    written_out,
+)
 from steptwin.host.planning.programs.program_file import Complaints
 from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
 from steptwin.host.planning.trajectory import Trajectory

@@ -13,9 +13,8 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
-from steptwin.host.planning.motions.following import nearest_turns, present_branch
 from steptwin.host.planning.motions.joint_move import limits_along
-from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints
+from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, nearest_turns, present_branch
 from steptwin.host.planning.paths import (
     COORDINATES,
     Arc,

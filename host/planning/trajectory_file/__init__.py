@@ -16,13 +16,11 @@ from typing import Final
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX
 from steptwin.host.common.own_files import opened_text, read_text
+from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.planning.motions.sequence import Sequence
-from steptwin.host.planning.trajectory_file.csv_points import read_csv
-from steptwin.host.planning.trajectory_file.doubts import doubt
-from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve
-from steptwin.host.planning.trajectory_file.json_points import read_json
+from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve, doubt
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, USUAL, FileUnits, Points
+from steptwin.host.planning.trajectory_file.read_points import read_csv, read_json
 from steptwin.host.robots.robot import Robot
 
 __all__ = [

@@ -1,17 +1,77 @@
-"""Write the animation of a stored run into a file of the kind that its name says."""
+"""Write the animation of a stored run into a file of the kind that its name says.
 
+An HTML page plays in any browser and asks no other host for anything.
+"""
+
+import json
 from collections.abc import Callable
 from functools import partial
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.animation.camera import Camera
-from steptwin.host.record.animation.film import USUAL_SHOT, Film, Shot, make_film
-from steptwin.host.record.animation.film_page import write_page
+from steptwin.host.common.whole_file import whole_file
+from steptwin.host.record.animation.film import CAMERAS, USUAL_SHOT, Camera, Film, Shot, make_film
 from steptwin.host.record.folder import StoredRun
+
+SPEEDS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
+"""Speeds that pages offer, as factors of real time; an animation's own comes beside them."""
+
+_DECIMALS: Final = 3
+"""Decimals of a length in mm: a thousandth of what a screen shows."""
+_ERROR_DECIMALS: Final = 6
+"""Decimals of the path's errors, which the page magnifies."""
+
+
+def write_page(path: Path, film: Film, camera: Camera) -> None:
+    """Write the page; `camera` is where it begins, a user may turn the scene."""
+    text = (files(__package__) / "player.html").read_text(encoding="utf-8")
+    for name, value in (("CAMERAS", CAMERAS), ("FILM", _document(film, camera))):
+        text = text.replace(f"/*{name}*/null", _script(value))
+    with whole_file(path) as file:
+        file.write(text.encode())
+
+
+def _document(film: Film, camera: Camera) -> dict[str, Any]:
+    extent_mm = film.extent_mm()
+    return {
+        "title": film.title,
+        "camera": (camera.azimuth_deg, camera.elevation_deg),
+        "fps": film.fps,
+        "speed": film.speed,
+        "speeds": sorted({*SPEEDS, film.speed}),
+        "times": _list(film.times_s, _ERROR_DECIMALS),
+        "parts": [
+            {"name": part.name, "role": part.role, "points": _list(part.points_mm, _DECIMALS)} for part in film.parts
+        ],
+        "boxes": [
+            {"name": box.name, "edges": _list(box.edges_mm, _DECIMALS), "shifts": _list(box.shifts_mm, _DECIMALS)}
+            for box in film.boxes
+        ],
+        "planned": _list(film.path.planned_mm[1::2], _DECIMALS),
+        "errors": _list(film.path.errors_mm[1::2], _ERROR_DECIMALS),
+        "until": (film.path_until // 2).tolist(),
+        "gain": film.gain,
+        "bounds": _list(np.array([extent_mm.min(axis=0), extent_mm.max(axis=0)]), _DECIMALS),
+        "grid_mm": film.grid_mm,
+    }
+
+
+def _list(values: NDArray[Any], decimals: int) -> list[Any]:
+    rounded: list[Any] = (values.round(decimals) + 0.0).tolist()  # without -0.0
+    return rounded
+
+
+def _script(value: object) -> str:
+    """Return JSON that cannot end the page's script, whatever names are in it."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c").replace(">", "\\u003e")
+
 
 WIDTH_PIXELS: Final = 720
 WIDTH_PIXELS_MIN, WIDTH_PIXELS_MAX = 240, 3840
@@ -29,7 +89,7 @@ def check_kind(path: Path) -> None:
     if not find_spec("matplotlib"):
         raise InputError(f"{path.suffix}: matplotlib is not installed (pip install 'steptwin[plot]'); .html needs none")
     if path.suffix == ".mp4":
-        from steptwin.host.record.animation.picture_files import check_ffmpeg
+        from steptwin.host.record.animation.drawing import check_ffmpeg
 
         check_ffmpeg()
 
@@ -68,8 +128,7 @@ def _write_page(path: Path, film: Film, camera: Camera, _width_pixels: int, _pro
 
 
 def _write_pictures(video: bool, path: Path, film: Film, camera: Camera, width_pixels: int, progress: Progress) -> None:
-    from steptwin.host.record.animation.drawing import FilmDrawing
-    from steptwin.host.record.animation.picture_files import write_gif, write_mp4
+    from steptwin.host.record.animation.drawing import FilmDrawing, write_gif, write_mp4
 
     write = write_mp4 if video else write_gif
     write(path, FilmDrawing(film, camera, width_pixels), film.fps, progress)

@@ -28,8 +28,8 @@ from steptwin.host.record.folder.reading import (
     read_run,
 )
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
-from steptwin.host.record.folder.recording_layout import Header, Mark
 from steptwin.host.record.folder.report_file import read_report, write_report
+from steptwin.host.record.folder.unfinished import Header, Mark
 from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
 from steptwin.host.record.folder.writing import prepare_folder, run_files, write_folder
 

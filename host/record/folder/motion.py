@@ -21,7 +21,7 @@ from steptwin.host.planning.trajectory_file import read_trajectory_until
 from steptwin.host.planning.trajectory_file.points import TOOL_AXES, TOOL_POSE, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.frames import tool_frames
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:

@@ -16,15 +16,13 @@ from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges
 from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, existing_file
 from steptwin.host.record.folder.motion import read_motion
-from steptwin.host.record.folder.recording_layout import PLAN, unfinished
-from steptwin.host.record.folder.report_file import StoredReport, read_report
-from steptwin.host.record.folder.shelf_file import read_shelf
-from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished
+from steptwin.host.record.folder.report_file import StoredReport, read_report, read_shelf
+from steptwin.host.record.folder.unfinished import PLAN, UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, Evidence, Expectation, compare
 from steptwin.host.verify.counted import CountedSteps, counted_steps
-from steptwin.host.verify.wiring import output_changes
+from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BEFORE_COUNTS: Final = COUNTS_PER_SECOND // 1000

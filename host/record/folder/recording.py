@@ -1,6 +1,6 @@
 """Record a live board piece by piece, so that whatever ends the board leaves a recording that can be read.
 
-Memory does not grow with the recording: it is on disk, in the files of `recording_layout`, and edges.npz is made of
+Memory does not grow with the recording: it is on disk, in the files of `unfinished`, and edges.npz is made of
 these at the end.
 """
 
@@ -31,8 +31,8 @@ from steptwin.host.record.folder.layout import (
     TRAJECTORY,
     VERSION_KEY,
 )
-from steptwin.host.record.folder.recording_layout import HEADER, MARKS, PLAN, Header, Mark, unfinished
 from steptwin.host.record.folder.report_file import read_report, write_report
+from steptwin.host.record.folder.unfinished import HEADER, MARKS, PLAN, Header, Mark, unfinished
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

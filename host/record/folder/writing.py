@@ -16,8 +16,7 @@ from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import read_run
-from steptwin.host.record.folder.report_file import write_report
-from steptwin.host.record.folder.shelf_file import write_shelf
+from steptwin.host.record.folder.report_file import write_report, write_shelf
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame

@@ -20,7 +20,7 @@ from steptwin.host.record.plots.canvas import (
 )
 from steptwin.host.record.plots.stick_figure import AT_ENDS, BETWEEN, Pen, draw_arm, plane_of
 from steptwin.host.robots.kinematics import ArmPart, make_kinematics
-from steptwin.host.robots.kinematics.frames import tool_frames
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, RunInfo
 

@@ -9,8 +9,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.bus_log import read_frames
-from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind
-from steptwin.host.record.waveforms.timebase import Window
+from steptwin.host.record.waveforms.signal import HeldValues, Pulses, Signal, SignalKind, Window
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, Evidence, motor_moves

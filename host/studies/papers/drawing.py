@@ -16,7 +16,7 @@ from steptwin.host.record.plots.canvas import COUNTED, LIMIT, STYLE, WIDTH_INCHE
 from steptwin.host.record.plots.workspace import draw_workspace, draw_workspace_3d
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.frames import link_frames, tool_frames
+from steptwin.host.robots.kinematics.base import link_frames, tool_frames
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper

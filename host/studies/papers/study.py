@@ -10,7 +10,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.frames import tool_frames
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper import Curve, Panel
 from steptwin.host.studies.papers.runs import Runs

@@ -27,7 +27,7 @@ from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
-from steptwin.host.verify.wiring import output_changes
+from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

@@ -38,7 +38,7 @@ from steptwin.host.twin.machine.evidence import axes_evidence
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.verify import Evidence, shelf_document
-from steptwin.host.verify.wiring import output_changes
+from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

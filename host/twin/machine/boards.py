@@ -18,9 +18,8 @@ from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.robots.board_settings import Microsteps
-from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import AXES_MAX, Robot
-from steptwin.host.robots.transmission import Transmission
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID

@@ -8,8 +8,8 @@ from steptwin.emulator.drivers.driver_profiles import PROFILES, DriverProfile, b
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import DRIVER_SETTINGS, SWITCHED_PROFILES, BoardSettings
+from steptwin.host.robots.joint import MICROSTEPS
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import MICROSTEPS
 
 
 @dataclass(frozen=True, slots=True)

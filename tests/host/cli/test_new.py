@@ -14,10 +14,10 @@ from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot
+from steptwin.host.robots.joint import MICROSTEPS
 from steptwin.host.robots.kinematics.base import dimensions
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import robot_text, with_settings
-from steptwin.host.robots.transmission import MICROSTEPS
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal

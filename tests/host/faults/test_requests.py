@@ -44,7 +44,7 @@ from steptwin.host.faults.frames import cob_ids
 from steptwin.host.faults.harms import Harm, HostFault, HostFaultKind
 from steptwin.host.faults.operations import KINDS, WRITERS, read_request, request_of
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.digital_lines import Input
+from steptwin.host.robots.board_settings import Input
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.live.control_port import MachineState
 from steptwin.host.twin.live.live_board import LiveBoard

@@ -16,8 +16,8 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.joint import Transmission
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import Transmission
 from tests.host.complaints import complaint_of
 from tests.work import CountingTrajectory, function_calls
 

@@ -7,8 +7,7 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning import polygon as polygon_module
-from steptwin.host.planning.motions.blended import blended_lines
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sampled import Sampled, blended_lines
 from steptwin.host.planning.polygon import TOOL, TOOL_MM, Departure, Polygon
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot

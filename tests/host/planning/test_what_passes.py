@@ -10,14 +10,13 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic, Trapezoid
+from steptwin.host.planning.motions.composer import Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.sequence import Standstill
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import Transmission
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("teaching-scara")

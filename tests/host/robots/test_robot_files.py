@@ -25,12 +25,11 @@ from steptwin.host.robots.board_settings import (
     SWITCH_CHOICES,
     SWITCHED_PROFILES,
     ActiveEdge,
+    Output,
 )
-from steptwin.host.robots.digital_lines import Output
-from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.joint import MICROSTEPS, Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.transmission import MICROSTEPS, Transmission
 from steptwin.host.twin.machine.board_config import board_configs
 from tests.emulator.pins import POWER_UP, pins
 from tests.host.complaints import complaint_of

@@ -14,8 +14,7 @@ from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.sequence import Sequence
+from steptwin.host.planning.motions.composer import Composer, Sequence
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.record.folder import read_run, verify_folder
 from steptwin.host.robots import load_robot

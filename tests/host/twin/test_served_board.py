@@ -14,7 +14,7 @@ from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.digital_lines import Input
+from steptwin.host.robots.board_settings import Input
 from steptwin.host.twin.live.served_board import ServedBoard
 
 ROBOT = load_robot("lab-scara")

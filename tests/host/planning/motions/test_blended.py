@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.blended import blended_lines
-from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.motions.sampled import Sampled, blended_lines
 from tests.host.complaints import complaint_of
 
 NAMES = ("a", "b")

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.composer import WAIT_MAX_S, Composer
+from steptwin.host.planning.motions.composer import WAIT_MAX_S, Composer, Sequence
 from steptwin.host.planning.motions.held import Held, Hold
-from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.motions.stretched import Stretched
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import PlannedWait, waits_of

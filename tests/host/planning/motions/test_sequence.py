@@ -7,8 +7,8 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic, SCurve, Trapezoid
+from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.sequence import Sequence, Standstill
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from tests.host.verify.motions import motion, still
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.planning.motions.sequence import Sequence
 from steptwin.host.planning.trajectory_file.file_motion import through_points
 
 NAMES = ("a", "b")

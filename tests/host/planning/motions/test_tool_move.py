@@ -8,8 +8,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
-from steptwin.host.planning.motions.following import follow
-from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.motions.tool_move import ToolMove, follow
 from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sequence import Sequence, Standstill
+from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.trajectory_file import FileMotion, PointCurve, read_file_motion, read_trajectory
 from steptwin.host.robots import load_robot

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.motions.sequence import Sequence, Standstill
+from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
 from steptwin.host.robots import load_robot, robot_names

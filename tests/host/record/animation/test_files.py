@@ -11,15 +11,14 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.animation import Camera, Film, Shot, make_film, write_animation
-from steptwin.host.record.animation.film_page import write_page
+from steptwin.host.record.animation.film_files import write_page
 from tests.host.record.machines import perfect_run
 
 pytest.importorskip("matplotlib")
 
 from PIL import Image, ImageSequence
 
-from steptwin.host.record.animation.drawing import FilmDrawing
-from steptwin.host.record.animation.picture_files import gif_durations_ms
+from steptwin.host.record.animation.drawing import FilmDrawing, gif_durations_ms
 
 RUN = perfect_run("teaching-scara", "carry")
 ISO = Camera.named("iso")

@@ -10,7 +10,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import verify_folder
-from steptwin.host.record.folder.shelf_file import read_shelf, write_shelf
+from steptwin.host.record.folder.report_file import read_shelf, write_shelf
 
 Change = Callable[[dict[str, Any]], object]
 

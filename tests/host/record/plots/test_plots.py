@@ -303,7 +303,7 @@ def test_an_error_that_is_visible_is_not_magnified() -> None:
 
 def test_a_run_draws_some_pictures_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     saved: list[str] = []
-    monkeypatch.setattr("steptwin.host.record.plots.pictures.save_figure", lambda _, path, __: saved.append(path.name))
+    monkeypatch.setattr("steptwin.host.record.plots.save_figure", lambda _, path, __: saved.append(path.name))
     paths = write_plots(tmp_path, single_step(), RUN)
     assert [path.name for path in paths] == saved == [f"{name}.png" for name in DEFAULT_PICTURES]
 

@@ -8,9 +8,9 @@ import can
 import pytest
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.record import recorded_bus as reading
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.recorded_bus import FORMATS, read_bus
-from steptwin.host.record.recorded_bus import recorded_log as reading
 from steptwin.protocol.frame import Frame
 
 FRAMES = [

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, TimeScale, Window
-from steptwin.host.record.waveforms.signal import CHANGES_PER_STRETCH, stretches
-from steptwin.host.record.waveforms.timebase import COUNTS
+from steptwin.host.record.waveforms.signal import CHANGES_PER_STRETCH, COUNTS, stretches
 from tests.host.record.waveforms.made import LAST_COUNTS, Made, levels, numbers, pulses, texts
 
 ANY_SIGNAL = st.one_of(pulses("a"), levels("a", "dir"), numbers("a"), texts("a"))

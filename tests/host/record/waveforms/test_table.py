@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.record.waveforms import HeldValues, Signal, SignalKind, Window
-from steptwin.host.record.waveforms.vcd import arrays, csv
+from steptwin.host.record.waveforms.export import arrays, csv
 from tests.host.record.waveforms.made import Made, levels, numbers, pulses
 
 SIGNALS = st.tuples(pulses("a"), levels("a", "dir"), numbers("b"))

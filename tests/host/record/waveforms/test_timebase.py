@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.record.waveforms import SCALES, TimeScale
-from steptwin.host.record.waveforms.timebase import COUNTS
+from steptwin.host.record.waveforms.signal import COUNTS
 
 UNIT_S = {"1us": Fraction(1, 10**6), "100ns": Fraction(1, 10**7), "10ns": Fraction(1, 10**8)}
 ANY_COUNTS = st.integers(0, 72_000_000 * 3600 * 24)

@@ -18,8 +18,8 @@ from steptwin.host.record.waveforms import (
     Window,
     write_waveform,
 )
+from steptwin.host.record.waveforms.export import vcd
 from steptwin.host.record.waveforms.signal import CHANGES_PER_STRETCH
-from steptwin.host.record.waveforms.vcd import vcd
 from tests.host.record.waveforms.made import LAST_COUNTS, TEXTS, Made, levels, numbers, pulses, texts
 from tests.host.record.waveforms.vcd_reader import Dump, read_vcd
 

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.joint import Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.usual_scara import Lift, ScaraGeometry, Vertical
 from steptwin.host.robots.robot import Dimension, Robot
-from steptwin.host.robots.transmission import Transmission
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import pose_errors, with_geometry
 

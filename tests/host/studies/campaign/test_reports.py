@@ -12,7 +12,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder.layout import RECORDING
-from steptwin.host.record.folder.recording_layout import HEADER
+from steptwin.host.record.folder.unfinished import HEADER
 from steptwin.host.studies import campaign as campaign_package
 from steptwin.host.studies.campaign import Breach, Campaign, Ended, Row, summarised
 from steptwin.host.studies.campaign.campaign_pictures import least_in_bins, over_decades

@@ -1,4 +1,4 @@
-"""Draw the pins of all axes around an instant, as a logic analyser shows them."""
+"""Draw a run around an instant: the pins of all axes, as a logic analyser shows them, or the phase currents."""
 
 from itertools import groupby
 from typing import Final
@@ -11,19 +11,23 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import (
     COUNTED,
     LIMIT,
+    NO_MOTION,
     PlotMoment,
     PlotView,
     interval_around,
+    moving_axes,
     new_figure,
+    note_still_axes,
     pulse_times,
+    write_inside,
 )
 from steptwin.host.record.waveforms import Signal, Window, whole_record, wires
-from steptwin.host.verify import Comparison, RunInfo
+from steptwin.host.verify import Comparison, Phases, RunInfo
 from steptwin.host.verify.counted import CountedSteps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 LANE_INCHES: Final = 0.3
-INTERVALS: Final = 12
+EDGE_INTERVALS: Final = 12
 _HIGH: Final = 0.6
 """Height at which a high level is drawn, in lanes."""
 
@@ -34,7 +38,7 @@ _MARKED_MAX: Final = 200
 
 def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     """Draw a lane for STEP and DIR of each axis and for every other pin that changes; mark the counted steps."""
-    moment = view.moment(comparison, INTERVALS)
+    moment = view.moment(comparison, EDGE_INTERVALS)
     window = _window(comparison, moment)
     lanes = _lanes(comparison, window)
     figure = new_figure(run, f"pins around t = {moment.at_s:.6f} s", LANE_INCHES * len(lanes) + 0.4)
@@ -45,7 +49,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.joint_names]
     steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
-    _finish(axes, lanes, moment)
+    _finish_lanes(axes, lanes, moment)
     axes.set_xlabel(f"{moment.label}; {_about_marks(steps)}")
     return figure
 
@@ -106,7 +110,7 @@ def _say_intervals(axes: Axes, comparison: Comparison, lanes: list[int], moment:
         axes.text(1.01, 1.0, "STEP interval at 0", transform=axes.transAxes, va="center", size=8)
 
 
-def _finish(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
+def _finish_lanes(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
     axes.set_yticks([_HIGH / 2 - lane for lane in range(len(lanes))], [f"{s.axis} {s.quantity.upper()}" for s in lanes])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(-len(lanes) + 0.8, 1.0)
@@ -119,3 +123,64 @@ def _finish(axes: Axes, lanes: list[Signal], moment: PlotMoment) -> None:
         lane += count
     axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
     axes.set_xlim(*moment.shown_ms(np.array([moment.from_s, moment.to_s])))
+
+
+ROW_INCHES: Final = 2.1
+WIDTH_RATIOS: Final = (1.0, 4.0)
+INTERVALS: Final = 160
+"""Two and a half turns of the field at 1/16 step."""
+_ROOM: Final = 1.15
+_LEAST_A: Final = 0.1
+"""Half the height of the picture if no current flows."""
+
+
+def draw_phases(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
+    """Draw a row for each moving axis: B over A for the whole run at the left, A and B over time at the right."""
+    moving = moving_axes(comparison)
+    moment = view.moment(comparison, INTERVALS)
+    count = max(len(moving), 1)
+    figure = new_figure(run, f"phase currents around t = {moment.at_s:.6f} s", ROW_INCHES * count)
+    rows = figure.subplots(count, 2, squeeze=False, width_ratios=WIDTH_RATIOS, sharex="col", sharey=True)
+    if not moving:
+        write_inside(rows[0, 1], NO_MOTION)
+    for (left, right), i in zip(rows, moving, strict=False):
+        phases = comparison.evidence.axes[i].phases
+        _draw_field(left, phases)
+        _draw_currents(right, phases, moment, comparison.evidence.start_counts)
+        left.set_ylabel(f"{comparison.joint_names[i]} [A]")
+        right.tick_params(labelleft=True)
+    peak_a = _ROOM * max([_LEAST_A, *(_peak_a(comparison.evidence.axes[i].phases) for i in moving)])
+    rows[0, 0].set_xlim(-peak_a, peak_a)
+    rows[0, 0].set_ylim(-peak_a, peak_a)
+    rows[0, 0].set_title("B over A, the whole run", loc="left")
+    rows[-1, 0].set_xlabel("A [A]")
+    rows[-1, 1].set_xlabel(moment.label)
+    power_up_s = -comparison.evidence.start_counts / COUNTS_PER_SECOND  # the record begins at power-up
+    rows[-1, 1].set_xlim(*moment.shown_ms(np.array([max(moment.from_s, power_up_s), moment.to_s])))
+    if moving:
+        figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    note_still_axes(figure, comparison, moving)
+    return figure
+
+
+def _peak_a(phases: Phases) -> float:
+    return max(float(np.abs(values_ma).max(initial=0)) for values_ma in (phases.a_ma, phases.b_ma)) / 1e3
+
+
+def _draw_field(axes: Axes, phases: Phases) -> None:
+    """Draw every pair of currents that occurs."""
+    pairs_a = np.unique(np.column_stack([phases.a_ma, phases.b_ma]), axis=0) / 1e3
+    axes.plot(*pairs_a.T, color=COUNTED, linestyle="none", marker=".", markersize=4)
+    axes.set_aspect("equal")
+
+
+def _draw_currents(axes: Axes, phases: Phases, moment: PlotMoment, start_counts: int) -> None:
+    times_s = (phases.counts - start_counts) / COUNTS_PER_SECOND
+    first, last = np.searchsorted(times_s, (moment.from_s, moment.to_s), side="right").tolist()
+    part = slice(max(first - 1, 0), last)
+    shown_ms = moment.shown_ms(np.append(np.maximum(times_s[part], moment.from_s), moment.to_s))
+    for name, values_ma, colour, dashes in (("A", phases.a_ma, COUNTED, "-"), ("B", phases.b_ma, LIMIT, "--")):
+        values_a = values_ma[part] / 1e3
+        course_a = np.append(values_a, values_a[-1:] if values_a.size else [0.0])
+        axes.plot(shown_ms, course_a, color=colour, linestyle=dashes, drawstyle="steps-post", label=f"phase {name}")
+    axes.axvline(0.0, color="0.4", linestyle=":", linewidth=0.8)
