@@ -1,10 +1,10 @@
-"""SDO abort codes (CiA 301 table 22), and the exception by which the device side refuses an access."""
+"""SDO abort codes (CiA 301 table 22), and the exception of the device side that refuses an access."""
 
 from enum import IntEnum
 
 
 class AbortCode(IntEnum):
-    """Reason for which an SDO transfer is aborted."""
+    """Reason why an SDO transfer is aborted."""
 
     TOGGLE_NOT_ALTERNATED = 0x0503_0000
     COMMAND_UNKNOWN = 0x0504_0001

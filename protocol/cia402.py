@@ -108,10 +108,10 @@ class DigitalInput(IntFlag):
 
 
 SWITCH_INPUTS = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
-"""The inputs to which the switches along an axis are wired."""
+"""The inputs for the switches along an axis."""
 
 GENERAL_INPUTS = DigitalInput.IN1, DigitalInput.IN2
-"""The inputs to which a user's sensors are wired, in the order of their numbers."""
+"""The inputs for a user's sensors, in the order of their numbers."""
 
 
 class DigitalOutput(IntFlag):
@@ -138,7 +138,7 @@ PVT_SUBMODE = -1
 
 
 class HomingError(IntEnum):
-    """Reason for which a homing has failed: object 2020h:02, and the detail of EMCY FF05h."""
+    """Reason why a homing has failed: object 2020h:02, and the detail of EMCY FF05h."""
 
     NONE = 0
     NOT_FOUND = 1
@@ -199,7 +199,7 @@ class ErrorCode(IntEnum):
     """CiA 301's "external error"."""
     PVT_UNDERRUN = 0xFF01
     GROUP_STOPPED = 0xFF02
-    """Another axis of the group has a fault, with which this axis stopped."""
+    """Another axis of the group has a fault, and this axis stopped with it."""
     SEGMENT_REFUSED = 0xFF03
     LATE_STEP = 0xFF04
     """A step had to wait more than one servo tick until the driver's timing allowed it."""
@@ -213,7 +213,7 @@ class ErrorCode(IntEnum):
 
     @property
     def lost_connection(self) -> bool:
-        """True for errors of a lost connection, with which a drive goes into fault if its option code (6007h) is 1."""
+        """True for errors of a lost connection: a drive goes into fault by them if its option code (6007h) is 1."""
         return self in (ErrorCode.COMMUNICATION, ErrorCode.HEARTBEAT_LOST, ErrorCode.CAN_BUS_OFF_RECOVERED)
 
     @property

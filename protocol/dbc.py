@@ -1,4 +1,4 @@
-"""Write a CAN database (DBC) of a board's traffic from the object table, by which loggers and analysers name signals.
+"""Write a CAN database (DBC) of a board's traffic from the object table: loggers and analysers name signals by it.
 
 Each axis has its PDOs in their default mapping, its emergency, its heartbeat and its SDO; NMT and SYNC are shared. An
 axis may say how many wire units make one mm or degree: positions and speeds are then decoded in mm or degrees.

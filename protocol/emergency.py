@@ -51,7 +51,7 @@ class EmergencyProducer:
         self._queue(code, detail)
 
     def resolve(self, gone: Callable[[ErrorCode, int], bool]) -> None:
-        """Clear the active errors for which `gone` is true; queue one frame if there are any."""
+        """Clear the active errors that `gone` is true for; queue one frame if there are any."""
         left = {(code, detail) for code, detail in self._active if not gone(code, detail)}
         if left != self._active:
             self._set_active(left)
@@ -105,7 +105,7 @@ class EmergencyProducer:
 
     @property
     def due_us(self) -> int | None:
-        """Instant from which the next frame may be sent; None if none waits."""
+        """Earliest instant of the next frame; None if none waits."""
         return self._not_before_us if self._waiting else None
 
     def poll(self, now_us: int, inhibit_100us: int = 0) -> bytes | None:

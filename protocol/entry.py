@@ -92,7 +92,7 @@ class Entry:
     """One readable or writable value.
 
     `title` is the name, with "{unit}" where it says the unit, and perhaps an explanation after a colon. `default` is
-    the value after power-up, to which the node id is added if `plus_node_id`. `low` and `high` bound the values that
+    the value after power-up, with the node id added if `plus_node_id`. `low` and `high` bound the values that
     may be written; None is the bound of the type. `values` are those allowed within the bounds, if not all are.
     """
 
@@ -116,12 +116,6 @@ class Entry:
     def short_name(self) -> str:
         """The name without unit and explanation, such as "Displacement"."""
         return self.title.partition(":")[0].partition(" in {unit}")[0]
-
-    def default_for(self, node_id: int) -> int | str:
-        """Return the value after power-up of the node with this id."""
-        if self.plus_node_id and isinstance(self.default, int):
-            return self.default + node_id
-        return self.default
 
 
 class ObjectCode(Enum):

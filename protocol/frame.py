@@ -23,16 +23,16 @@ COB_SDO_RESPONSE: Final = 0x580
 COB_SDO_REQUEST: Final = 0x600
 COB_HEARTBEAT: Final = 0x700
 FROM_NODE: Final = (COB_EMCY, *COB_TPDO, COB_SDO_RESPONSE, COB_HEARTBEAT)
-"""The services by which a node sends."""
+"""The services of a node that sends."""
 TO_NODE: Final = (*COB_RPDO, COB_SDO_REQUEST)
-"""The services by which a host addresses a node."""
+"""The services of a host that addresses a node."""
 
 FIRST_NODE_ID: Final = 0x10
 """Node id of a board's first axis by default; the other axes count on from it."""
 NODE_ID_MAX: Final = 0x7F
 
 HOST_NODE_ID: Final = 0x7F
-"""Node id with which the host sends its heartbeat: the last one, which no axis has."""
+"""Node id of the host's heartbeat: the last one, which no axis has."""
 
 COB_ID_INVALID: Final = 1 << 31
 """Set in a PDO's or EMCY's COB-ID entry: the object does not exist."""

@@ -21,15 +21,15 @@ HOME_HERE_OBSOLETE: Final = 35
 
 @dataclass(frozen=True, slots=True)
 class HomingMethod:
-    """The switch edge that is home, and the way by which the axis finds it."""
+    """The switch edge that is home, and the way of the axis to it."""
 
     switch: DigitalInput
     edge_direction: int
-    """Direction in which the axis crosses the edge that is home."""
+    """Direction of the axis when it crosses the edge that is home."""
     closes: bool
     """True if the switch closes when the axis crosses the edge in that direction, False if it opens."""
     search_direction: int
-    """Direction in which the axis searches for the switch first, if the switch is open at the start."""
+    """Direction of the first search for the switch, if the switch is open at the start."""
     turns: bool = False
     """True if the search turns round at the limit switch ahead. The method then needs that limit switch, and a home
     switch with two edges."""

@@ -23,7 +23,7 @@ class NmtCommand(IntEnum):
 
 
 class ErrorBehaviour(IntEnum):
-    """State to which a communication error leads: error behaviour (1029h:01, CiA 301, section 7.5.2.27)."""
+    """State after a communication error: error behaviour (1029h:01, CiA 301, section 7.5.2.27)."""
 
     PRE_OPERATIONAL = 0
     """Applies in OPERATIONAL only."""
@@ -38,7 +38,7 @@ _TARGETS = {
     NmtCommand.RESET_NODE: NmtState.INITIALISING,
     NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
 }
-"""State to which each command leads, from any state; INITIALISING leads on to PRE-OPERATIONAL by itself."""
+"""State after each command, from any state; INITIALISING leads on to PRE-OPERATIONAL by itself."""
 
 _COMMANDS = frozenset(NmtCommand)
 
@@ -51,12 +51,12 @@ def command_for(data: bytes, node_id: int) -> NmtCommand | None:
 
 
 def target_of(command: NmtCommand) -> NmtState:
-    """Return the state to which a command leads."""
+    """Return the state after a command."""
     return _TARGETS[command]
 
 
 def after_error(state: NmtState, behaviour: int) -> NmtState:
-    """Return the state to which a communication error leads."""
+    """Return the state after a communication error."""
     if behaviour == ErrorBehaviour.STOPPED:
         return NmtState.STOPPED
     if behaviour == ErrorBehaviour.PRE_OPERATIONAL and state is NmtState.OPERATIONAL:

@@ -112,7 +112,7 @@ CHARGE_FREE: Final = 0
 Programs that do not know the object drive the axis as ever: it only lets programs that ask for it take turns.
 """
 CHARGE_UNWATCHED_MS: Final = 1000
-"""Time after which a node forgets the program in charge if it monitors no heartbeat."""
+"""Time until a node that monitors no heartbeat forgets the program in charge."""
 
 CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""

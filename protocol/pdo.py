@@ -205,7 +205,7 @@ class ProcessData:
         self.transmit_pdos: list[TransmitPdo] = []
         dictionary.bind(self)
         self.configurable = True
-        """True in PRE-OPERATIONAL, the only state in which PDO parameters may be written."""
+        """True in PRE-OPERATIONAL, the only state that lets PDO parameters be written."""
         self._changed = True
 
     def refresh(self, now_us: int) -> bool:
@@ -272,7 +272,7 @@ class ProcessData:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def check_count_at(self, address: int, count: int) -> None:
-        """Refuse a number of mapped entries of which some are not given, or which are too long together."""
+        """Refuse a number of mapped entries if some are not given, or if they are too long together."""
         self.check_while_invalid_at(address, count)
         words = [self._dictionary.get(address + i) for i in range(1, count + 1)]
         if 0 in words:

@@ -17,7 +17,7 @@ from steptwin.protocol.od import address_of
 SEGMENT_BYTES = 7
 BLOCK_SIZE_MAX = 127
 DOWNLOAD_BLOCK_SIZE = 31
-"""Largest size for which first bytes of segments, 01h..1Fh and 81h..9Fh, differ from initiations, 20h.. and A0h.."""
+"""Largest size whose first bytes of segments, 01h..1Fh and 81h..9Fh, differ from initiations, 20h.. and A0h.."""
 
 _ACKNOWLEDGEMENT, _UPLOAD_END = 0xA2, 0xC1
 _LAST = 0x80
@@ -101,7 +101,7 @@ class BlockUpload:
         return segments
 
     def start(self) -> list[bytes]:
-        """Return the first block, for which the client is ready."""
+        """Return the first block: the client is ready for it."""
         if self._started:
             raise SdoAbortError(AbortCode.COMMAND_UNKNOWN)
         self._started = True

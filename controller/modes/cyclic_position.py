@@ -45,14 +45,14 @@ _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
 
 
 class Knot(NamedTuple):
-    """The position and the velocity at which two cubics meet."""
+    """The position and the velocity where two cubics meet."""
 
     position_units: int
     velocity: int
 
 
 class CyclicCubic(NamedTuple):
-    """A cubic, which begins at the position and the velocity at which the previous cubic ended."""
+    """A cubic, which begins with the position and the velocity of the end of the previous one."""
 
     displacement_units: int
     end_velocity: int

@@ -108,7 +108,7 @@ class Homing(DriveMode):
         self._deadline_us = self._context.now_us + 1000 * timeout_ms if timeout_ms else None
         self._state = _State.SEARCHING
         inputs = self._supervision.inputs
-        self._search = SwitchSearch(self._axis, self._motion, self._feed, method, fast, slow, inputs)
+        self._search = SwitchSearch(self._context, self._feed, method, fast, slow, inputs)
         self._search.begin()
         self._conclude()
 

@@ -8,8 +8,6 @@ CANopen master can map it into a PDO, or write it by SDO. The sequence number is
 queues the record. The other three are read from their cells.
 """
 
-from collections.abc import Callable
-
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.motion.board_motion import Refusal
 from steptwin.controller.motion.kernel import I32_MAX, TICKS_PER_MS
@@ -39,8 +37,8 @@ class Interpolation(DriveMode):
         self._closed = False
         self.ready = False
         """True while the drive is enabled in this mode: a queue with records is then armed."""
-        self.on_record: Callable[[PvtRecord], None] | None = None
-        """Called with each record that the queue has taken, if set."""
+        self.taken: list[PvtRecord] | None = None
+        """Records taken since the board has fetched them; None if it fetches none."""
         dictionary = context.dictionary
         dictionary.bind(self)
         self._limits = context.limits
@@ -72,8 +70,8 @@ class Interpolation(DriveMode):
         if self._sticky:
             self._sticky &= ~(PvtFlag.GAP | PvtFlag.OVERFLOW)
         self._accepted.count()
-        if self.on_record:
-            self.on_record(PvtRecord(units, velocity, duration_ms, sequence))
+        if self.taken is not None:
+            self.taken.append(PvtRecord(units, velocity, duration_ms, sequence))
 
     def _push(self, displacement_units: int, end_velocity: int, duration_ms: int) -> Refusal:
         """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""

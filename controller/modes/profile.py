@@ -243,7 +243,7 @@ def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
 
 
 def _peak(distance: int, velocity: int, limits: Limits) -> int:
-    """Return the highest velocity from which the axis can still stop at the distance, by bisection; 0 if none."""
+    """Return the highest velocity that lets the axis still stop at the distance, by bisection; 0 if none."""
     low = limits.velocity if velocity > limits.velocity else max(velocity, 1)
     if _reach(velocity, low, limits) > distance:
         return 0

@@ -9,8 +9,8 @@ from enum import Enum, auto
 
 from steptwin.controller.modes.profile import Limits
 from steptwin.controller.modes.profile_feed import ProfileFeed
-from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import I32_MAX
+from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol.cia402 import DigitalInput, HomingError
 from steptwin.protocol.homing_methods import NEGATIVE, POSITIVE, HomingMethod
 
@@ -41,9 +41,9 @@ class SearchEvent(Enum):
     """The events of a search."""
 
     AWAY = auto()
-    """The axis stands and the switch is open; on which side of the switch is unknown."""
+    """The axis stands and the switch is open; the side of the switch is unknown."""
     IN_FRONT = auto()
-    """The axis stands in front of the edge, seen in the direction in which the axis must cross it."""
+    """The axis stands in front of the edge, seen in the direction that the axis must cross it in."""
     BEHIND = auto()
     """The axis stands behind the edge."""
     CROSSED = auto()
@@ -93,8 +93,7 @@ class SwitchSearch:
 
     def __init__(
         self,
-        axis: int,
-        motion: BoardMotion,
+        context: AxisContext,
         feed: ProfileFeed,
         method: HomingMethod,
         fast: Limits,
@@ -106,8 +105,8 @@ class SwitchSearch:
         """The reason for FAILED."""
         self.latched_step = 0
         """The step counter when the edge was seen; valid from LATCHED on."""
-        self._axis = axis
-        self._motion = motion
+        self._axis = context.axis
+        self._motion = context.motion
         self._feed = feed
         self._method = method
         self._inputs = inputs

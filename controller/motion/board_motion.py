@@ -1,6 +1,6 @@
 """The motion of all axes of a board: the kernel's storage, its configuration, and its one way forward in time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -27,7 +27,7 @@ _SLACK_Q16: Final = 64
 
 
 class AxisEvent(IntEnum):
-    """Reason for which an axis needs the firmware's attention."""
+    """Reason why an axis needs the firmware's attention."""
 
     NONE = k.EVENT_NONE
     FINISHED = k.EVENT_FINISHED
@@ -38,7 +38,7 @@ class AxisEvent(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Reason for which a segment was refused, or ACCEPTED."""
+    """Reason why a segment was refused, or ACCEPTED."""
 
     ACCEPTED = k.ACCEPTED
     QUEUE_FULL = k.REFUSED_QUEUE_FULL
@@ -65,7 +65,7 @@ class BoardMotion:
     """All axes of one board. Time is `tick`, the first servo tick not yet computed.
 
     Everything that touches the kernel's storage is here, so the class has many methods: most read or write a few cells
-    of one axis and give them a name and a unit. How a group halts is in `group_time` and `group_ramp`.
+    of one axis and give them a name and a unit. How a group halts is in `group_time`; `ramp_group` lets it.
     """
 
     def __init__(self, kernel: Kernel, axis_count: int) -> None:
@@ -195,7 +195,7 @@ class BoardMotion:
         return self._get(axis, k.TAIL_Q16) // (self._get(axis, k.MICROSTEPS) << 2)
 
     def tail_velocity(self, axis: int) -> int:
-        """Return the velocity, in 1/64 unit per ms, with which the next pushed segment will begin."""
+        """Return the velocity, in 1/64 unit per ms, of the beginning of the next segment pushed."""
         return self._get(axis, k.TAIL_VELOCITY)
 
     def delayed_steps(self, axis: int) -> int:
@@ -307,7 +307,7 @@ class BoardMotion:
         else:
             self.flush(axis)
 
-    # --- halt and resume (see `group_ramp`)
+    # --- halt and resume (see `ramp_group`)
 
     def halted(self, axis: int) -> bool:
         """Return whether an axis rests within its segments because its group has halted and the event was taken."""
@@ -328,7 +328,7 @@ class BoardMotion:
             yield [int(self._queue[entry + field]) for field in fields]
 
     def quiet_ticks(self, axis: int, steps: int) -> int:
-        """Return a number of ticks during which a running axis' counter certainly moves by less than `steps`.
+        """Return for how many ticks a running axis' counter certainly moves by less than `steps`.
 
         It ends with the running segment at the latest, and a start or stop of the axis (`starts`) makes it void. The
         slope of a cubic stays within its Bernstein coefficients a, a + b and a + 2b + 3c, and a group's time never
@@ -441,3 +441,45 @@ def stop_segments(velocity: int, duration_ms: int) -> list[tuple[int, int, int]]
 def _truncated(numerator: int, denominator: int) -> int:
     """Divide towards zero, as C does; the denominator is positive."""
     return numerator // denominator if numerator >= 0 else -(-numerator // denominator)
+
+
+def ramp_group(motion: BoardMotion, decelerations_units_per_s2: Sequence[int]) -> None:
+    """Halt or resume the group, as its axes request, from the next tick on, within each axis' deceleration limit.
+
+    See `group_time` for the formula. The speeds come from the segments that the ramp will cover, if they are queued.
+    """
+    group = motion.group
+    # Where the plan has every axis at rest, v dr/dt is 0 at any slope: the rate may change at once.
+    moves = any(motion.planned_velocity(axis) for axis in group.members)
+    group.ramp(motion.tick, _full_ramp_ticks(motion, decelerations_units_per_s2) if moves else 0)
+
+
+def _full_ramp_ticks(motion: BoardMotion, decelerations_units_per_s2: Sequence[int]) -> int:
+    """Return the shortest ramp between full rate and 0 that keeps |v dr/dt| within every axis' deceleration D.
+
+    That is T = |v| / D, with v the highest speed in the T/2 of trajectory time that the ramp covers at most. A longer
+    ramp covers more segments, which may be faster: so T is increased until it suffices. Like a stop it lasts at most
+    STOP_MAX_MS.
+    """
+    needed, ticks = 1, 0
+    while needed > ticks:
+        ticks = needed
+        for axis in motion.group.members:
+            velocity = _fastest_units_per_s(motion, axis, ticks // 2 + 1)
+            needed = max(needed, -(-velocity * TICKS_PER_SECOND // decelerations_units_per_s2[axis]))
+        needed = min(needed, STOP_MAX_MS * _TICKS_PER_MS)
+    return ticks
+
+
+def _fastest_units_per_s(motion: BoardMotion, axis: int, ahead_ticks: int) -> int:
+    """Bound the planned speed over a time ahead, by the Bernstein coefficients of the segments' velocities."""
+    per_unit_q16 = motion.config(axis).microsteps << 2
+    left_ticks = ahead_ticks + motion.elapsed_ticks(axis)
+    fastest = 0
+    for a, b, c, duration_ticks in motion.planned_segments(axis):
+        if left_ticks <= 0:
+            break
+        rate_q16 = max(abs(a), abs(a + b), abs(a + 2 * b + 3 * c))
+        fastest = max(fastest, -(-rate_q16 * TICKS_PER_SECOND // (per_unit_q16 * duration_ticks)))
+        left_ticks -= duration_ticks
+    return fastest

@@ -28,7 +28,7 @@ class GroupTime:
         self.members: set[int] = set()
         """Axes that run segments in the group's time."""
         self.rest_tick: int | None = None
-        """Tick from which time stands still, if the rate is 0 or on its way there; else None."""
+        """Tick that time stands still from, if the rate is 0 or on its way there; else None."""
         self._holding: set[int] = set()
 
     def hold(self, axis: int, *, hold: bool) -> None:

@@ -53,7 +53,7 @@ class PositionReference:
 
     @property
     def lost_units(self) -> int:
-        """Distance by which the rotor has fallen behind the step counter since the reference was set."""
+        """Distance of the rotor behind the step counter, as far as it has grown since the reference was set."""
         lost_steps = self._lost_steps.get() - self._lost_before_steps
         return lost_steps * UNITS_PER_FULL_STEP // self._motion.config(self._axis).microsteps
 

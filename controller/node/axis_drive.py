@@ -30,7 +30,7 @@ BY_PROGRAM: Final = 1
 """Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
 
 _FOLLOWING_MODES: Final = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
-"""The modes in which bit 13 of the statusword is the following error."""
+"""The modes whose bit 13 of the statusword is the following error."""
 
 
 class AxisDrive:

@@ -20,11 +20,11 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
 
 _RETRY_US: Final = 1000
-"""Time after which an EMCY that found no place in the transmit queue tries again."""
+"""Time until an EMCY that found no place in the transmit queue tries again."""
 _OPERATIONAL: Final = NmtState.OPERATIONAL  # to fetch it from its enum costs time, for every frame
 _FAULT_STATES: Final = (State.FAULT_REACTION_ACTIVE, State.FAULT)
 _SILENT: Final = (NmtState.STOPPED, NmtState.INITIALISING)
-"""The NMT states in which a node neither answers SDO requests nor sends EMCYs."""
+"""A node in these NMT states neither answers SDO requests nor sends EMCYs."""
 
 
 class AxisNode:
@@ -100,7 +100,7 @@ class AxisNode:
         self._reset_application()
         self.pins.set(Pin.RESET, 1)
         self._reset_communication()
-        self._settle()
+        self._end_call()
 
     def on_nmt(self, command: NmtCommand, now_us: int) -> None:
         """Obey a network management command that addresses this node, unless it waits for its reset."""
@@ -117,7 +117,7 @@ class AxisNode:
             self._change_nmt_state(target)
             if target is NmtState.STOPPED:
                 self._lose_connection(ConnectionLoss.NMT_STOPPED)
-        self._settle()
+        self._end_call()
 
     def _begin_reset(self) -> None:
         """Let the axis stop as the abort connection option code (6007h) says; be silent until it stands, then restart.
@@ -173,7 +173,7 @@ class AxisNode:
         self._context.now_us = now_us
         for response in self._sdo.handle(data):
             self._send(Service.SDO, COB_SDO_RESPONSE + self.node_id, response)
-        self._settle()
+        self._end_call()
 
     def on_rpdo(self, number: int, data: bytes, now_us: int) -> None:
         """Take process data, in OPERATIONAL only."""
@@ -187,7 +187,7 @@ class AxisNode:
         elif self._errors.register:
             self._errors.pdo_received(number)
         if context.touched:  # most frames are PVT records, which change nothing that is sent at once
-            self._settle()
+            self._end_call()
 
     def on_sync(self, data: bytes, now_us: int) -> None:
         """Apply the RPDOs latched for SYNC, then send the TPDOs that this SYNC triggers."""
@@ -197,7 +197,7 @@ class AxisNode:
         counter = self.process_data.sync_counter(data)
         if counter is None:
             self._errors.report(ErrorCode.SYNC_LENGTH, len(data))
-            self._settle()
+            self._end_call()
             return
         if self._errors.register:
             self._errors.resolved(ErrorCode.SYNC_LENGTH)
@@ -208,7 +208,7 @@ class AxisNode:
             frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None
             if frame:
                 self._outbox.send_process_data(number, frame, now_us)
-        self._settle()
+        self._end_call()
 
     @property
     def heartbeat_producers(self) -> list[int]:
@@ -223,12 +223,12 @@ class AxisNode:
         self._context.now_us = now_us
         if self._heartbeats.receive(producer_id, data, now_us) and self.drive.state not in _FAULT_STATES:
             self._errors.acknowledge_faults()
-            self._settle()
+            self._end_call()
             return
         deadline_us = self._heartbeats.due_us
         # A heartbeat usually moves the deadline later. Then `due_us` stays, and `poll` schedules again when it comes.
         if deadline_us is not None and (self.due_us is None or deadline_us < self.due_us):
-            self._schedule()
+            self._set_due_time()
 
     # --- errors of the bus
 
@@ -244,13 +244,13 @@ class AxisNode:
         self._context.now_us = now_us
         self.connection_lost = False
         self._lose_connection(ConnectionLoss.HEARTBEAT)
-        self._settle()
+        self._end_call()
 
     def on_bus_off(self, now_us: int) -> None:
         """React to the bus-off of the board's CAN controller."""
         self._context.now_us = now_us
         self._lose_connection(ConnectionLoss.BUS_OFF)
-        self._settle()
+        self._end_call()
 
     def _lose_connection(self, loss: ConnectionLoss) -> None:
         """Obey the abort connection option code (6007h), then, for an error of the bus, the error behaviour (1029h).
@@ -275,21 +275,21 @@ class AxisNode:
             self._errors.report(code, 0)
         elif code is not ErrorCode.CAN_BUS_OFF_RECOVERED or self.drive.state not in _FAULT_STATES:
             self._errors.resolved(code, 0)
-        self._settle()
+        self._end_call()
 
     # --- the drive
 
     @contextmanager
-    def acting(self, now_us: int) -> Iterator[AxisDrive]:
+    def drive_at(self, now_us: int) -> Iterator[AxisDrive]:
         """Let the caller act on the drive, then report the changes."""
         self._context.now_us = now_us
         yield self.drive
-        self._settle()
+        self._end_call()
 
-    def review(self, now_us: int) -> None:
-        """Report the changes caused outside this node, for example by a halt of its group."""
+    def report_changes(self, now_us: int) -> None:
+        """Report what has changed outside this node, for example by a halt of its group."""
         self._context.now_us = now_us
-        self._settle()
+        self._end_call()
 
     def statusword(self) -> int:
         """Return the statusword (6041h): the drive's bits, and whether the node obeys controlwords by PDO."""
@@ -297,7 +297,7 @@ class AxisNode:
 
     # --- frames out
 
-    def _settle(self) -> None:
+    def _end_call(self) -> None:
         """End a call: pass on changed PDO parameters, note a changed statusword, schedule the next poll."""
         if self._resetting and not self._motion.running(self.axis):
             self._end_reset()
@@ -310,10 +310,10 @@ class AxisNode:
         if statusword != self._statusword:
             self._statusword = statusword
             self.process_data.changed(od.STATUSWORD)
-        self._schedule()
+        self._set_due_time()
         self._context.touched = False
 
-    def _schedule(self) -> None:
+    def _set_due_time(self) -> None:
         dues = [
             self._heartbeat.due_us,
             self._heartbeats.due_us,
@@ -332,7 +332,7 @@ class AxisNode:
         """Do the work that is due: the drive's, then heartbeat, EMCY and event-driven TPDOs."""
         self._context.now_us = now_us
         if self.drive.poll(now_us):
-            self._settle()
+            self._end_call()
         self._watch_connection()
         self._charge.poll(now_us, watched=self._heartbeats.due_us is not None)
         if self._heartbeat.poll(now_us):
@@ -345,7 +345,7 @@ class AxisNode:
                 frame = pdo.poll(now_us) if pdo.exists else None
                 if frame:
                     self._outbox.send_process_data(number, frame, now_us)
-        self._schedule()
+        self._set_due_time()
 
     def _send(self, service: Service, cob_id: int, data: bytes) -> None:
         self._outbox.send(service, Frame(cob_id, data), self._context.now_us)

@@ -9,8 +9,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import AxisEvent, BoardMotion
-from steptwin.controller.motion.group_ramp import ramp_group
+from steptwin.controller.motion.board_motion import AxisEvent, BoardMotion, ramp_group
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardContext, BoardReadings
 from steptwin.controller.node.axis_node import AxisNode
@@ -40,7 +39,7 @@ Handler = Callable[[bytes, int], None]
 
 
 class FaultCause(NamedTuple):
-    """An error for which an axis must stop."""
+    """An error that an axis must stop for."""
 
     code: ErrorCode
     detail: int
@@ -102,7 +101,7 @@ class Firmware:
         """Power up: release the drivers from reset, announce the nodes."""
         for node in self.nodes:
             node.boot(now_counts // COUNTS_PER_US)
-            self._collect(node, now_counts)
+            self._fetch_from(node, now_counts)
 
     # --- frames in
 
@@ -113,16 +112,16 @@ class Firmware:
         if routes is not None:
             for node, handler in routes:
                 handler(data, now_counts // COUNTS_PER_US)
-                self._collect(node, now_counts)
+                self._fetch_from(node, now_counts)
         elif cob_id == COB_NMT:
             self._on_nmt(data, now_counts)
         elif cob_id == COB_SYNC:
             for node in self.nodes:
                 node.on_sync(data, now_counts // COUNTS_PER_US)
-                self._collect(node, now_counts)
+                self._fetch_from(node, now_counts)
         else:
             self.dropped_frames += 1
-        self._conclude(now_counts)
+        self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
         """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, and those of the nodes' services.
@@ -140,21 +139,21 @@ class Firmware:
         """
         for node in self.nodes:
             node.on_can_error(code, now_counts // COUNTS_PER_US, active=active)
-            self._collect(node, now_counts)
+            self._fetch_from(node, now_counts)
 
     def on_bus_off(self, now_counts: int) -> None:
         """Let every node react to the bus-off of the CAN controller: none can hear its master."""
         for node in self.nodes:
             node.on_bus_off(now_counts // COUNTS_PER_US)
-            self._collect(node, now_counts)
-        self._conclude(now_counts)
+            self._fetch_from(node, now_counts)
+        self._end_call(now_counts)
 
     def _on_nmt(self, data: bytes, now_counts: int) -> None:
         for node in self.nodes:
             command = command_for(data, node.node_id)
             if command is not None:
                 node.on_nmt(command, now_counts // COUNTS_PER_US)
-                self._collect(node, now_counts)
+                self._fetch_from(node, now_counts)
 
     def _route(self) -> None:
         """List the services that take each COB-ID; called again whenever a node's COB-IDs change."""
@@ -176,10 +175,10 @@ class Firmware:
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
         """Set the input levels of all axes, as of the servo tick that begins now."""
         for node, levels in zip(self.nodes, inputs, strict=True):
-            with node.acting(now_counts // COUNTS_PER_US) as drive:
+            with node.drive_at(now_counts // COUNTS_PER_US) as drive:
                 drive.set_inputs(levels)
-            self._collect(node, now_counts)
-        self._conclude(now_counts)
+            self._fetch_from(node, now_counts)
+        self._end_call(now_counts)
 
     def measure(self, supply_10mv: int, temperature_decidegc: int, now_counts: int) -> None:
         """Set the readings of the board's analogue inputs."""
@@ -187,10 +186,10 @@ class Firmware:
         self._measurements.temperature_decidegc = temperature_decidegc
         for node in self.nodes:
             if node.drive.state is not State.NOT_READY_TO_SWITCH_ON:  # a board that is down does not look
-                with node.acting(now_counts // COUNTS_PER_US) as drive:
+                with node.drive_at(now_counts // COUNTS_PER_US) as drive:
                     drive.measured()
-                self._collect(node, now_counts)
-        self._conclude(now_counts)
+                self._fetch_from(node, now_counts)
+        self._end_call(now_counts)
 
     # --- time forward
 
@@ -216,17 +215,17 @@ class Firmware:
         if self.due_counts is not None and self.due_counts <= now_counts:
             self._poll_nodes(now_counts // COUNTS_PER_US, now_counts)
         if self._trips:
-            self._conclude(now_counts)
+            self._end_call(now_counts)
 
     def _poll_nodes(self, now_us: int, now_counts: int) -> None:
         for node in self.nodes:
             if node.due_us is not None and node.due_us <= now_us:
                 node.poll(now_us)
-                self._collect(node, now_counts)
+                self._fetch_from(node, now_counts)
         for node in self.nodes:
             if node.connection_lost:
                 node.abort_connection(now_us)
-                self._collect(node, now_counts)
+                self._fetch_from(node, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
@@ -245,14 +244,14 @@ class Firmware:
                 self._trip(axis, _EVENT_FAULTS[event])
         self._stop_tripped(now_us)
         for axis, event in events:
-            with self.nodes[axis].acting(now_us) as drive:
+            with self.nodes[axis].drive_at(now_us) as drive:
                 if event is AxisEvent.FINISHED:
                     drive.finished()
         for node in self.nodes:
-            self._collect(node, now_counts)
-        self._conclude(now_counts)
+            self._fetch_from(node, now_counts)
+        self._end_call(now_counts)
 
-    def _conclude(self, now_counts: int) -> None:
+    def _end_call(self, now_counts: int) -> None:
         """End a call: stop the axes that have tripped, then halt or resume the group."""
         group = self.motion.group
         if not (self._trips or group.must_ramp):
@@ -262,8 +261,8 @@ class Firmware:
         if group.must_ramp:
             ramp_group(self.motion, [node.drive.stop.halt_deceleration() for node in self.nodes])
         for node in self.nodes:
-            node.review(now_us)
-            self._collect(node, now_counts)
+            node.report_changes(now_us)
+            self._fetch_from(node, now_counts)
 
     # --- faults
 
@@ -288,13 +287,13 @@ class Firmware:
                 default=0,
             )
             for axis, faults in stopping.items():
-                with self.nodes[axis].acting(now_us) as drive:
+                with self.nodes[axis].drive_at(now_us) as drive:
                     for fault in faults:
                         drive.fault(*fault, stop_ms)
 
     # --- out
 
-    def _collect(self, node: AxisNode, now_counts: int) -> None:
+    def _fetch_from(self, node: AxisNode, now_counts: int) -> None:
         """Fetch a node's pin changes, follow its COB-IDs, note the time of its next poll."""
         if node.routes_changed:
             self._route()

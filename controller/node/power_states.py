@@ -47,7 +47,7 @@ The drive makes 0 and 1 (boot) and 13 and 14 (fault and end of its reaction) by 
 """
 
 ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
-"""The states in which the driver's outputs are on: the motor holds its position."""
+"""The states with the driver's outputs on: the motor holds its position."""
 
 
 def command_of(controlword: int, previous: int) -> DriveCommand:

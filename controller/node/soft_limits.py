@@ -1,4 +1,4 @@
-"""The software position limits (607Dh, CiA 402-2), within which the host may move an axis.
+"""The software position limits (607Dh, CiA 402-2): the host may move an axis between them.
 
 They are positions as the position actual value (6064h) shows them, home offset included. After power-up they are the
 ends of the i32 range, which switches them off.

@@ -12,7 +12,7 @@ from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 
 class ConnectionLoss(Enum):
-    """An event by which a node loses its master."""
+    """An event that takes its master from a node."""
 
     HEARTBEAT = "a heartbeat that the node monitors is lost"
     BUS_OFF = "the board's CAN controller goes into bus-off"
@@ -55,7 +55,7 @@ class StopKind(Enum):
 
 
 class QuickStop(NamedTuple):
-    """Kind of a quick stop, and the state in which it ends."""
+    """Kind of a quick stop, and the state at its end."""
 
     kind: StopKind
     end: State

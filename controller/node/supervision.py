@@ -43,7 +43,7 @@ class Supervision:
     # --- causes that are levels
 
     def causes(self) -> Iterator[tuple[ErrorCode, int]]:
-        """Yield each error, with its detail, for which the driver must be off now."""
+        """Yield each error, with its detail, that keeps the driver off now."""
         if self.inputs & DigitalInput.ESTOP:
             yield ErrorCode.ESTOP, 0
         if self.inputs & DigitalInput.DRIVER_PROTECT:
@@ -62,7 +62,7 @@ class Supervision:
         return self._measurements.supply_10mv >= self._dictionary.get(od.SUPPLY_VOLTAGE_MIN)
 
     def check(self) -> None:
-        """Trip the drive for every error for which the driver must be off."""
+        """Trip the drive for every error that must switch the driver off."""
         for code, detail in self.causes():
             self._trip(code, detail)
 

@@ -34,7 +34,7 @@ class Slot(NamedTuple):
 
     @property
     def excess_us(self) -> int:
-        """Time by which the slot closes late: less than a tick either way, 0 until slots are moved."""
+        """Delay of the closing: less than a tick either way, 0 until slots are moved."""
         return self.close_tick * TICK_US - self.end_us - self.phase_us
 
 
@@ -50,7 +50,7 @@ class SyncClock:
         self._offsets_us = 0
         self._heard = 0
         self._shift_us = 0
-        """Time by which the slots must still be moved."""
+        """Time that the slots must still be moved by."""
 
     def join(self, axis: int, period_us: int, now_us: int) -> bool:
         """Let an axis follow from the SYNC received now; return False if other axes follow with another period."""

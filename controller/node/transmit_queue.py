@@ -1,4 +1,4 @@
-"""The CAN driver's transmit queue: the places in which frames wait until one of the controller's mailboxes is free.
+"""The CAN driver's transmit queue: the places where frames wait until one of the controller's mailboxes is free.
 
 Services go ahead of process data. A service's frames wait in line, a few of each node; one that finds no place is lost.
 A PDO has one place: a newer one takes the place of the one that waits, because process data that is late has no worth
@@ -43,7 +43,7 @@ them off the bus: its own in their mailboxes, and other stations' altogether.
 PAUSE_COUNTS: Final = 100 * COUNTS_PER_US
 """Length of the pause, from the end of the last frame: enough for another station to begin at 125 kbit/s."""
 PAUSE_COUNTS_MAX: Final = 5 * COUNTS_PER_MS
-"""Time after which process data go on even if a mailbox is not free: then other stations win every arbitration."""
+"""Longest pause: process data then go on even if a mailbox is not free: then other stations win every arbitration."""
 
 
 class _Waiting(NamedTuple):
@@ -57,7 +57,7 @@ class TransmitQueue:
 
     def __init__(self) -> None:
         self.services: list[_Waiting] = []
-        """In the order in which they came."""
+        """The oldest first."""
         self.process_data: dict[tuple[int, int], Frame] = {}
         """By node and number of the PDO, in the order that the PDOs began to wait."""
         self.due_counts: int | None = None
@@ -144,7 +144,7 @@ class TransmitQueue:
 
 
 QUIET_US: Final = 1_000_000
-"""Time without a loss after which the error ends; so a bus that is too busy now and then causes two EMCYs a second."""
+"""Time without a loss until the error ends; so a bus that is too busy now and then causes two EMCYs a second."""
 
 
 class Outbox:

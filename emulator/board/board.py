@@ -37,7 +37,7 @@ from steptwin.emulator.world.switches import Switch, Travel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
-from steptwin.protocol.frame import FIRST_NODE_ID
+from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import PvtRecord
 
@@ -164,7 +164,17 @@ class Board:
     def on_record(self, axis: int, listener: Callable[[PvtRecord], None]) -> None:
         """Call a listener with each PVT record that an axis' queue takes from now on."""
         self._on_record[axis] = listener
-        self.firmware.nodes[axis].drive.interpolation.on_record = listener
+        self.firmware.nodes[axis].drive.interpolation.taken = []
+        self.can.receive = self._receive_and_tell
+
+    def _receive_and_tell(self, frame: Frame, now_counts: int) -> None:
+        """Pass a frame to the firmware; tell the listeners which records have been taken."""
+        self.firmware.receive(frame, now_counts)
+        for axis, listener in self._on_record.items():
+            records = self.firmware.nodes[axis].drive.interpolation
+            taken, records.taken = records.taken, []
+            for record in taken or ():
+                listener(record)
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on; its nodes announce themselves."""

@@ -688,7 +688,7 @@ class TestStops:
         assert not board.flags() & PvtFlag.RUNNING
 
     def test_a_fault_does_not_switch_a_drive_on(self, board: BenchBoard) -> None:
-        with board.firmware.nodes[0].acting(0) as drive:
+        with board.firmware.nodes[0].drive_at(0) as drive:
             drive.fault(ErrorCode.GROUP_STOPPED, detail=0, stop_ms=10)
         assert board.state() is State.SWITCH_ON_DISABLED
         assert emergencies(board) == []

@@ -12,8 +12,14 @@ from numpy.typing import NDArray
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel, compiled_kernel, python_kernel
-from steptwin.controller.motion.board_motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, BoardMotion, Refusal
-from steptwin.controller.motion.group_ramp import ramp_group
+from steptwin.controller.motion.board_motion import (
+    STOP_MAX_MS,
+    TICKS_PER_SECOND,
+    AxisEvent,
+    BoardMotion,
+    Refusal,
+    ramp_group,
+)
 from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.kernel_rig import KernelRig, Timing, pin_timing_faults
 from tests.controller.units import STEP

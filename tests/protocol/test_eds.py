@@ -94,7 +94,7 @@ def test_the_canopen_library_reads_every_entry() -> None:
             assert found.data_type == entry.data_type
             assert found.readable is (entry.access is not Access.WRITE_ONLY)
             assert found.writable is (entry.access in (Access.READ_WRITE, Access.WRITE_ONLY))
-            assert found.default == entry.default_for(0x12)
+            assert found.default == (int(entry.default) + 0x12 if entry.plus_node_id else entry.default)
             assert found.name == (item.name if item.code is ObjectCode.VARIABLE else entry.name)
             if entry.low is not None and entry.data_type is not DataType.INTEGER24:
                 assert found.min == entry.low

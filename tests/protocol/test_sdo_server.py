@@ -156,7 +156,7 @@ def test_every_entry_reads_as_its_default(item: DictionaryObject, subindex: int,
     else:
         size = entry.data_type.size
         assert answer[0] == 0x43 | (4 - size) << 2
-        default = entry.default_for(NODE)
+        default = int(entry.default) + (NODE if entry.plus_node_id else 0)
         assert int.from_bytes(answer[4 : 4 + size], "little", signed=entry.data_type.signed) == default
 
 
