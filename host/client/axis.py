@@ -31,7 +31,7 @@ from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
 Objects = list[tuple[int, int]]
-"""Dictionary entries with their values, as (address, value) in the order in which they are written."""
+"""Dictionary entries with their values, as (address, value), in the order of writing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +67,11 @@ _DIALOGUES_MAX: Final = 5
 _OF_A_LATE_HOST: Final = (ErrorCode.HEARTBEAT_LOST, ErrorCode.PVT_UNDERRUN)
 """Errors that an axis reports when its host is late."""
 _LOST_CONNECTION: Final = tuple(code for code in ErrorCode if code.lost_connection)
-"""Errors after which a node may have left OPERATIONAL, so that it reports by EMCY only."""
+"""Errors that may take a node out of OPERATIONAL, so that it reports by EMCY only."""
 _HELD_UP_S: Final = 0.1
-"""Time of being held up from which on that may have been the cause: the period of the host's heartbeat."""
+"""Shortest time of being held up that may have been the cause: the period of the host's heartbeat."""
 _NO_ANSWER: Final = "No SDO response received"
-"""Message with which the canopen library reports a timeout; it raises the same exception for other errors."""
+"""The canopen library's message of a timeout; it raises the same exception for other errors."""
 _RESTARTED: Final = "has restarted (boot-up message)"
 _DISTURBED: Final = (0x0503_0000, 0x0504_0001)
 """Abort codes caused by another client: its request came between the segments of a string that this one reads."""
@@ -178,7 +178,7 @@ class AxisClient:
         return DeviceFaultError(f"{text}{late}").plainly(f"{self.name}: {error_words(codes[-1])}{late}")
 
     def ran_dry(self) -> DeviceFaultError:
-        """Return the error that says that the queue ran dry while the axis rested, for which a board has no code."""
+        """Return the error of a queue that ran dry while the axis rested: a board has no code for it."""
         late = self._late_text()
         return DeviceFaultError(f"{self.name}: {RAN_DRY} before the end of its stream{late}").plainly(
             f"{self.name}: {error_words(ErrorCode.PVT_UNDERRUN)}{late}"

@@ -33,7 +33,7 @@ class HomingSettings:
     search_units_per_s: int
     """Speed during the search for the switch."""
     zero_units_per_s: int
-    """Speed at which the switch's edge is crossed."""
+    """Speed of crossing the switch's edge."""
     acceleration_units_per_s2: int
     offset_units: int
     """Position of the edge."""

@@ -63,7 +63,7 @@ class ControlState:
         protect: each joint's driver.
         inputs: level of each digital input of the robot's file.
         switches: the switches that each joint has, by their names `-`, `+` and `home`.
-        bus_load_percent: part of the time in which the bus was busy, over the last whole half second.
+        bus_load_percent: part of the time that the bus was busy, over the last whole half second.
         ticks: lateness of servo ticks while an axis moves.
         frames: lateness of the board's frames.
         stood: how often and for how long the board's clock has stood since the computer was too slow.

@@ -1,4 +1,4 @@
-"""Decode TPDO1, in which a node reports its drive's status at every change and ten times a second."""
+"""Decode TPDO1: a node's report of its drive's status, at every change and ten times a second."""
 
 import struct
 from typing import Final, NamedTuple

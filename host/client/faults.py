@@ -12,7 +12,7 @@ from steptwin.protocol.cia402 import ErrorCode, State
 
 _ENABLED: Final = State.OPERATION_ENABLED  # to fetch it from its enum costs time, for every axis at every look
 _REPORT_TIMEOUT_S: Final = 0.3
-"""Time limit for a report: three times the event timer with which an OPERATIONAL node reports its drive's status."""
+"""Time limit for a report: three times the event timer of an OPERATIONAL node's status reports."""
 
 
 def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
@@ -23,7 +23,7 @@ def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
     """Raise DeviceFaultError if a drive is in fault, or its node has restarted.
 
-    The message names the axis in which the fault began.
+    The message names the axis where the fault began.
     """
     for axis in axes:
         if axis.restarted:

@@ -23,11 +23,11 @@ from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
 
 _STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
-"""Address of the event timer with which TPDO3 reports a queue's free places."""
+"""Address of the event timer of TPDO3, which reports a queue's free places."""
 _STATUS_PERIOD_MAX_MS: Final = TPDO_DEFAULTS[2].event_timer_ms
 """Longest period of these reports: the event timer's value after power-up."""
 _STATUS_PERIOD_MIN_MS: Final = 10
-"""Shortest period of these reports: the inhibit time of TPDO3, at which the client polls."""
+"""Shortest period of these reports: the inhibit time of TPDO3, the client's polling period."""
 _STATUS_PERIOD_SEGMENTS: Final = 20
 """Number of segments from one report to the next: three reports come before a queue of 64 runs dry."""
 _LOOKS_PER_REPORT: Final = 10

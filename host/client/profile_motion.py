@@ -80,39 +80,40 @@ def move_together(
         axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
 
-def drive_at(axis: AxisClient, velocity_units_per_s: int, acceleration_units_per_s2: int) -> None:
-    """Drive an enabled axis at a velocity until `halt_axis` or a software position limit stops it."""
-    axis.write(od.TARGET_VELOCITY, 0)
-    _enter(axis, Mode.PROFILE_VELOCITY)
-    axis.write(od.PROFILE_ACCELERATION, acceleration_units_per_s2)
-    axis.write(od.PROFILE_DECELERATION, acceleration_units_per_s2)
-    axis.drive_status = None
-    axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
-
-
-def drive_together(link: Link, drives: Sequence[VelocityTarget]) -> None:
-    """Drive enabled axes at velocities from the same servo tick on, until `halt_together` or their position limits."""
+def drive(link: Link, drives: Sequence[VelocityTarget]) -> None:
+    """Drive enabled axes at velocities, several from the same servo tick on, until `halt` or their position limits."""
+    together = len(drives) > 1
     for axis, velocity_units_per_s, acceleration_units_per_s2 in drives:
         axis.write(od.TARGET_VELOCITY, 0)
         _enter(axis, Mode.PROFILE_VELOCITY)
-        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.HALT)
+        if together:
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.HALT)
         axis.write(od.PROFILE_ACCELERATION, acceleration_units_per_s2)
         axis.write(od.PROFILE_DECELERATION, acceleration_units_per_s2)
-        axis.write(od.QUICK_STOP_DECELERATION, acceleration_units_per_s2)
+        if together:
+            axis.write(od.QUICK_STOP_DECELERATION, acceleration_units_per_s2)
+        axis.drive_status = None
         axis.write(od.TARGET_VELOCITY, velocity_units_per_s)
-        axis.drive_status = None
-    _at_next_sync(link, [drive.axis for drive in drives], ENABLE_OPERATION)
+    if together:
+        for each in drives:
+            each.axis.drive_status = None
+        _at_next_sync(link, [each.axis for each in drives], ENABLE_OPERATION)
 
 
-def halt_together(link: Link, axes: Sequence[AxisClient]) -> None:
-    """End `drive_together` by ramps that begin in the same servo tick; wait for rest; raises as `move_together`."""
+def halt(link: Link, axes: Sequence[AxisClient]) -> None:
+    """End `drive` by ramps, several from the same servo tick on, and wait for rest; raises as `move_together`."""
+    together = len(axes) > 1
     for axis in axes:
         axis.drive_status = None
-    _at_next_sync(link, axes, ENABLE_OPERATION | Control.HALT)
+        if not together:
+            axis.write(od.TARGET_VELOCITY, 0)
+    if together:
+        _at_next_sync(link, axes, ENABLE_OPERATION | Control.HALT)
     follow(link, axes, lambda: all(map(reports_zero_speed, axes)), stall_s=_STALL_S)
-    for axis in axes:
-        axis.write(od.TARGET_VELOCITY, 0)
-        axis.write(od.CONTROLWORD, ENABLE_OPERATION)
+    if together:
+        for axis in axes:
+            axis.write(od.TARGET_VELOCITY, 0)
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION)
 
 
 def _at_next_sync(link: Link, axes: Sequence[AxisClient], controlword: int) -> None:
@@ -120,13 +121,6 @@ def _at_next_sync(link: Link, axes: Sequence[AxisClient], controlword: int) -> N
     for axis in axes:
         axis.send_latched_controlword(controlword)
     link.network.send_message(COB_SYNC, b"")
-
-
-def halt_axis(link: Link, axis: AxisClient) -> None:
-    """End `drive_at` by a ramp and wait until the axis rests; raises as `move_together`."""
-    axis.drive_status = None
-    axis.write(od.TARGET_VELOCITY, 0)
-    follow(link, [axis], lambda: reports_zero_speed(axis), stall_s=_STALL_S)
 
 
 def reports_zero_speed(axis: AxisClient) -> bool:

@@ -88,7 +88,7 @@ def _within(values: list[int], low: int, high: int) -> np.ndarray[tuple[int], np
 
 
 _GAP_HOLD_S: Final = 0.025
-"""Time after a gap in which a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
+"""Time after a gap when a further gap does not count: two round trips, at the reports' inhibit time of 10 ms."""
 _RESEND_AFTER_S: Final = 0.25
 
 
@@ -182,7 +182,7 @@ class QueueFeed:
             ).plainly(f"{self._axis.name}: the board has refused a part of the motion")
 
     def check_running(self) -> None:
-        """Raise DeviceFaultError if the queue ran dry while the axis rested, for which the board reports no fault."""
+        """Raise DeviceFaultError if the queue ran dry while the axis rested: the board reports no fault then."""
         status = self._axis.pvt_status
         if status is not None and not status.flags & PvtFlag.RUNNING and not self.all_acknowledged:
             raise self._axis.ran_dry()

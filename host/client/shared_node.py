@@ -5,7 +5,7 @@ requests: by these `OpenRequests` tells which answers are its own. An answer tha
 after which the dialogue is repeated. What a node may not answer is dropped and counted: frames that have not 8 bytes,
 strings without end.
 
-A server answers in the order in which it was asked, under one identifier, and all programs hear all of it (CiA 301,
+A server answers in the order of the questions, under one identifier, and all programs hear all of it (CiA 301,
 7.2.4.3). An answer says what it is: to which command, and for the first one of a transfer, and for a refusal, about
 which object. So only two programs that ask about the same object at the same time can take each other's answers for
 their own: both write it, and one is refused. A bus carries the requests of the others, too, before the answers to them.
@@ -135,7 +135,7 @@ _PATIENCE_S: Final = 0.8
 """Time limit for an answer: nodes answer within milliseconds, but the clock of a served board may stand meanwhile."""
 _IMPATIENCE_S: Final = 0.05
 _SLICE_S: Final = 0.05
-"""Length of the pieces in which a client waits: when its own program is held up, only one piece of the limit passes."""
+"""Length of the pieces of a client's wait: when its own program is held up, only one piece of the limit passes."""
 
 
 class Patience:

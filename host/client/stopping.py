@@ -22,7 +22,7 @@ from steptwin.protocol.frame import COB_SYNC
 _REACTION_S: Final = 0.05
 """Time for an axis to react: ten times the longest delay before a changed status is sent."""
 _HELD_S: Final = 1.0
-"""Time for which an emergency stop is repeated on drives that do not stay in FAULT."""
+"""How long an emergency stop is repeated on drives that do not stay in FAULT."""
 UNSURE: Final = "nobody knows whether the machine has stopped: use its own e-stop"
 _REACTED: Final = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, *FAULT_STATES)
 

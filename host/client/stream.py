@@ -86,7 +86,7 @@ class Stream:
         """The trajectory time that was reached at `_progress_s`."""
 
     def _preloaded(self) -> bool:
-        """Send records for which there is room; return whether every queue holds enough of them to start."""
+        """Send records while there is room; return whether every queue holds enough of them to start."""
         now_s = self._link.now_s()
         for feed in self._feeds:
             feed.update(now_s)

@@ -25,7 +25,7 @@ class InputWait(NamedTuple):
         axis: number of the axis that has the input.
         input: bit of the input in the digital inputs (60FDh).
         on: the level to wait for: True is active.
-        at_s: time of the trajectory at which the machine stands, where one record ends and the next begins.
+        at_s: time of the trajectory when the machine stands, where one record ends and the next begins.
         timeout_s: longest wait, in trajectory time.
         timeout_text: message of the error after the time-out.
     """
@@ -74,7 +74,7 @@ def divide(
 HOLD_MS: Final = 10
 """Duration of a record without motion."""
 LEAD_MS: Final = 250
-"""Least time for which records are queued ahead while a wait lasts: so late may this program be."""
+"""Least time that records are queued ahead while a wait lasts: so late may this program be."""
 
 
 class Waits:
@@ -93,7 +93,7 @@ class Waits:
             while first_ms + self._holds_ms[0] < LEAD_MS:
                 self._holds_ms[0] += HOLD_MS
         self._begin_ms = first_ms
-        """Executed time at which the present wait begins."""
+        """Executed time when the present wait begins."""
         self.timed_out = False
         """True once the time-out of the present wait has passed: no more records are fed, and the motion ends there."""
 
@@ -104,7 +104,7 @@ class Waits:
 
     @property
     def present(self) -> InputWait | None:
-        """The wait before which the records end that are released so far; None after the last one."""
+        """The wait at the end of the records that are released so far; None after the last one."""
         return self._waits[self._over] if self._over < len(self._waits) and not self.timed_out else None
 
     def feed_first(self, feeds: Sequence[QueueFeed]) -> list[int]:

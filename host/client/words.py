@@ -70,7 +70,7 @@ def error_words(code: int) -> str:
 
 
 RAN_DRY: Final = "ran out of records at rest"
-"""How an error tells that a queue ran dry while its axis rested, for which boards have no error code."""
+"""What an error says of a queue that ran dry while its axis rested: boards have no error code for it."""
 
 
 def words(member: Enum) -> str:

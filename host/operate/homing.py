@@ -41,7 +41,7 @@ def homing_settings(joint: Joint, per_unit: float = 1.0, by_others: float = 0.0)
 
 
 def _offset_units(joint: Joint, number: int, per_unit: float, by_others: float) -> int:
-    """Return the axis' position of the step at which the edge is seen; the joint's is 0 if home is where it stands.
+    """Return the axis' position of the step where the edge is seen; the joint's is 0 if home is where it stands.
 
     A switch is closed on the step at its edge: it is seen to close there, and to open one step farther.
     """

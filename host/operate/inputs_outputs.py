@@ -27,8 +27,8 @@ class WaitMade:
     Attributes:
         input: name of the input.
         on: the level that was waited for.
-        at_s: time of the executed motion at which the wait began.
-        stood_s: time for which the machine stood, until it went on or the time-out ended the motion.
+        at_s: time of the executed motion when the wait began.
+        stood_s: how long the machine stood, until it went on or the time-out ended the motion.
         timed_out: True if the time-out ended the motion.
     """
 
@@ -40,7 +40,7 @@ class WaitMade:
 
 
 def waits_made(plan: Plan, holds_ms: Sequence[int], *, timed_out: bool = False) -> tuple[WaitMade, ...]:
-    """Return the waits of a plan to which a machine came, with the times for which it stood there.
+    """Return those waits of a plan that a machine came to, and how long it stood there.
 
     `timed_out` tells whether the last of them has ended the motion.
     """

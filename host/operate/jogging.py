@@ -12,11 +12,9 @@ from steptwin.host.client.pausing import abandon_trajectory
 from steptwin.host.client.profile_motion import (
     VELOCITY_MIN_UNITS_PER_S,
     VelocityTarget,
-    drive_at,
-    drive_together,
+    drive,
     follow,
-    halt_axis,
-    halt_together,
+    halt,
     reports_zero_speed,
 )
 from steptwin.host.client.waiting import POLL_S
@@ -84,7 +82,7 @@ class Jogged:
 def check_jog(robot: Robot, name: str, speed: float) -> Joint:
     """Return the joint of this name; raise InputError if it does not exist or the speed is not within its limits.
 
-    The slowest speed is that at which the slowest axis that moves still does (`VELOCITY_MIN_UNITS_PER_S`).
+    At the slowest speed, the slowest axis that moves has `VELOCITY_MIN_UNITS_PER_S`.
     """
     i = robot.index_of(name)
     joint = robot.joints[i]
@@ -128,8 +126,7 @@ def jog(
         if until():
             return Jogged(name, start, start, at_limit=False)
         _set_limits(charge, joint, axes)
-        drives = _drives(robot, joint, speed, axes)
-        _start(session, drives)
+        drive(session.link, _drives(robot, joint, speed, axes))
         until_s = session.link.now_s() + (inf if seconds is None else seconds)
         try:
             follow(
@@ -141,7 +138,7 @@ def jog(
             if seconds is not None:
                 raise
         at_limit = all(map(_at_limit, moving))
-        _halt(session, moving)
+        halt(session.link, moving)
         clear_targets(moving)
         restore_decelerations(session.machine, robot, axes)
         end = _position(charge, joint)
@@ -154,7 +151,7 @@ def _one(robot: Robot, joint: int) -> FloatArray:
 
 
 def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[VelocityTarget]:
-    """Return the velocity and the acceleration of each axis with which one joint moves alone."""
+    """Return the velocity and the acceleration of each axis that move one joint alone."""
     _, acceleration = limits_along(robot, _one(robot, joint))
     drives = []
     for i, per_unit in ways_units(robot, joint).items():
@@ -162,22 +159,8 @@ def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient])
     return drives
 
 
-def _start(session: Session, drives: list[VelocityTarget]) -> None:
-    if len(drives) == 1:
-        drive_at(*drives[0])
-    else:
-        drive_together(session.link, drives)
-
-
-def _halt(session: Session, axes: list[AxisClient]) -> None:
-    if len(axes) == 1:
-        halt_axis(session.link, axes[0])
-    else:
-        halt_together(session.link, axes)
-
-
 def _position(charge: MachineCharge, joint: int) -> float:
-    """Read where a joint is, from the step counters of the axes on which it depends."""
+    """Read where a joint is, from the step counters of the axes that it depends on."""
     session, units = charge.session, list(charge.start.units)
     for axis in session.robot.coupling.axes_of(joint):
         units[axis] = session.machine.axes[axis].read(od.POSITION_ACTUAL)
@@ -188,7 +171,7 @@ def _set_limits(charge: MachineCharge, joint: int, axes: dict[int, AxisClient]) 
     """Let the axes end at the joint's limits, so that the board keeps these even if this program dies.
 
     The other joints stand, so each axis has its own way to a limit, and all come to its end at the same time. The way
-    is known if the positions are known of these axes and of those on which the joint's position depends.
+    is known if these axes know their positions, and those that the joint's position depends on.
     """
     robot = charge.session.robot
     if not charge.start.knows(axes.keys() | robot.coupling.axes_of(joint).keys()):

@@ -43,7 +43,7 @@ class JointReading(NamedTuple):
 def joint_positions(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointReading]:
     """Return each joint's position from the positions of all axes, in wire units.
 
-    A joint's position is known if that of each axis is known on which it depends.
+    A joint's position is known if it is known of each axis that turns or shifts the joint.
     """
     positions = robot.to_positions(np.array(units)).tolist()
     return [

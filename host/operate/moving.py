@@ -56,7 +56,7 @@ def goal_by_name(robot: Robot, positions: Mapping[str, float]) -> list[float | N
 
 
 def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> list[float]:
-    """Return the joints at a position of the tool, on its branch or on the one on which the arm is as it stands.
+    """Return the joints at a position of the tool, on its branch or on that of the standing arm.
 
     Coordinates that the position leaves out stay. Raises InputError if the arm cannot reach it.
     """
@@ -142,7 +142,7 @@ def _axes_moved(robot: Robot, goal: Sequence[float | None]) -> set[int]:
 
 
 def axes_concerned(robot: Robot, goal: Sequence[float | None]) -> set[int]:
-    """Return the axes that must know their positions: those that move, and all on which the goal of one depends."""
+    """Return the axes that must know their positions: those that move, and all that the goal of one depends on."""
     moved, coupling = _axes_moved(robot, goal), robot.coupling
     return moved | {other for axis in moved for joint in coupling.joints_of(axis) for other in coupling.axes_of(joint)}
 
@@ -173,7 +173,7 @@ def move_within(
 
 
 def together(robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float = 100.0) -> Trapezoid:
-    """Return the law, with a distance of 1, by which all axes make their ways together; one axis at least has one."""
+    """Return the law, with a distance of 1, of all axes that make their ways together; one axis at least has one."""
     speed, acceleration = limits_along(robot, robot.to_positions(np.subtract(goal_units, start_units)))
     part = speed_percent / 100
     return Trapezoid.fastest(1.0, speed * part, acceleration * part)

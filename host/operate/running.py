@@ -174,7 +174,7 @@ def run_plan(
 
 
 _SETTLED_S: Final = 0.02
-"""Time after the end of a stream by which the last step and the last status report have come."""
+"""Time after the end of a stream for the last step and the last status report to come."""
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:

@@ -31,7 +31,7 @@ class Foreign:
     Attributes:
         axis: its name.
         node_id: its node.
-        found: the robot to which the board says it belongs.
+        found: the robot that the board names as its own.
         expected: the robot that was looked for.
     """
 
@@ -99,7 +99,7 @@ class Session:
         return [float(position) for position in self.robot.to_positions(np.array(units))]
 
     def demanded_units(self) -> list[int]:
-        """Read the position demand value (6062h) of each axis, from which the next motion begins."""
+        """Read the position demand value (6062h) of each axis, where the next motion begins."""
         return [axis.read(od.POSITION_DEMAND) for axis in self.machine.axes]
 
     def pose(self, joints: list[float]) -> dict[str, float] | None:
@@ -235,7 +235,7 @@ class MachineAtRest(NamedTuple):
 
     Attributes:
         drives: the drive of each axis.
-        units: position demand value (6062h) of each axis, from which the next motion begins.
+        units: position demand value (6062h) of each axis, where the next motion begins.
         joints: the same in mm and degrees.
     """
 

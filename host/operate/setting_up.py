@@ -21,7 +21,7 @@ _NO_TARGETS: Final = [
     (od.POSITION_LIMIT_MIN, DataType.INTEGER32.low),
     (od.POSITION_LIMIT_MAX, DataType.INTEGER32.high),
 ]
-"""No velocity, and then no position limits, at which an axis may stand: planned motions are checked by the host."""
+"""No velocity, and then no limits, where an axis may stand: the host checks planned motions."""
 
 
 def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:

@@ -59,7 +59,7 @@ _USUAL_LATENESS_S: Final = 0.01
 class BusLink:
     """A Link to a real or a served bus; a context manager that closes the bus at its end.
 
-    Time for which this program is held up does not count in time limits: what came in meanwhile has not been looked at.
+    While this program is held up, time limits stand still: what came in meanwhile has not been looked at.
     """
 
     def __init__(self, bus: can.BusABC, title: str, network: Callable[[], BusNetwork] | None = None) -> None:

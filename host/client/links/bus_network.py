@@ -12,7 +12,7 @@ from canopen.network import MessageListener, PeriodicMessageTask
 from steptwin.host.client.links.can_bus import bus_errors
 
 _RECEIVE_CYCLE_S: Final = 0.05
-"""Time in which the receiving thread notices that it shall end."""
+"""Time until the receiving thread notices that it shall end."""
 _ENDING_S: Final = 2.0
 """Longest time that disconnecting waits for a thread; only a driver that holds it up, or a busy computer, makes it."""
 

@@ -6,7 +6,7 @@ import time
 from typing import Any, Final
 
 ANSWER_S: Final = 1.0
-"""Time in which a server must accept and greet a client, answer it, and make room for what is sent."""
+"""Time for a server to accept and greet a client, answer it, and make room for what is sent."""
 SILENT: Final = f"accepts but does not answer within {ANSWER_S:g} s"
 """What is said of a server that does not."""
 

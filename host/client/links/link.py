@@ -22,7 +22,7 @@ class Link(Clock, Protocol):
 
     @property
     def held_up_s(self) -> float:
-        """Longest time for which this program was held up in a `wait`, because the computer is too slow."""
+        """Longest time that this program was held up in a `wait`, because the computer is too slow."""
         ...
 
     @property

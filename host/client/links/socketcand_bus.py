@@ -20,7 +20,7 @@ from steptwin.host.client.links.connecting import ANSWER_S, SILENT, connected
 from steptwin.host.common.bad_input import printable
 
 SILENCE_S: Final = 1.0
-"""Silence of the server after which it is asked for an echo."""
+"""Silence of the server before it is asked for an echo."""
 _LOOK_S: Final = 0.5
 """Longest time between two looks at how long the server has been silent."""
 _READ_BYTES: Final = 4096
@@ -60,7 +60,7 @@ class SocketcandBus(can.BusABC):
         self._readable.register(self._socket, selectors.EVENT_READ)
         self._heard_s = time.monotonic()
         self._asked_s: float | None = None
-        """Time at which an echo was asked for that has not come yet."""
+        """Time of the request for an echo that has not come yet."""
         self.channel_info = f"socketcand on {channel}@{host}:{port}"
         super().__init__(channel)
         self._take_items()  # the first frames may have come with the last answer
