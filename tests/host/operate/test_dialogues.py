@@ -86,3 +86,30 @@ def test_a_move_reads_nothing_twice_but_who_is_in_charge(
     move(session, GOAL)
     again = {address: count for (_, kind, address), count in dialogues.items() if kind == "read" and count > 1}
     assert again == {od.CHARGE_TOKEN: 3}
+
+
+def test_nodes_that_do_not_report_are_asked_for_their_modes(
+    session: Session, dialogues: Counter[tuple[str, str, int]]
+) -> None:
+    """Another master has left them PRE-OPERATIONAL; their drives are enabled."""
+    session.link.network.nmt.state = "PRE-OPERATIONAL"
+    session.link.wait(0.2)
+    for axis in session.machine.axes:
+        axis.drive_status = None
+    dialogues.clear()
+    assert move(session, GOAL).end[TH2] == pytest.approx(HOME[TH2] + 5.0, abs=0.1)
+    assert {dialogues[joint.name, "read", od.MODE_OF_OPERATION_DISPLAY] for joint in ROBOT.joints} == {1}
+    assert {dialogues[joint.name, "read", od.STATUSWORD] for joint in ROBOT.joints} == {2}  # the enabling is seen
+
+
+def test_limits_of_an_earlier_program_hold_no_axis_that_moves(session: Session) -> None:
+    th2, th3 = session.machine.axes[TH2], session.machine.axes[TH2 + 1]
+    limits = th2.read(od.POSITION_ACTUAL) + 1000, th3.read(od.POSITION_ACTUAL) + 1000
+    th2.write(od.POSITION_LIMIT_MAX, limits[0])
+    th3.write(od.POSITION_LIMIT_MAX, limits[1])
+    assert move(session, GOAL).end[TH2] == pytest.approx(HOME[TH2] + 5.0, abs=0.1)
+    assert (th2.read(od.POSITION_LIMIT_MAX), th3.read(od.POSITION_LIMIT_MAX)) == ((1 << 31) - 1, limits[1])
+    goal = [None, None, HOME[TH2 + 1] - 5.0, None]
+    assert move(session, goal).end[TH2 + 1] == pytest.approx(goal[2], abs=0.1)
+    goal = [None, None, HOME[TH2 + 1] + 5.0, None]
+    assert move(session, goal).end[TH2 + 1] == pytest.approx(goal[2], abs=0.1)
