@@ -108,7 +108,7 @@ class House:
     def places(self) -> int:
         """Return the number of rows of "Where do I change" in docs/overview.md."""
         text = (self.root / "docs" / "overview.md").read_text(encoding="utf-8")
-        rows = text.partition("here do I change")[2].splitlines()
+        rows = text.partition("## Where do I change")[2].partition("\n## ")[0].splitlines()
         return sum(line.startswith("| ") for line in rows) - 1
 
     def figures(self) -> Iterator[tuple[str, int]]:
