@@ -114,7 +114,8 @@ class Simulation:
     def power_cycle(self, number: int = 0) -> None:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
         self._exchanging(number, lambda board, now_counts: board.power_cycle(now_counts))
-        self._let_shelf_look()
+        if self.shelf_watch is not None and self.shelf_watch.is_due(self.now_counts):
+            self._let_shelf_look(self.shelf_watch)
 
     def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
         """Do something to a board that may leave it with another CAN controller, or with the same one again."""
@@ -287,7 +288,7 @@ class Simulation:
         """Go to the next event, but not beyond an instant, and execute what is due there."""
         goal_counts = self.next_event_counts(until_counts)
         # This is needed even if no time passes: a tick just computed may have left work to do.
-        goal_counts = max(goal_counts, self.now_counts)
+        goal_counts = goal_counts if goal_counts > self.now_counts else self.now_counts
         lone_board = self._lone_board
         now_counts = self._advance_boards(goal_counts) if lone_board is None else lone_board.advance(goal_counts)
         self.now_counts = now_counts
@@ -303,7 +304,8 @@ class Simulation:
             self.rotor_watch.look()
         if self.attendant is not None:
             self.attendant.attend(now_counts)
-        self._let_shelf_look()
+        if self.shelf_watch is not None and self.shelf_watch.is_due(now_counts):
+            self._let_shelf_look(self.shelf_watch)
 
     def rotors_full_steps(self) -> list[float]:
         """Return the position of each rotor since power-up, board by board."""
@@ -311,11 +313,9 @@ class Simulation:
             return self.rotor_watch.positions_full_steps()
         return [full_steps for board in self.boards for full_steps in board.positions_full_steps()]
 
-    def _let_shelf_look(self) -> None:
+    def _let_shelf_look(self, watch: ShelfWatch) -> None:
         """Let the shelf see what has changed, and the boards what its sensors see."""
-        if self.shelf_watch is None or not self.shelf_watch.is_due(self.now_counts):
-            return
-        for number, change in self.shelf_watch.look(self.now_counts):
+        for number, change in watch.look(self.now_counts):
             self._operate(change, number)
 
     def _advance_boards(self, goal_counts: int) -> int:

@@ -29,16 +29,17 @@ class GroupTime:
         """Axes that run segments in the group's time."""
         self.rest_tick: int | None = None
         """Tick that time stands still from, if the rate is 0 or on its way there; else None."""
-        self._holding: set[int] = set()
+        self.holding: set[int] = set()
+        """Axes that request a halt."""
 
     def hold(self, axis: int, *, hold: bool) -> None:
         """Request a halt of the group for an axis, or withdraw the request."""
-        (self._holding.add if hold else self._holding.discard)(axis)
+        (self.holding.add if hold else self.holding.discard)(axis)
 
     @property
     def halt_wanted(self) -> bool:
         """True if the group has members and an axis requests its halt."""
-        return bool(self.members and self._holding)
+        return bool(self.members and self.holding)
 
     @property
     def halted(self) -> bool:
@@ -47,8 +48,8 @@ class GroupTime:
 
     @property
     def must_ramp(self) -> bool:
-        """True if the rate must begin a ramp, to halt or to resume. This is read after every frame."""
-        return (self.rest_tick is not None) != bool(self.members and self._holding)
+        """True if the rate must begin a ramp, to halt or to resume."""
+        return (self.rest_tick is not None) != bool(self.members and self.holding)
 
     def rate_q16(self, tick: int) -> int:
         """Return the rate at the start of a tick."""

@@ -121,7 +121,8 @@ class Firmware:
                 self._fetch_from(node, now_counts)
         else:
             self.dropped_frames += 1
-        self._end_call(now_counts)
+        if self._trips or self.motion.group.holding or self.motion.group.rest_tick is not None:
+            self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
         """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, and those of the nodes' services.

@@ -132,7 +132,7 @@ class Bus:
     def _submitted(self, now_counts: int) -> None:
         """Let a station that has a frame to send take part in the next arbitration."""
         if self._frame is None and not (self.busy and self.next_event_counts == self._free_counts):
-            self._free_counts = max(self._free_counts, now_counts)
+            self._free_counts = now_counts if now_counts > self._free_counts else self._free_counts
             self._schedule()
 
     def _schedule(self) -> None:

@@ -198,7 +198,7 @@ class QueueFeed:
             return False
         self._axis.send_record(self._payloads[i])
         self._sent = i + 1
-        self._ever_sent = max(self._ever_sent, self._sent)
+        self._ever_sent = self._sent if self._sent > self._ever_sent else self._ever_sent
         return True
 
 
