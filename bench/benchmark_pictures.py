@@ -26,7 +26,7 @@ _HEADROOM: Final = 1.08
 """Axis limit over the largest value, so that the highest marker is not cut off."""
 _CLOSE_UP_AXIS: Final = 6
 _CLOSE_UP_S: Final = (1.0, 1.0015)
-"""Window of the stress test in which its last axis runs at 9.8 kHz."""
+"""Window of the stress test while its last axis runs at 9.8 kHz."""
 
 
 def timing_errors(figures: list[MethodErrors]) -> Figure:

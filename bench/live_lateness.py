@@ -30,7 +30,7 @@ from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NOD
 ROUND_TRIPS = 2000
 PAIRS = 10
 MOTION_S = 1.5
-"""Time for which six axes move at 1000 steps/s, 6000 servo ticks, in which none comes near its switches."""
+"""Time for which six axes move at 1000 steps/s, 6000 servo ticks; none comes near its switches."""
 _READ_TYPE = Frame(COB_SDO_REQUEST + FIRST_NODE_ID, bytes.fromhex("4000100000000000"))
 _TYPE = Frame(COB_SDO_RESPONSE + FIRST_NODE_ID, bytes.fromhex("4300100092010400"))
 """The device type's request and answer, from which their time on the bus is computed."""

@@ -30,10 +30,10 @@ CORES_MAX: Final = 0.25
 START_MAX_S: Final = 4.0
 _SETTLE_S: Final = 1.0
 _MEASURE_S: Final = 2.5
-"""Time of which the load is taken; the motion lasts longer."""
+"""Time for the measurement of the load; the motion lasts longer."""
 _TIMEOUT_S: Final = 30.0
 _QUERY: Final = re.compile(r"^ *query: (\{.*\}),$", re.MULTILINE)
-"""Where the page holds what its socket must present, as a Python literal."""
+"""The place where the page holds what its socket must present, as a Python literal."""
 
 
 class Viewer:
@@ -231,7 +231,7 @@ def _tick_late_us(company: Callable[[Server], AbstractContextManager[None]]) -> 
 # --- a board that dies
 
 DEATHS: Final = {"SIGSTOP": signal.SIGSTOP, "SIGKILL": signal.SIGKILL}
-"""How a board's server dies: it falls silent, or its connections end."""
+"""The ways that a board's server dies: it falls silent, or its connections end."""
 
 
 def measure_grey(death: signal.Signals, times: int = TIMES) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ _ENTRY: Final = re.compile(r"(\w+)\s*=\s*(.*?)(?:\s+#\s*(?:(\[[SDA]\])\s*)?(.*))
 
 @dataclass(frozen=True, slots=True)
 class WrittenValue:
-    """A value as written, without quotes; its mark `[S]`, `[D]` or `[A]` and its note, either of which may be empty."""
+    """A value as written, without quotes; its mark `[S]`, `[D]` or `[A]` and its note; both may be empty."""
 
     value: str
     mark: str

@@ -19,7 +19,7 @@ class StepTwinError(Exception):
 
     @property
     def plain(self) -> str:
-        """What happened and what to do, for an operator; the message itself, unless `plainly` has given another."""
+        """The event and what to do, for an operator; the message itself, unless `plainly` has given another."""
         return self._plain or str(self)
 
 

@@ -85,7 +85,7 @@ ARRAYS_BYTES_FREE: Final = 16 * MIB
 
 
 def size_text(size_bytes: int) -> str:
-    """Return a size in the largest unit of which there is at least one."""
+    """Return a size in the largest unit that it has at least one of."""
     for unit, name in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")):
         if size_bytes >= unit:
             return f"{size_bytes / unit:.4g} {name}"

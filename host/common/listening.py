@@ -12,7 +12,7 @@ PORT: Final = 29536
 CHANNEL: Final = "vcan0"
 """Name that a served board gives its bus; a real socketcand server has the names of its interfaces."""
 LOOPBACK: Final = "127.0.0.1"
-"""Address at which a board is served by default: only programs on the same machine reach it."""
+"""Address where a board is served by default: only programs on the same machine reach it."""
 
 
 _PORTS: Final = range(1024, 1 << 16)

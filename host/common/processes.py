@@ -1,4 +1,4 @@
-"""How often the processes of StepTwin's own programs collect garbage."""
+"""Garbage collection and signals of StepTwin's own programs, and a clock that a slow computer holds up."""
 
 import gc
 import signal
@@ -14,7 +14,7 @@ WORTH_TELLING_MS: Final = 100.0
 
 @dataclass(frozen=True, slots=True)
 class ClockStood:
-    """How often and for how long a board's clock has stood since power-up, in milliseconds of the wall clock."""
+    """The stops of a board's clock since power-up: their number, and milliseconds of the wall clock."""
 
     count: float
     total_ms: float

@@ -168,7 +168,7 @@ class Table:
         return value
 
     def each(self, key: str, make: Callable[["Table"], Made], findings: Findings | None = None) -> tuple[Made, ...]:
-        """Return `make(table)` for every table in a list; with findings, of those in which nothing is wrong."""
+        """Return `make(table)` for every table in a list; with findings, of those without a mistake."""
         made = []
         for i, value in enumerate(self.elements(key)):
             with prefixed(f"{key}[{i}]: ") if findings is None else findings.collecting(f"{key}[{i}]: "):

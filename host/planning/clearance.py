@@ -31,7 +31,7 @@ _NUDGE: Final = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class TooNear:
-    """The first place of a way at which the arm comes too near to a box.
+    """The first place of a way where the arm comes too near to a box.
 
     Attributes:
         part_of_way: from 0 at the start to 1 at the goal.

@@ -1,4 +1,4 @@
-"""What a motion is planned to do with the boxes of a shelf: which it carries from where to where."""
+"""The plan of a motion for the boxes of a shelf: which it carries from where to where."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

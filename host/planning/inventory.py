@@ -1,4 +1,4 @@
-"""Inventory files: which box is in which slot of a robot's shelf, in TOML; docs/warehouse.md has the format.
+"""Inventory files: the box in each slot of a robot's shelf, in TOML; docs/warehouse.md has the format.
 
 A slot is allotted or a box is found before a motion is planned, and the file is written, whole, after its run.
 """
@@ -79,7 +79,7 @@ class Inventory:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """What an inventory makes of a job: its options with the slot, and what happens to the boxes."""
+    """A job as an inventory completes it: its options with the slot, and what happens to the boxes."""
 
     options: Mapping[str, str]
     errand: Errand

@@ -32,7 +32,7 @@ class Law(Protocol):
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Times in between at which acceleration or jerk jumps, whole milliseconds: each needs a PVT point."""
+        """Times in between when acceleration or jerk jumps, whole milliseconds: each needs a PVT point."""
         ...
 
     def position(self, t_s: FloatArray) -> FloatArray:
@@ -93,8 +93,8 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
     first one for which the acceleration's bound is not the largest, or is 1 ms shorter.
 
     Args:
-        by_speed_ms: Least T - t1 at which the speed keeps its limit.
-        by_ramp_ms: Function that returns the least T - t1 at which a ramp of that duration keeps its limits.
+        by_speed_ms: Least T - t1 that keeps the limit of the speed.
+        by_ramp_ms: Function that returns the least T - t1 that lets a ramp of that duration keep its limits.
         shortest_ramp_ms: Shortest ramp that the law allows.
     """
 
@@ -236,7 +236,7 @@ class Trapezoid:
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Times between start and end at which the acceleration jumps; a single time if the ramps meet."""
+        """Times between start and end when the acceleration jumps; a single time if the ramps meet."""
         ramp_ms, duration_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("duration_s", self.duration_s)
         return tuple(ms / 1000 for ms in sorted({ramp_ms, duration_ms - ramp_ms}))
 
@@ -249,7 +249,7 @@ class Trapezoid:
         return np.where(t_s < self.ramp_s, speeding_up, np.where(left_s < self.ramp_s, slowing_down, steady))
 
     def time_of(self, part: float) -> float:
-        """Return the time in seconds at which a part of the distance, from 0 to 1, is covered."""
+        """Return the time in seconds when a part of the distance, from 0 to 1, is covered."""
         ramp_part = self.ramp_s / (2.0 * (self.duration_s - self.ramp_s))
         if part < ramp_part:
             return float(self.ramp_s * (part / ramp_part) ** 0.5)
@@ -340,7 +340,7 @@ class SCurve:
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Times between start and end at which the jerk jumps; one time for both ends of a phase that vanishes."""
+        """Times between start and end when the jerk jumps; one time for both ends of a phase that vanishes."""
         duration_ms = whole_ms("duration_s", self.duration_s)
         ramp_ms, jerk_ms = whole_ms("ramp_s", self.ramp_s), whole_ms("jerk_s", self.jerk_s)
         first_ms = {jerk_ms, ramp_ms - jerk_ms, ramp_ms}

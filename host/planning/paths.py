@@ -260,7 +260,7 @@ EVENNESS: Final = 0.005
 _PARTS_MIN, _PARTS_MAX = 16, 1024
 """Number of parts into which the curve between two poses is divided to measure it: as many as EVENNESS takes."""
 _BETWEEN: Final = np.arange(1, 8) / 8
-"""Places in a part at which the speed is checked."""
+"""Places in a part where the speed is checked."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 """Gauss' nodes and weights for the length of a part: exact for polynomials of degree 11."""
 

@@ -164,7 +164,7 @@ def _step_rates(robot: Robot, times_ms: Int64Array, points: FloatArray, velociti
 def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:
     """Return the times of the points: the grid, the breakpoints and the end, all in whole milliseconds.
 
-    The grid is that of a motion of which the trajectory is the part from `from_ms` on.
+    The grid is that of a motion whose part from `from_ms` on is the trajectory.
     """
     if not 1 <= point_ms <= DURATION_MAX_MS:
         raise InputError(f"{point_ms} ms between points is not from 1 to {DURATION_MAX_MS} ms")

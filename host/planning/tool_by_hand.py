@@ -31,7 +31,7 @@ from steptwin.host.robots.robot import Robot
 SPEED_MAX_MM_S: Final = 250.0
 """Highest speed of a tool that is moved by hand: the reduced speed of ISO 10218-1:2011, clause 5.6.2."""
 TURN_SPEED_MAX_DEG_S: Final = 90.0
-"""Highest speed at which a tool turns on the spot by hand."""
+"""Highest speed of a tool that turns on the spot by hand."""
 TURN_MAX_DEG: Final = 360.0
 
 COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), strict=True))
@@ -170,7 +170,7 @@ def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
 WAY_MAX_MM: Final = 2000.0
 """Longest way of one jog; a turn is one of a full circle."""
 _PLACES_PER_UNIT: Final = 2
-"""Places in a mm or degree at which reach and speeds are looked at."""
+"""Places in a mm or degree where reach and speeds are looked at."""
 _HALVINGS: Final = 5
 _SOON_S: Final = 1.0
 """A way that is over sooner is made more slowly."""

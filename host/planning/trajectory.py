@@ -33,7 +33,7 @@ class PlannedWait:
     Attributes:
         input: name of the input in the robot file.
         on: the level that it waits for.
-        at_s: time of the motion at which the machine stands and begins to wait, a whole number of milliseconds.
+        at_s: time of the motion when the machine stands and begins to wait, a whole number of milliseconds.
         timeout_s: time after which a wait without the level ends the motion.
         place: where the wait is written, such as `step 3`; may be empty.
     """
@@ -67,7 +67,7 @@ class Trajectory(Protocol):
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """Times in between at which the acceleration jumps, whole milliseconds: each needs a PVT point."""
+        """Times in between when the acceleration jumps, whole milliseconds: each needs a PVT point."""
         ...
 
     @property

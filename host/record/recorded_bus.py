@@ -84,7 +84,7 @@ class RecordedBus:
         frames: the data frames with 11-bit identifiers, in the order of the file.
         left_out: how many others there are, by their kind in words.
         cut: True if the file ends within a frame, as when its writer was killed; that frame is missing.
-        on_board_clock: True if a time stamp is the instant since power-up at which the frame became valid, as in the
+        on_board_clock: True if a time stamp is the instant since power-up when the frame became valid, as in the
             bus logs that StepTwin writes; False if it is some computer's.
     """
 
@@ -229,7 +229,7 @@ _JUNK: Final = (
     *(ValueError, IndexError, KeyError, OverflowError, NotImplementedError, EOFError),
     *(struct.error, zlib.error),
 )
-"""What python-can's readers raise for files of another format. A TypeError is no file's fault: it has another cause."""
+"""Errors that python-can's readers raise for files of another format. A TypeError is no file's fault."""
 
 
 def _text_reader(suffix: str, lines: _Lines) -> "Iterable[can.Message]":

@@ -69,7 +69,7 @@ _TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MI
 
 
 class ActiveEdge(StrEnum):
-    """The edge of STEP at which a driver steps."""
+    """The edge of STEP that makes a driver step."""
 
     RISING = "rising"
     FALLING = "falling"
@@ -90,7 +90,7 @@ class BoardSettings:
         step_rate_max_hz: highest step rate that a driver gets.
         driver_profile: name of the drivers' profile; None for TB6560s on the board itself.
         current_a: phase current at full torque.
-        active_edge: the edge of STEP at which the drivers step.
+        active_edge: the edge of STEP that makes the drivers step.
         idle_percent: part of the current that flows at standstill, for drivers with a switch for it.
         fast_decay_percent: part of a chopping period with fast decay, for drivers with a switch for it.
 

@@ -12,7 +12,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 
 TOUCH_MM: Final = 1.0
-"""Distance from a box at which the tool still touches it."""
+"""Distance from a box where the tool still touches it."""
 
 Range = tuple[float, float]
 TipAt = Callable[[FloatArray], FloatArray]

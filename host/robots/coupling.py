@@ -26,7 +26,7 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """How axes follow joints; without matrices, each joint has a motor of its own.
+    """The way that axes follow joints; without matrices, each joint has a motor of its own.
 
     Attributes:
         matrix: rows by axis, columns by joint; an element is in the axis' unit per unit of the joint.

@@ -1,4 +1,4 @@
-"""How far a link's real DH parameters are from those of the nominal model, by which the machine is planned."""
+"""Errors of a link: its real DH parameters minus those of the nominal model, by which the machine is planned."""
 
 from dataclasses import dataclass, fields
 from functools import partial

@@ -1,4 +1,4 @@
-"""What drives a joint and what it moves: motor, gear, brake and mass, for the model of motors and mechanics.
+"""The drive of a joint and its load: motor, gear, brake and mass, for the model of motors and mechanics.
 
 The kinematics and the board need none of it. Torques are those at the motor's shaft.
 """
@@ -160,7 +160,7 @@ class JointLink:
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:
-    """What all motors share.
+    """Settings that all motors share.
 
     Attributes:
         supply_v: supply of the drivers, without load.

@@ -92,7 +92,7 @@ class NewJoint:
 
     @property
     def questions(self) -> dict[str, tuple[str, float]]:
-        """What the file asks its user: the meaning and the present value, by key."""
+        """Questions of the file to its user: the meaning and the present value, by key."""
         turn = "lead of the screw or circumference of the pulley" if self.unit is Unit.MM else "motor turns per turn"
         return {
             "lower": (f"least position in {self.unit}", self.lower),

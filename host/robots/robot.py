@@ -44,7 +44,7 @@ class Robot:
         inputs: digital inputs of the board, by the name of the sensor wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
         boxes: what stands around the machine, by name; pictures show it, and a shelf is made of some of them.
-        shelf: the shelf at which the robot works; None if there is none.
+        shelf: the shelf where the robot works; None if there is none.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.

@@ -1,4 +1,4 @@
-"""A shelf with drawers at which a robot works: the hand's lock and magnet, the slots, and the spots for single boxes.
+"""A shelf with drawers where a robot works: the hand's lock and magnet, the slots, and the spots for single boxes.
 
 A drawer slides along -y. Its own catch holds it unless the hand's lock is in its striker, the middle of its front. A
 box moves only with the magnet.

@@ -18,7 +18,7 @@ class JointHoming:
     Attributes:
         method: the homing method (6098h).
         search_speed: speed of the search for the switch, in the joint's unit/s.
-        zero_speed: speed at which the axis crosses the switch's edge, at most `search_speed`.
+        zero_speed: speed of the axis over the switch's edge, at most `search_speed`.
         acceleration: acceleration of all ramps, in the joint's unit/s^2.
     """
 

@@ -111,7 +111,7 @@ class AxisEvidence:
         dir_edge_counts: shape (d,), every change of the DIR pin.
         dir_levels: shape (d,), level after each change of DIR, 0 or 1.
         step_counts: shape (steps,), the rises of the pulses that the driver accepted.
-        step_signs: shape (steps,), direction in which each step moved the motor, +1 or -1.
+        step_signs: shape (steps,), direction of the motor in each step, +1 or -1.
         violations: violations of the driver's limits.
         phases: electrical angle and currents.
         pins: the axis' other pins by lower-case name: `reset`, `enable`, `m1`, ..., `out1`, `out2`.

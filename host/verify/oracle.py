@@ -110,7 +110,7 @@ class IdealSteps:
         start_steps: the counter before the first step.
         time_s: shape (steps,), instant of each crossing in the trajectory's time.
         signs: shape (steps,), direction of each step, +1 or -1.
-        speeds_hz: shape (steps,), speed at which the motion passes the threshold, in steps per second, never negative.
+        speeds_hz: shape (steps,), speed of the motion at the threshold, in steps per second, never negative.
         turning_s: shape (m,), instants when the position is locally extreme, and the end.
     """
 

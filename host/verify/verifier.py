@@ -24,7 +24,7 @@ from steptwin.host.verify.switching import output_reasons, output_reports
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 THRESHOLD_TOLERANCE_STEPS = 0.0075
-"""Largest distance from its threshold at which a step may be made: several times the error of the board's wire units,
+"""Largest distance of a step from its threshold: several times the error of the board's wire units,
 cubics and chords.
 """
 

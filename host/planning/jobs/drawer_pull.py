@@ -19,7 +19,7 @@ from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 LOCKED_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 at which the hand locks onto a drawer, with the elbow on the right."""
+"""th1, th2, th3 where the hand locks onto a drawer, with the elbow on the right."""
 
 TRAVEL_MM: Final = 180.0
 REACH_MM: Final = 350.0

@@ -188,20 +188,20 @@ class _Shelf:
         moves.wait(wired[sensor], on=on, timeout_s=SENSOR_TIMEOUT_S, place=where)
 
     def lid(self, spot: str) -> FloatArray:
-        """Return the joints at which the magnet meets the lid of a box at a spot."""
+        """Return the joints where the magnet meets the lid of a box at a spot."""
         joints = self.above(spot)
         lift = self._robot.joint_names.index("L1")
         joints[lift] = max(joints[lift] - LOWERING_MM, self._robot.joints[lift].lower)
         return joints
 
     def locked(self, slot: str) -> FloatArray:
-        """Return the joints at which the hand locks onto a slot's drawer, with the elbow on the right."""
+        """Return the joints where the hand locks onto a slot's drawer, with the elbow on the right."""
         place, home = self._robot.places[slot], dict(zip(self._robot.joint_names, self._robot.home, strict=True))
         return np.array([*({**home, **place}[name] for name in ("sx", "sz", "L1")), *LOCKED_DEG])
 
 
 def missed_places(robot: Robot) -> list[str]:
-    """Return a line for each slot and spot of a robot's shelf at which the jobs' hand reaches no striker or lid."""
+    """Return a line for each slot and spot of a robot's shelf where the jobs' hand reaches no striker or lid."""
     shelf = robot.shelf
     if shelf is None or robot.kinematics != KIND:
         return []

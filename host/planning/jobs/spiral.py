@@ -31,7 +31,7 @@ MM_PER_RAD: Final = 5.0
 _REACH_MM: Final = 800.0
 """Reach of the paper's arm."""
 _START_PART: Final = 0.6
-"""Part of the lift's stroke at which the spiral begins: 150 of the paper's 250 mm."""
+"""Part of the lift's stroke where the spiral begins: 150 of the paper's 250 mm."""
 
 
 def _start_mm(robot: Robot) -> float:

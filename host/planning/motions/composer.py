@@ -21,7 +21,7 @@ from steptwin.host.robots.robot import Robot
 
 @dataclass(frozen=True, slots=True)
 class Standstill:
-    """A motion in which all joints stand still; implements Trajectory."""
+    """A motion that lets all joints stand still; implements Trajectory."""
 
     joint_names: tuple[str, ...]
     at: tuple[float, ...]
@@ -126,7 +126,7 @@ class Composer:
 
     @property
     def now_s(self) -> float:
-        """Time of the sequence at which the next move begins."""
+        """Time of the sequence when the next move begins."""
         return self._starts_ms[-1] / 1000
 
     def go(self, goal: FloatArray) -> None:

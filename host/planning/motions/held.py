@@ -47,7 +47,7 @@ class CutShort:
 
 
 class Hold(NamedTuple):
-    """A standstill: the time of the original motion at which it is put in, and its duration, in milliseconds."""
+    """A standstill: the time of the original motion where it is put in, and its duration, in milliseconds."""
 
     at_ms: int
     duration_ms: int
@@ -55,7 +55,7 @@ class Hold(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """A trajectory that stands still at some instants, at which it rests anyway; implements Trajectory.
+    """A trajectory that stands still at some instants, where it rests anyway; implements Trajectory.
 
     Attributes:
         trajectory: the trajectory itself.

@@ -131,7 +131,7 @@ def _ceil_ms(t_ms: float) -> int:
 def smallest_stretch(
     trajectory: Trajectory, passes: Callable[[Trajectory], bool], least: float, fails: float = 1.0
 ) -> float | None:
-    """Return the smallest factor, in thousandths and above `fails`, at which a trajectory passes.
+    """Return the smallest factor, in thousandths and above `fails`, that lets a trajectory pass.
 
     At the factor `fails` it does not pass, below `least` it certainly does not. Returns None if no factor up to
     `largest_stretch` passes.

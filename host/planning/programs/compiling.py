@@ -195,7 +195,7 @@ class _Walk:
         return True
 
     def _resume(self, place: Place, step: GoStep) -> None:
-        """Go on after a step of which nobody knows from where it starts, if its end is known all the same."""
+        """Go on after a step with an unknown start, if its end is known all the same."""
         try:
             if self._on_branch or self._moves.says_branch(step.to):
                 self._stand_after(step)

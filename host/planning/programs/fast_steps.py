@@ -94,7 +94,7 @@ def passing_values(pace: Pace, error: TooFastError, checks: Iterable[Check]) -> 
     Args:
         pace: pace of the step, with which it is too fast.
         error: refusal of the step at the place where it is made first of all.
-        checks: checks of the step at all places of the program at which it is made, the one of `error` first.
+        checks: checks of the step at all places of the program where it is made, the one of `error` first.
     """
     places = tuple(checks)
     only_ramps = all(peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) for peak in error.peaks)
@@ -136,7 +136,7 @@ class MadeStep:
         place: the place.
         step: the step.
         before: moves that begin where the step begins.
-        from_ms: time of the program at which it begins.
+        from_ms: time of the program when it begins.
         part: its motion; None if it does not move.
     """
 
@@ -163,7 +163,7 @@ class MadeStep:
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
-        """Where and when it begins, as far as that decides whether it is too fast."""
+        """Place and time of its beginning, as far as that decides whether it is too fast."""
         return tuple(self.before.composer.joints.tolist()), self.from_ms % DEFAULT_POINT_MS
 
     def _with(self, pace: Pace) -> Trajectory | None:

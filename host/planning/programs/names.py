@@ -23,7 +23,7 @@ CALLS_DEEP_MAX: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the steps of a program may name; without a robot nothing is said about what is the robot's.
+    """Names that the steps of a program may use; without a robot nothing is said about what is the robot's.
 
     Every method raises InputError for a name that is unknown, UnreadError for one whose definition is wrong.
     """
@@ -95,7 +95,7 @@ class _Checking:
         self._names = Names(self._program, robot)
         self._sequences: dict[str, tuple[AnyStep, ...]] = {}
         self._depths: dict[str, int] = {}
-        """How many sequences call one another in a row from each one on."""
+        """Number of sequences that call one another in a row from each one on."""
 
     def checked(self) -> Program:
         program = self._program

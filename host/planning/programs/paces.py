@@ -1,4 +1,4 @@
-"""How fast a step of a program moves the joints or the tool: its time law."""
+"""The pace of a program's step, of the joints or the tool: its time law."""
 
 from dataclasses import dataclass
 from enum import StrEnum

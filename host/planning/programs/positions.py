@@ -33,7 +33,7 @@ class JointPosition:
 
 @dataclass(frozen=True, slots=True)
 class ToolPosition:
-    """A pose of the tool, of which some coordinates may be left out: these stay as they are.
+    """A pose of the tool, where some coordinates may be left out: these stay as they are.
 
     Attributes:
         coordinates: x, y and z in mm and phi in degrees, by name.

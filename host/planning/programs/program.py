@@ -76,7 +76,7 @@ class Program:
 
 
 class Place(NamedTuple):
-    """Where a step stands in its program.
+    """The place of a step in its program.
 
     Attributes:
         number: number of the step, behind those of the repetitions and calls it is in, as in `3.2`.

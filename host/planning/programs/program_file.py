@@ -27,13 +27,13 @@ from steptwin.host.planning.programs.steps import Step
 
 
 class Complaints:
-    """What is wrong with the steps of a program, by their numbers, in the order that they are made."""
+    """Mistakes in the steps of a program, by their numbers, in the order that they are made."""
 
     def __init__(self) -> None:
         self._judged: Counter[str] = Counter()
-        """How many times a step was judged."""
+        """Number of times that a step was judged."""
         self._wrong: dict[str, dict[Place, list[str]]] = {}
-        """What is wrong with a step, at each place that has its number."""
+        """Mistakes in a step, at each place that has its number."""
         self._texts: dict[str, str] = {}
 
     def __bool__(self) -> bool:
@@ -58,7 +58,7 @@ class Complaints:
 
 
 def pass_words(first: Place, wrong: int, judged: int) -> str:
-    """Return the passes in which a step is wrong: `, in every pass`, the first one, or nothing without repetition."""
+    """Return the passes where a step is wrong: `, in every pass`, the first one, or nothing without repetition."""
     if not first.passes:
         return ""
     return ", in every pass" if judged > 1 and wrong == judged else f", in pass {first.pass_text}"
@@ -294,10 +294,10 @@ _JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
 _TOOL_PACE: Final = ("speed_mm_s", "ramp_s")
 
 _STANDING: Final = ("output", "wait", "pause")
-"""The verbs of steps in which the robot stands."""
+"""The verbs of steps that let the robot stand."""
 
 _OTHER_WORDS: Final = dict.fromkeys(("wait_s", "pause_s", "sleep", "delay", "dwell"), "pause")
-"""What authors write for a verb."""
+"""Words that authors write for a verb."""
 
 _VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
     "go": (_go, _JOINT_PACE),

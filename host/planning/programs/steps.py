@@ -27,7 +27,7 @@ class Step(Protocol):
 
     @property
     def pace(self) -> Pace | None:
-        """How fast the robot moves; None for a step in which it stands."""
+        """The pace of the robot; None for a step that lets it stand."""
         ...
 
     def __str__(self) -> str:

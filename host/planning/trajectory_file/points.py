@@ -152,7 +152,7 @@ TOOL_AXES: Final = ("tool_nx", "tool_ny", "tool_nz", "tool_ox", "tool_oy", "tool
 
 
 def derived_columns(joints: Iterable[str]) -> tuple[str, ...]:
-    """Return the headers of all of them, in the order in which `run` writes them."""
+    """Return the headers of all of them, in the order that `run` writes them."""
     return (*(ACCELERATION + name for name in joints), *TOOL_POSE, *TOOL_AXES)
 
 

@@ -196,7 +196,7 @@ def _joint_trajectory(document: Table) -> Table:
 
 
 def _whole_ms(times_s: FloatArray, *, every: bool) -> FloatArray:
-    """Return times of which every one, or the last, is a whole millisecond, as motions need it; ROS has nanoseconds."""
+    """Return times that are all, or at the end, a whole millisecond, as motions need it; ROS has nanoseconds."""
     whole_s = np.rint(1000.0 * times_s) / 1000.0
     return np.asarray(whole_s if every else np.concatenate((times_s[:-1], whole_s[-1:])))
 

@@ -105,7 +105,7 @@ class FilmDrawing:
         return self._camera.seen(points_mm)
 
     def _nearness(self, part: ArmPart, i: int) -> tuple[bool, float]:
-        """Return the order in which parts are drawn: guides first, then from far to near."""
+        """Return the order of drawing: guides first, then from far to near."""
         return part.role is not Role.GUIDE, float(self._seen(part.points_mm[i])[:, 2].mean())
 
     def _on_ground(self, points_mm: FloatArray) -> FloatArray:

@@ -152,7 +152,7 @@ _SPEEDS: Final = tuple(step * 10.0**decade for decade in range(-2, 6) for step i
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """What a user chooses of an animation.
+    """The choices of a user for an animation.
 
     Attributes:
         fps: frames a second.

@@ -139,4 +139,4 @@ _KINDS: Final[dict[str, Callable[[Path, Film, Camera, int, Progress], None]]] = 
     ".mp4": partial(_write_pictures, True),
     ".html": _write_page,
 }
-"""What writes each kind of file, by the suffix."""
+"""Functions that write each kind of file, by its suffix."""

@@ -11,7 +11,7 @@ FOLDER_VERSION: Final = 1
 VERSION_KEY: Final = "folder_version"
 
 LIVE_JOB: Final = "live"
-"""What the report of a live board has in the place of a job's name."""
+"""Words of a live board's report in the place of a job's name."""
 TEST_JOB: Final = "test"
 """The same of a board in virtual time that a program has driven, such as a test."""
 REPLAY_JOB: Final = "replay"

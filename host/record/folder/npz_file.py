@@ -156,7 +156,7 @@ _DAMAGED: Final = (
 """Exceptions of zipfile for a file that is no archive, is damaged or uses what zipfile cannot read."""
 
 _NO_ARCHIVE: Final = "File is not a zip file"
-"""What zipfile says of a file without a directory."""
+"""The message of zipfile for a file without a directory."""
 
 _FLAGS_READ: Final = 1 << 1 | 1 << 2 | 1 << 3 | 1 << 11
 """Flags of a member that change nothing: how hard it was compressed, sizes behind the data, its name in UTF-8."""
@@ -240,7 +240,7 @@ class NpzFile:
 
 
 class _BoundedFile(io.FileIO):
-    """A file of which no more is read at once than a directory may have: zipfile reads directories whole."""
+    """A file whose reads are at most as long as a directory may be: zipfile reads directories whole."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _DIRECTORY_BYTES_MAX:

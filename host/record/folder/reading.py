@@ -111,7 +111,7 @@ class StoredRun:
 
     @property
     def interruption(self) -> str | None:
-        """How far a recording goes that has no end; None if it has one."""
+        """The words for a recording without an end, and where it stops; None if it has one."""
         recording = self.report.recording
         if recording is None:
             return None

@@ -96,7 +96,7 @@ class PlanRows(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """What happened since the piece before.
+    """All that happened since the piece before.
 
     Attributes:
         axes: edges of each axis.
@@ -137,7 +137,7 @@ class Recording:
         self._sizes: dict[str, int] = {}
         """Bytes of each file in `recording.part` up to the last mark."""
         self._plans_from: dict[int, int] = {}
-        """Where the rows of each plan begin in their file, by its number."""
+        """Place of the first row of each plan in their file, by its number."""
         refuse_link(self._parts)
         (self._parts / HEADER).unlink(missing_ok=True)
         shutil.rmtree(self._parts, ignore_errors=True)

@@ -41,7 +41,7 @@ class StoredReport:
         fault: the fault that ended the run; None if the run came to its end.
         document: the whole document.
         recording: the recording without an end from which the report was made; None for a report from a file.
-        next_motion_s: when a motion began, since power-up, of which the plan says nothing; None if there was none.
+        next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
     """
 
     run: RunInfo

@@ -57,7 +57,7 @@ def unfinished(folder: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What is known of a recording from its beginning.
+    """The facts of a recording that are known from its beginning.
 
     Attributes:
         robot: the robot's name.
@@ -99,7 +99,7 @@ def _limit(limit: Table) -> DriverLimit:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """How far a recording goes.
+    """The end of a recording so far.
 
     Attributes:
         until_counts: instant up to which every edge is recorded.
@@ -110,7 +110,7 @@ class Mark:
         in_motion: True if that motion has not come to its end.
         plan_from: place of that motion's first row in the file of the plans, in bytes.
         plan_to: place behind its last row; 0 if that is the end of the file.
-        next_counts: instant when a later motion began, of which the plan says nothing; 0 if there was none.
+        next_counts: instant when a later motion began that is not in the plan; 0 if there was none.
         load_percent: load of the bus since power-up.
         wall_s: seconds on the wall clock since power-up.
     """
@@ -171,7 +171,7 @@ class UnfinishedRecording:
 
     @property
     def interruption(self) -> str:
-        """How far the recording goes, in words."""
+        """The end of the recording so far, in words."""
         return f"the recording has no end: it goes to {self.until_s:.3f} s after power-up"
 
     def run_info(self) -> RunInfo:

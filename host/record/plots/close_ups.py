@@ -29,7 +29,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 LANE_INCHES: Final = 0.3
 EDGE_INTERVALS: Final = 12
 _HIGH: Final = 0.6
-"""Height at which a high level is drawn, in lanes."""
+"""Height of a high level, in lanes."""
 
 _ALWAYS: Final = ("step", "dir")
 _MARKED_MAX: Final = 200

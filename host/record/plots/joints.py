@@ -88,7 +88,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
 ROW_INCHES = 1.6
 
 NEAR: Final = 1.0
-"""Greatest distance of a limit, as a multiple of the curve's height, at which it is drawn: a farther one would flatten
+"""Greatest distance of a limit, as a multiple of the curve's height, where it is drawn: a farther one would flatten
 the curve, and stands as a number in the panel's title only."""
 
 HALF_S: Final = 0.5e-3

@@ -21,7 +21,7 @@ _WIDTHS: Final = {Role.GUIDE: 1.0, Role.SLIDE: 3.0, Role.LINK: 2.0, Role.TOOL: 1
 
 @dataclass(frozen=True, slots=True)
 class Pen:
-    """How a stick figure is drawn: colour, opaqueness from 0 to 1, and the style of its lines."""
+    """The look of a stick figure: colour, opaqueness from 0 to 1, and the style of its lines."""
 
     colour: str
     alpha: float = 1.0

@@ -60,7 +60,7 @@ def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
 
 
 def _counted(comparison: Comparison, t_s: FloatArray) -> FloatArray:
-    """Return the joints, of shape (n, joints), at which the drivers' counts stand just after each instant."""
+    """Return the joints, of shape (n, joints), by the drivers' counts just after each instant."""
     return comparison.expected.joints(np.column_stack([axis.around(t_s)[1] for axis in comparison.counted]))
 
 

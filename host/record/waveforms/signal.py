@@ -258,7 +258,7 @@ class Signal:
 
 
 def stretches(signals: Sequence[Signal], window: Window, scale: TimeScale) -> Iterator[tuple[int, int]]:
-    """Yield pieces (after, until] of the window in which a signal changes at most CHANGES_PER_STRETCH times.
+    """Yield pieces (after, until] of the window, where a signal changes at most CHANGES_PER_STRETCH times.
 
     No piece ends within a unit of the scale.
     """

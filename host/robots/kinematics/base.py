@@ -109,7 +109,7 @@ class Branch:
 
     @property
     def reachable(self) -> BoolArray:
-        """True for each pose at which every constraint is kept, shape (n,)."""
+        """True for each pose that keeps every constraint, shape (n,)."""
         reachable: BoolArray = np.logical_and.reduce([constraint.kept for constraint in self.constraints])
         return reachable
 

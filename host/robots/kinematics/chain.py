@@ -33,7 +33,7 @@ from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.robot import Robot
 
 MOVES: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
-"""What a parameter does to the tool: shifts along the world's axes and turns about them. A turn rz adds to the
+"""Effects of a parameter on the tool: shifts along the world's axes and turns about them. A turn rz adds to the
 attitude."""
 
 

@@ -23,7 +23,7 @@ Variables = Mapping[str, FloatArray]
 
 
 class Convention(Enum):
-    """The end of a link at which its frame is: the far end (standard) or the near end (modified)."""
+    """The end of a link where its frame is: the far end (standard) or the near end (modified)."""
 
     STANDARD = "standard"
     MODIFIED = "modified"

@@ -24,7 +24,7 @@ HAND_PART: Final = 0.08
 
 
 class Role(StrEnum):
-    """What a part does: it guides others, slides on a guide, is a link between two joints, or belongs to the tool."""
+    """The part's task: it guides others, slides on a guide, is a link between two joints, or belongs to the tool."""
 
     GUIDE = "guide"
     SLIDE = "slide"
@@ -81,7 +81,7 @@ def tool(wrist_mm: FloatArray, poses: FloatArray, reach_mm: float) -> tuple[ArmP
 
 
 BEHIND_PART: Final = 0.6
-"""Distance at which the mast of slides is drawn behind the arm's axis, as a fraction of the arm's reach."""
+"""Distance of the mast of slides, as it is drawn, behind the arm's axis, as a fraction of the arm's reach."""
 
 
 def solid_parts(scara: "Scara", joints: FloatArray) -> tuple[ArmPart, ...]:

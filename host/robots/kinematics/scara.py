@@ -28,7 +28,7 @@ SINGULAR: Final = 0.005
 
 FOLLOWING: Final = 1e-3
 """Distance in mm or degrees by which a height or an attitude that is not free may differ from what follows: less than
-a microstep, so that a pose can be given in the digits in which poses are printed."""
+a microstep, so that a pose can be given in as many digits as poses are printed."""
 
 
 @dataclass(frozen=True, slots=True)

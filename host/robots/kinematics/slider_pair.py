@@ -52,7 +52,7 @@ class SliderPair:
 
     @property
     def reach_mm(self) -> float:
-        """The largest |z2| at which both links still reach their screws."""
+        """The largest |z2| where both links still reach their screws."""
         return self.L_mm - self.h_mm
 
     def forward(

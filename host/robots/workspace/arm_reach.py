@@ -35,7 +35,7 @@ class ArmReach:
     Attributes:
         robot: the whole machine.
         kinematics: the kinematics of the whole machine.
-        home: shape (joints,), the home position, at which the slides stay.
+        home: shape (joints,), the home position, where the slides stay.
         axis_x_mm: x of the arm's own axis, which is at y = 0.
         attitude_deg: attitude of the tool; None if any attitude is allowed.
     """

@@ -24,7 +24,7 @@ _RADIUS, _AZIMUTH, _Z, _PHI = range(4)
 _COARSE: Final = 360
 """Values of a coordinate tried at once, over its whole range and then between two of them."""
 _FINE: Final = 0.02
-"""Distance between two values, in mm or degrees, at which the search ends."""
+"""Distance between two values, in mm or degrees, that ends the search."""
 _ROUNDINGS: Final = 60
 """Values tried, one _FINE after the other, until their tenths pass as well."""
 _FEW: Final = {_RADIUS: 24, _AZIMUTH: 24, _Z: 24, _PHI: 12}
