@@ -1,35 +1,33 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
-from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
-from docs.generate.driver_page import DRIVER_PAGE, render_driver, write_driver_pictures
-from docs.generate.faults import FAULTS_PAGE, render_faults
+from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
+from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
-from docs.generate.papers import write_papers
 from docs.generate.pictures import (
     write_calibration_picture,
     write_pictures,
     write_warehouse_picture,
     write_waveform_pictures,
 )
-from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
-from docs.generate.robot_drawings import ROBOT_FILES_PAGE, render_robot_files, write_robot_drawings
-from docs.generate.robots_page import PAGE, render_page
+from docs.generate.protocol import PROTOCOL_PAGE
+from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
+from docs.generate.robots_page import PAGE, render_robots, write_papers
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.host.studies.papers.runs import Runs
 
 
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
-    CONTROL_PORT_PAGE.write_text(render_control_port(), encoding="utf-8")
-    DRIVER_PAGE.write_text(render_driver(), encoding="utf-8")
+    CONTROL_PORT_PAGE.write()
+    DRIVER_PAGE.write()
     write_driver_pictures()
-    FAULTS_PAGE.write_text(render_faults(), encoding="utf-8")
+    FAULTS_PAGE.write()
     MACHINE_PAGE.write_text(render_machine_options(), encoding="utf-8")
-    PROTOCOL_PAGE.write_text(render_protocol(), encoding="utf-8")
-    ROBOT_FILES_PAGE.write_text(render_robot_files(), encoding="utf-8")
+    PROTOCOL_PAGE.write()
+    ROBOT_FILES_PAGE.write()
     write_robot_drawings()
     runs = Runs(fastest_kernel())
-    PAGE.write_text(render_page(runs), encoding="utf-8")
+    PAGE.write_text(render_robots(runs), encoding="utf-8")
     write_pictures(runs)
     write_waveform_pictures(runs)
     write_calibration_picture()

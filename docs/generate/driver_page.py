@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from docs.generate.commands import DOCS, filled, session
+from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.pictures import write_picture
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
@@ -95,30 +95,7 @@ def _draw_counters(axes: Axes, stretch: TerminalEdges, module: Module) -> None:
     axes.legend(loc="upper left")
 
 
-DRIVER_PAGE: Final = DOCS / "driver.md"
-
-_NOTICE: Final = "<!-- Made by `make docs` from docs/driver/driver.md and the emulator's tables: change those. -->"
 _CAPACITORS_PF: Final = (100, 330, 1000)
-
-
-def render_driver() -> str:
-    """Return the whole page; it ends with a newline."""
-    page = filled(
-        DOCS / "driver" / "driver.md",
-        {
-            "pins": lambda _: _pins(),
-            "modes": lambda _: _modes(),
-            "vector": lambda _: _vector(),
-            "torque-and-decay": lambda _: _torque_and_decay(),
-            "oscillator": lambda _: _oscillator(),
-            "power": lambda _: _power(),
-            "currents": lambda _: _currents(),
-            "profiles": lambda _: _profiles(),
-            "rules": lambda _: _rules(),
-            "failing": lambda arguments: session(arguments, expected_exit_code=1),
-        },
-    )
-    return f"{_NOTICE}\n\n{page}\n"
 
 
 def _pins() -> str:
@@ -216,3 +193,21 @@ def _asked(profile: DriverProfile) -> str:
 def _rules() -> str:
     rows = [[f"`{rule.name.lower()}`", *rule.value.split(": ")] for rule in Rule]
     return table(["rule", "violated where", "effect in the model"], rows, text_columns=3)
+
+
+DRIVER_PAGE: Final = GeneratedPage(
+    "driver",
+    "the emulator's tables",
+    {
+        "pins": lambda _: _pins(),
+        "modes": lambda _: _modes(),
+        "vector": lambda _: _vector(),
+        "torque-and-decay": lambda _: _torque_and_decay(),
+        "oscillator": lambda _: _oscillator(),
+        "power": lambda _: _power(),
+        "currents": lambda _: _currents(),
+        "profiles": lambda _: _profiles(),
+        "rules": lambda _: _rules(),
+        "failing": lambda arguments: session(arguments, expected_exit_code=1),
+    },
+)

@@ -1,37 +1,19 @@
-"""Render docs/faults.md: an example and its run, what faults there are, and the documented reactions."""
+"""Render docs/faults.md, an example, all faults and their documented reactions, and docs/control-port.md."""
 
 from math import isinf
 from typing import Final
 
-from docs.generate.commands import DOCS, filled, session
+from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.tables import ROBOTS
 from steptwin.host.common.control import Do
-from steptwin.host.common.requests import FORMS
+from steptwin.host.common.requests import FORMS, INJECTED
 from steptwin.host.faults.judge import longest_ramp_ms
 from steptwin.host.faults.reaction import Motion, Reaction
 from steptwin.host.faults.reactions import DOCUMENTED
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import table
 
-FAULTS_PAGE: Final = DOCS / "faults.md"
 EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
-
-_NOTICE: Final = "<!-- Made by `make docs` from docs/faults/faults.md and the table of reactions: change those. -->"
-
-
-def render_faults() -> str:
-    """Return the whole page; it ends with a newline."""
-    page = filled(
-        DOCS / "faults" / "faults.md",
-        {
-            "example": lambda _: f"```toml\n{EXAMPLE.read_text(encoding='utf-8').strip()}\n```",
-            "run": lambda arguments: session(f"run {arguments}"),
-            "requests": lambda _: _requests(),
-            "reactions": lambda _: _reactions(),
-            "ramps": lambda _: _ramps(),
-        },
-    )
-    return f"{_NOTICE}\n\n{page}\n"
 
 
 def _requests() -> str:
@@ -71,3 +53,39 @@ def _position(reaction: Reaction) -> str:
 def _ramps() -> str:
     rows = [[name, f"{longest_ramp_ms(load_robot(name)):g} ms"] for name in ROBOTS]
     return table(["robot", "longest ramp"], rows)
+
+
+FAULTS_PAGE: Final = GeneratedPage(
+    "faults",
+    "the table of reactions",
+    {
+        "example": lambda _: f"```toml\n{EXAMPLE.read_text(encoding='utf-8').strip()}\n```",
+        "run": lambda arguments: session(f"run {arguments}"),
+        "requests": lambda _: _requests(),
+        "reactions": lambda _: _reactions(),
+        "ramps": lambda _: _ramps(),
+    },
+)
+
+
+def _request_words() -> str:
+    rows = [[f"`{do} {FORMS[do].usage}`".replace(" `", "`"), FORMS[do].does] for do in INJECTED]
+    return table(["`inject ROBOT ...`", ""], rows, text_columns=2)
+
+
+def _keys() -> str:
+    rows = []
+    for do, form in FORMS.items():
+        keys = [
+            "; ".join(f"`{key}`: {value.says}" for key, value in each.items()) or "-"
+            for each in (form.required, form.optional)
+        ]
+        rows.append([f"`{do}`", *keys])
+    return table(["`do`", "other keys", "may also have"], rows, text_columns=3)
+
+
+CONTROL_PORT_PAGE: Final = GeneratedPage(
+    "control-port",
+    "host/common/requests.py",
+    {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
+)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Final
 
-from docs.generate.commands import DOCS, filled
+from docs.generate.commands import GeneratedPage
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.power_states import next_state
 from steptwin.host.client import AxisSettings, Machine, StreamedMotion
@@ -127,27 +127,8 @@ def _pvt_status(data: bytes) -> str:
     return f"next {status.next_sequence}, free {status.free}, flags {status.flags}"
 
 
-PROTOCOL_PAGE: Final = DOCS / "protocol.md"
-
-_NOTICE: Final = "<!-- Made by `make docs` from docs/protocol/protocol.md and the object table: change those. -->"
 _CONTROLWORDS: Final = (SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, DISABLE_VOLTAGE, QUICK_STOP, Control.FAULT_RESET)
 _MAPPED: Final = {Mapping.NONE: "", Mapping.RECEIVE: "RPDO", Mapping.TRANSMIT: "TPDO", Mapping.BOTH: "both"}
-
-
-def render_protocol() -> str:
-    """Return the whole page; it ends with a newline."""
-    page = filled(
-        DOCS / "protocol" / "protocol.md",
-        {
-            "identifiers": lambda _: _identifiers(),
-            "pdos": lambda _: _pdos(),
-            "states": lambda _: _states(),
-            "errors": lambda _: _errors(),
-            "session": lambda _: session(),
-            "objects": lambda _: _objects(),
-        },
-    )
-    return f"{_NOTICE}\n\n{page}\n"
 
 
 def _identifiers() -> str:
@@ -244,3 +225,17 @@ def _ms(value: float) -> str:
 
 def _spoken(state: State) -> str:
     return state.name.replace("_", " ")
+
+
+PROTOCOL_PAGE: Final = GeneratedPage(
+    "protocol",
+    "the object table",
+    {
+        "identifiers": lambda _: _identifiers(),
+        "pdos": lambda _: _pdos(),
+        "states": lambda _: _states(),
+        "errors": lambda _: _errors(),
+        "session": lambda _: session(),
+        "objects": lambda _: _objects(),
+    },
+)

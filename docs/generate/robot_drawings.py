@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from docs.generate.commands import DOCS, filled
+from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.base import dimensions, meaning
@@ -276,19 +276,6 @@ _DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
 }  # fmt: skip
 
 
-ROBOT_FILES_PAGE: Final = DOCS / "robot-files.md"
-
-_NOTICE: Final = (
-    "<!-- Made by `make docs` from docs/robot-files/robot-files.md and the kinds' dimensions: change those. -->"
-)
-
-
-def render_robot_files() -> str:
-    """Return the whole page; it ends with a newline."""
-    page = filled(DOCS / "robot-files" / "robot-files.md", {"kinds": lambda _: "\n\n".join(map(_kind, KINDS))})
-    return f"{_NOTICE}\n\n{page}\n"
-
-
 def _kind(name: str) -> str:
     kind = KINDS[name]
     joints = " ".join(joint.name for joint in usual_joints(name, usual_dimensions(name)))
@@ -310,3 +297,10 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "`true`" if value else "`false`"
     return f"`{value:g}`" if isinstance(value, float) else f'`"{value}"`'
+
+
+ROBOT_FILES_PAGE: Final = GeneratedPage(
+    "robot-files",
+    "the kinds' dimensions",
+    {"kinds": lambda _: "\n\n".join(map(_kind, KINDS))},
+)

@@ -10,15 +10,13 @@ from typing import Any
 
 import pytest
 
-from docs.generate.control_port import CONTROL_PORT_PAGE, render_control_port
-from docs.generate.driver_page import DRIVER_PAGE, render_driver
-from docs.generate.faults import FAULTS_PAGE, render_faults
+from docs.generate.driver_page import DRIVER_PAGE
+from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
-from docs.generate.papers import PAPERS_FOLDER
 from docs.generate.pictures import WAVEFORM_PAGE
-from docs.generate.protocol import PROTOCOL_PAGE, render_protocol
-from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing, render_robot_files
-from docs.generate.robots_page import PAGE, SAMPLED, render_page
+from docs.generate.protocol import PROTOCOL_PAGE
+from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
+from docs.generate.robots_page import PAGE, PAPERS_FOLDER, SAMPLED, render_robots
 from docs.generate.tables import ROBOTS, WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
 from steptwin.host.robots import robot_names
@@ -39,13 +37,13 @@ ALL_TEXT = (
     TEXT
     + BENCHMARKS
     + ROBOT_FILES
-    + DRIVER_PAGE.read_text(encoding="utf-8")
+    + DRIVER_PAGE.path.read_text(encoding="utf-8")
     + WAVEFORM_PAGE.read_text(encoding="utf-8")
     + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
     + (PAGE.parent / "campaigns.md").read_text(encoding="utf-8")
-    + FAULTS_PAGE.read_text(encoding="utf-8")
+    + FAULTS_PAGE.path.read_text(encoding="utf-8")
     + MACHINE_PAGE.read_text(encoding="utf-8")
-    + CONTROL_PORT_PAGE.read_text(encoding="utf-8")
+    + CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
     + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
     + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
     + (PAGE.parent / "warehouse.md").read_text(encoding="utf-8")
@@ -55,7 +53,7 @@ PICTURE_BYTES_MAX = 120_000
 
 def test_the_page_is_up_to_date(runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
-    assert render_page(runs) == TEXT
+    assert render_robots(runs) == TEXT
 
 
 @pytest.mark.parametrize("robot", PAPERS)
@@ -77,16 +75,16 @@ def test_the_pictures_of_the_papers() -> None:
 
 
 def test_the_protocol_page_is_up_to_date() -> None:
-    assert render_protocol() == PROTOCOL_PAGE.read_text(encoding="utf-8")
+    assert PROTOCOL_PAGE.render() == PROTOCOL_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    assert render_faults() == FAULTS_PAGE.read_text(encoding="utf-8")
+    assert FAULTS_PAGE.render() == FAULTS_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_control_port_is_up_to_date() -> None:
-    assert render_control_port() == CONTROL_PORT_PAGE.read_text(encoding="utf-8")
+    assert CONTROL_PORT_PAGE.render() == CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_the_machines_options_is_up_to_date() -> None:
@@ -94,18 +92,18 @@ def test_the_page_of_the_machines_options_is_up_to_date() -> None:
 
 
 def test_the_driver_page_is_up_to_date() -> None:
-    assert render_driver() == DRIVER_PAGE.read_text(encoding="utf-8")
+    assert DRIVER_PAGE.render() == DRIVER_PAGE.path.read_text(encoding="utf-8")
 
 
 def test_the_page_of_robot_files_is_up_to_date() -> None:
-    assert render_robot_files() == ROBOT_FILES_PAGE.read_text(encoding="utf-8")
+    assert ROBOT_FILES_PAGE.render() == ROBOT_FILES_PAGE.path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("keys", [BoardSettings, Joint, Transmission, JointSwitches, JointHoming, Robot])
 def test_the_page_of_robot_files_has_every_key(keys: type[Any]) -> None:
     """Fields that are no keys: a joint's transmission, a robot's dimensions and its text."""
     no_keys = {"transmission", "geometry", "toml"}
-    page = ROBOT_FILES_PAGE.read_text(encoding="utf-8")
+    page = ROBOT_FILES_PAGE.path.read_text(encoding="utf-8")
     for field in dataclasses.fields(keys):
         spelled = (f"`{field.name}`", f"`[{field.name}", f".{field.name}]`")
         assert field.name in no_keys or any(words in page for words in spelled), field.name
