@@ -40,7 +40,7 @@ GROUPS: Final = (
     Group(
         "Robots and maths",
         "robots",
-        ("robots", "jobs", "fk", "ik", "workspace", "paper", "sensitivity", "measure", "calibrate"),
+        ("listing", "fk", "ik", "workspace", "paper", "calibrate"),
     ),
     Group("Run and verify", "run", ("new", "check", "run", "verify", "campaign", "bench")),
     Group(
@@ -54,7 +54,7 @@ GROUPS: Final = (
     Group(
         "Files and tools",
         "files",
-        ("trace", "plot", "motors", "view", "animate", "replay", "eds", "dbc", "kernel_c"),
+        ("trace", "plot", "motors", "view", "animate", "replay", "exports"),
     ),
 )
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,6 +56,19 @@ RobotAndJoints = Annotated[
     typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotOptions:
+    """The robot of a command without further words, and the form of its answer."""
+
+    robot: RobotName = None
+    robot_file: RobotFile = None
+    as_json: AsJson = False
+
+    def load(self) -> "Robot":
+        """Return the robot; raises as `one_robot`."""
+        return one_robot(self.robot, self.robot_file)
 
 
 def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":

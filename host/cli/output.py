@@ -5,7 +5,8 @@ in them is escaped here. JSON escapes by itself.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 import typer
@@ -15,6 +16,8 @@ from steptwin.host.common.bad_input import printable
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from steptwin.host.client import Progress
 
 
 GAP: Final = 2
@@ -86,6 +89,19 @@ def print_json(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document, indent=2))
 
 
+def tell(document: dict[str, Any], in_words: Callable[[], None], *, as_json: bool) -> None:
+    """Print the answer of a command: one JSON document, or what a function prints in words."""
+    if as_json:
+        print_json(document)
+    else:
+        in_words()
+
+
+def say_no_pictures() -> None:
+    """Print why there are no pictures, on stderr."""
+    say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+
+
 def print_json_line(document: dict[str, Any]) -> None:
     """Print one of several JSON documents, in a line of its own."""
     typer.echo(json.dumps(document))
@@ -155,3 +171,16 @@ def text_table(width: int, columns: list[str], rows: list[list[str]], *, text_co
 
 def _printable(columns: list[str], rows: list[list[str]]) -> list[list[str]]:
     return [list(map(printable, row)) for row in [columns, *rows]]
+
+
+@contextmanager
+def progress_bar(title: str) -> "Iterator[Progress]":
+    """Show a bar while the block runs, if stderr is a terminal; the block calls back with the part that is done."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import Progress as RichProgress
+
+    console = Console(stderr=True)
+    with RichProgress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(escape(printable(title)), total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)

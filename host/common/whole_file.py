@@ -57,3 +57,9 @@ def append(path: Path, data: bytes) -> None:
             file.write(data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text as a whole file."""
+    with whole_file(path) as file:
+        file.write(text.encode())

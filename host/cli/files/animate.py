@@ -7,8 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, Replace, keep_files, naming_options
-from steptwin.host.cli.output import print_json, say, warn
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import print_json, progress_bar, say, warn
 from steptwin.host.cli.run.verify import PlanDir, RunDir
 
 

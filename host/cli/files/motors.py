@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, RobotFile, finite_number, naming_options, one_robot
+from steptwin.host.cli.arguments import AsJson, Replace, RobotFile, naming_options, one_robot
 from steptwin.host.cli.output import print_json, print_table, say, warn
 from steptwin.host.cli.run.motor_report import (
+    LoadOptions,
     check_motors,
     keep_pictures,
     margins_of,
@@ -16,7 +17,6 @@ from steptwin.host.cli.run.motor_report import (
     print_margins,
     print_motors,
     warn_of_payloads,
-    with_load,
     write_pictures,
 )
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.motors.ramps import JointRamp
 
 
-def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
+def tell_fits(robot: "Robot", current_a: float | None, *, as_json: bool) -> None:
     """Print how a robot's motors, and those of the catalogue, would do at the limits of its joints."""
     from steptwin.host.studies.motors.fitting import fits_of
     from steptwin.host.twin.motors import check_described
@@ -37,7 +37,6 @@ def tell_fits(robot: "Robot", current: str | None, *, as_json: bool) -> None:
     from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
     dynamics = check_described(robot)
-    current_a = None if current is None else finite_number(current, "--current")
     if current_a is not None:
         with naming_options(current_a="--current"):
             check_current(current_a)
@@ -141,6 +140,7 @@ def _shortage(fit: "Fit") -> str:
 
 @command("out/store --payload 1.5 --margin", "lab-scara --supply 12")
 def motors(
+    load: LoadOptions,
     subject: Annotated[
         str | None,
         typer.Argument(
@@ -148,15 +148,6 @@ def motors(
         ),
     ] = None,
     robot_file: RobotFile = None,
-    payload: Annotated[
-        str | None, typer.Option(metavar="KG", help="Mass at the tool instead of the robot file's.")
-    ] = None,
-    supply: Annotated[
-        str | None, typer.Option(metavar="V", help="Supply of the drivers instead of the robot file's.")
-    ] = None,
-    current: Annotated[
-        str | None, typer.Option(metavar="A", help="Phase current at full torque instead of the run's or the robot's.")
-    ] = None,
     margin: Annotated[
         bool,
         typer.Option(
@@ -176,11 +167,11 @@ def motors(
         for option, given in (("--margin", margin), ("--out", out is not None)):
             if given:
                 raise InputError(f"{option}: is for the folder of a run, not for a robot")
-        tell_fits(_described(one_robot(subject, robot_file), payload, supply), current, as_json=as_json)
+        tell_fits(load.on(one_robot(subject, robot_file)), load.current_a, as_json=as_json)
         return
     if out is not None:
         keep_pictures(out, replace=replace)
-    _tell_run(Path(subject), payload, supply, current, out, margin=margin, as_json=as_json)
+    _tell_run(Path(subject), load, out, margin=margin, as_json=as_json)
 
 
 def _is_robot(subject: str) -> bool:
@@ -194,28 +185,14 @@ def _is_robot(subject: str) -> bool:
     return False
 
 
-def _described(robot: "Robot", payload: str | None, supply: str | None) -> "Robot":
-    check_motors(robot)
-    return with_load(robot, payload, supply)
-
-
-def _tell_run(
-    folder: Path,
-    payload: str | None,
-    supply: str | None,
-    current: str | None,
-    out: Path | None,
-    *,
-    margin: bool,
-    as_json: bool,
-) -> None:
+def _tell_run(folder: Path, load: LoadOptions, out: Path | None, *, margin: bool, as_json: bool) -> None:
     from steptwin.host.record.folder import read_run
 
     run = read_run(folder)
     with prefixed(f"{folder}: "):
         check_motors(run.robot)
-    robot = with_load(run.robot, payload, supply)
-    ran = motors_of(robot, run.comparison, current)
+    robot = load.on(run.robot)
+    ran = motors_of(robot, run.comparison, load.current_a)
     margins = margins_of(ran, run.comparison) if margin else None
     if as_json:
         found = {"motors": ran.verdict.to_dict()} | ({} if margins is None else {"margins": margins.to_dict()})

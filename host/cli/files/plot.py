@@ -9,7 +9,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, Replace, chosen_names, keep_files, naming_options
-from steptwin.host.cli.output import print_json, say, warn
+from steptwin.host.cli.output import say, tell, warn
 from steptwin.host.cli.run.verify import PlanDir, RunDir
 from steptwin.host.common.errors import InputError
 
@@ -60,10 +60,7 @@ def plot(
         warn(f"{folder}: {stored.interruption}")
     view = _view(stored.duration_s, at_s, span_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
-    if as_json:
-        print_json({"files": [str(path) for path in paths]})
-    else:
-        say(*map(str, paths))
+    tell({"files": [str(path) for path in paths]}, lambda: say(*map(str, paths)), as_json=as_json)
 
 
 def _names(what: list[str] | None) -> list[str]:

@@ -7,16 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import (
-    AsJson,
-    RobotFile,
-    RobotName,
-    naming_options,
-    one_robot,
-    run_folder,
-)
+from steptwin.host.cli.arguments import RobotOptions, naming_options, run_folder
 from steptwin.host.cli.option_groups import Without
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.output import say, tell
 from steptwin.host.cli.run.emulated_machine import check_standing, naming_machine_options
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -28,13 +21,12 @@ if TYPE_CHECKING:
 
 @command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
 def replay(
+    which: RobotOptions,
     machine: Annotated[MachineOptions, Without(("scenario", "motors"))],
     log: Annotated[
         Path,
         typer.Argument(metavar="LOG", help="Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder."),
     ],
-    robot: RobotName = None,
-    robot_file: RobotFile = None,
     against: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the run that was recorded: where it began, and its edges."),
@@ -46,7 +38,6 @@ def replay(
     channel: Annotated[
         str | None, typer.Option("--channel", "-c", metavar="NAME", help="Channel of a recording with several.")
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.
 
@@ -59,7 +50,7 @@ def replay(
     from steptwin.host.twin.replay import replay as replayed
 
     bus_file, folder = _recording(log, against)
-    loaded = _robot(robot, robot_file, folder)
+    loaded = _robot(which, folder)
     stored = None if folder is None else _stored(folder, loaded)
     stood = MachineAtPowerUp() if stored is None else stored.power_up
     check_standing(loaded, machine)
@@ -75,12 +66,9 @@ def replay(
     if to is not None:
         with naming_options("out"):
             result.machine.run.save(to)
-    if as_json:
-        print_json(result.to_dict())
-    else:
-        say_result(result)
+    tell(result.to_dict(), lambda: say_result(result), as_json=which.as_json)
     if to is not None:
-        say(f"the replay's report, edges and bus log are in {to}/", err=as_json)
+        say(f"the replay's report, edges and bus log are in {to}/", err=which.as_json)
     if not result.equal:
         raise typer.Exit(EXIT_NOT_VERIFIED)
 
@@ -95,13 +83,13 @@ def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
     return log, against or (log.parent if in_a_run else None)
 
 
-def _robot(name: str | None, robot_file: str | None, folder: Path | None) -> "Robot":
+def _robot(which: RobotOptions, folder: Path | None) -> "Robot":
     """Return the robot that is named, else that of the run's folder."""
     from steptwin.host.record.folder import read_robot
 
-    if folder is not None and name is None and robot_file is None:
+    if folder is not None and which.robot is None and which.robot_file is None:
         return read_robot(folder)
-    return one_robot(name, robot_file)
+    return which.load()
 
 
 def _stored(folder: Path, robot: "Robot") -> "StoredMachine":

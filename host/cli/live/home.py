@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotName, joint_values
 from steptwin.host.cli.live.connection import SessionOptions
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import progress_bar
 from steptwin.host.common.errors import InputError
 
 

@@ -9,8 +9,7 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import check_percent, finite_number, naming_options
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.live.move import tell_moved
-from steptwin.host.cli.output import fixed
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import fixed, progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 

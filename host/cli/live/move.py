@@ -1,6 +1,6 @@
 """`steptwin move ROBOT Q1 Q2 ... --connect ...`: move a live board's joints, or its tool, to a position."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from math import nan
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +15,7 @@ from steptwin.host.cli.arguments import (
     saved_position,
 )
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
-from steptwin.host.cli.output import fixed, pose_text
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import fixed, pose_text, progress_bar
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
@@ -38,12 +37,31 @@ def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
     live.tell(robot, figures, joints, *(() if moved.pose is None else (pose_text(moved.pose),)))
 
 
+@dataclass(frozen=True, slots=True)
+class PoseOptions:
+    """The options that say where the tool is to be."""
+
+    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None
+    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None
+    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None
+    phi: Annotated[
+        str | None,
+        typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
+    ] = None
+
+    def given(self) -> dict[str, float]:
+        """Return the coordinates that are given."""
+        texts = (("x_mm", "x", self.x), ("y_mm", "y", self.y), ("z_mm", "z", self.z), ("attitude_deg", "phi", self.phi))
+        return {key: finite_number(text, f"--{option}") for key, option, text in texts if text is not None}
+
+
 @command(
     "lab-scara th2=30 --connect 127.0.0.1",
     "lab-scara --z 120 --speed 50 --connect 127.0.0.1",
     negatives=True,
 )
 def move(
+    target: PoseOptions,
     live: SessionOptions,
     words: Annotated[
         list[str] | None,
@@ -51,13 +69,6 @@ def move(
             metavar="ROBOT [Q1 Q2 ... | JOINT=Q ...]",
             help="The robot, and targets of all joints, or of some by name, in mm and degrees.",
         ),
-    ] = None,
-    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None,
-    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None,
-    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None,
-    phi: Annotated[
-        str | None,
-        typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
     ] = None,
     to: Annotated[
         str | None, typer.Option(metavar="NAME", help="Saved position to move to (`steptwin positions`).")
@@ -75,11 +86,7 @@ def move(
     from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 
     loaded, rest = live.robot_and_rest(words)
-    pose = {
-        key: finite_number(text, f"--{option}")
-        for key, option, text in (("x_mm", "x", x), ("y_mm", "y", y), ("z_mm", "z", z), ("attitude_deg", "phi", phi))
-        if text is not None
-    }
+    pose = target.given()
     joints = _joints(loaded, rest)
     if [bool(pose), bool(joints), to is not None].count(True) != 1:
         raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to")

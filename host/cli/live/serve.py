@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, one_robot
+from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
 from steptwin.host.cli.live.served_words import banner, print_served, status_line
-from steptwin.host.cli.output import print_json, say, warn
+from steptwin.host.cli.output import say, tell, warn
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import raise_unless_struck
 from steptwin.host.common import listening as socketcand
@@ -76,11 +76,10 @@ _NAMED: Final = (
 
 @command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
 def serve(
+    which: RobotOptions,
     endpoint: EndpointOptions,
     recording: RecordingOptions,
     machine: MachineOptions,
-    robot: RobotName = None,
-    robot_file: RobotFile = None,
     panel: Annotated[
         bool, typer.Option("--panel", help="Show the machine in a browser, too; with a control port for its hardware.")
     ] = False,
@@ -92,7 +91,6 @@ def serve(
         ),
     ] = None,
     speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second.")] = 1.0,
-    as_json: AsJson = False,
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
 
@@ -101,7 +99,7 @@ def serve(
     """
     from steptwin.host.twin.live.served_board import ServedBoard
 
-    loaded = one_robot(robot, robot_file)
+    loaded = which.load()
     panel = panel or panel_port is not None
     if panel:
         require_extra()
@@ -110,7 +108,7 @@ def serve(
     _warn_outside(loaded, machine)
     if machine.motors:
         _warn_of_steep_homings(loaded, machine.driver_profile)
-    with panel_process(wanted=panel, to_stderr=as_json) as open_panel:
+    with panel_process(wanted=panel, to_stderr=which.as_json) as open_panel:
         with naming_machine_options(*_NAMED):
             served = ServedBoard(
                 loaded,
@@ -128,13 +126,14 @@ def serve(
             )
         if served.endpoint.remote:
             warn(f"{served.title}: other machines can drive this board")
-        name = ["--robot-file", robot_file] if robot is None and robot_file else [robot or loaded.name]
+        file = which.robot_file
+        name = ["--robot-file", file] if which.robot is None and file else [which.robot or loaded.name]
 
         def announce() -> None:
-            say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=as_json)  # a panel says it, too
+            say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=which.as_json)  # a panel says it, too
             open_panel(panel_words(served, name, endpoint, panel_port))
 
-        document, failure = _serve(served, announce, recording.out, as_json=as_json)
+        document, failure = _serve(served, announce, recording.out, as_json=which.as_json)
     if failure:
         raise failure
     raise_unless_struck(document)
@@ -157,10 +156,11 @@ def _serve(
     with on_signals(lambda _number, _frame: served.stop()):
         failure = _run(served, announce)
         document = served.report()
-        if as_json:
-            print_json(document)
-        else:
-            print_served(document, None if out is None or served.board.failures else Path(out))
+        tell(
+            document,
+            lambda: print_served(document, None if out is None or served.board.failures else Path(out)),
+            as_json=as_json,
+        )
     return document, failure
 
 

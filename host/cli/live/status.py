@@ -7,7 +7,7 @@ import typer
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotName
 from steptwin.host.cli.live.connection import SessionOptions
-from steptwin.host.cli.output import fixed, pose_text, print_json, print_json_line, say, text_console, text_table
+from steptwin.host.cli.output import fixed, pose_text, print_json_line, say, tell, text_console, text_table
 from steptwin.host.common.bad_input import printable
 from steptwin.host.common.errors import DeviceFaultError
 
@@ -38,10 +38,7 @@ def status(
         if watch:
             _watch(session, as_json=live.as_json)
         seen = read_status(session)
-    if live.as_json:
-        print_json(seen.to_dict())
-    else:
-        _print(seen)
+    tell(seen.to_dict(), lambda: _print(seen), as_json=live.as_json)
     faulty = [axis for axis in seen.axes if axis.in_fault]
     if faulty:
         raise DeviceFaultError(f"{faulty[0].name}: the drive is in {faulty[0].state}: {faulty[0].error or 'no reason'}")

@@ -1,4 +1,4 @@
-"""`steptwin calibrate ROBOT FILE`: find a machine's real DH parameters from measured positions of its tool."""
+"""`steptwin sensitivity|measure|calibrate ROBOT`: what errors of DH parameters do, and which ones a machine has."""
 
 import json
 from dataclasses import asdict
@@ -9,11 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, RobotFile, keep_files, out_folder, robot_and_rest
-from steptwin.host.cli.output import fixed, number_of, print_json, print_table, say
+from steptwin.host.cli.arguments import (
+    AsJson,
+    Replace,
+    RobotAndJoints,
+    RobotFile,
+    finite_number,
+    keep_files,
+    naming_options,
+    out_folder,
+    robot_and_joints,
+    robot_and_rest,
+)
+from steptwin.host.cli.output import fixed, number_of, print_json, print_table, say, tell
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -21,6 +32,78 @@ if TYPE_CHECKING:
 
 _ROBOT, _FIGURES, _PICTURE = _FILES = ("robot.toml", "calibration.json", "residuals.png")
 """The files in the folder of --out."""
+
+
+@command("calibration-scara 30 45 50 20", "lab-scara 150 0 90 0 --json", negatives=True)
+def sensitivity(
+    words: RobotAndJoints = None,
+    robot_file: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compute how far an error of each DH parameter takes the tool: the error transfer coefficients at a position.
+
+    A row has the derivatives of the tool's position and of its turns about the world's axes, per mm of a length and per
+    degree of an angle. A turn rz adds to the attitude. For robots that are chains of DH links, with the errors that
+    their files state.
+    """
+    import numpy as np
+
+    from steptwin.host.robots.kinematics.chain import MOVES, Chain
+    from steptwin.host.robots.link_errors import unit_of
+
+    loaded, values = robot_and_joints(words or [], robot_file)
+    chain = Chain.of(loaded)
+    moves = chain.sensitivities(np.array([values]))[0].T.tolist()
+    if as_json:
+        rows = {name: dict(zip(MOVES, row, strict=True)) for name, row in zip(chain.parameters, moves, strict=True)}
+        print_json({"robot": loaded.name, "joints": dict(zip(loaded.joint_names, values, strict=True)), "per": rows})
+        return
+    columns = ["parameter", "per", *(move.replace("_", " ") for move in MOVES)]
+    cells = [[name, unit_of(name), *map(fixed, row)] for name, row in zip(chain.parameters, moves, strict=True)]
+    print_table(columns, cells, text_columns=2)
+    say(
+        f"{chain.table.convention.value} DH parameters; link1 is at the world, {chain.table.link_names[-1]} at the tool"
+    )
+
+
+@command("my-arm.toml measured.csv", "my-arm.toml measured.csv --poses 20 --noise-mm 0.05")
+def measure(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="ROBOT FILE", help="The robot as it really is, and the CSV file to write."),
+    ] = None,
+    robot_file: RobotFile = None,
+    poses: Annotated[int, typer.Option(metavar="N", help="Number of poses.")] = 50,
+    noise_mm: Annotated[
+        str, typer.Option("--noise-mm", metavar="MM", help="Standard deviation of each measured coordinate.")
+    ] = "0.02",
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of poses and noise.")] = 1,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate measurements of the tool for `calibrate`: random poses of a robot with errors in its DH parameters.
+
+    The errors are those that the robot's file states under [dh_errors]; without any, the tool is where the nominal
+    model has it. The file has a line for each pose: where the joints stand, and where the tool was measured.
+    """
+    from steptwin.host.studies.calibration import measurements_text, simulate_measurements
+
+    loaded, rest = robot_and_rest(words or [], robot_file)
+    if len(rest) != 1:
+        raise InputError(f"one FILE is needed after the robot, not {' '.join(rest) or 'nothing'}")
+    path = Path(rest[0])
+    keep_files([path], replace=replace)
+    noise = finite_number(noise_mm, "--noise-mm")
+    with naming_options("poses", "noise_mm", "seed"):
+        measured = simulate_measurements(loaded, poses, noise, seed)
+    write_whole(path, measurements_text(loaded, measured))
+    if as_json:
+        figures = {"file": str(path), "poses": poses, "noise_mm": noise, "seed": seed}
+        print_json({"robot": loaded.name, **figures, "dh_errors": bool(loaded.dh_errors)})
+        return
+    say(f"{path}: {poses} simulated poses of {loaded.name}, noise {noise:g} mm, seed {seed}")
+    if not loaded.dh_errors:
+        say(f"{loaded.name} states no dh_errors: the tool was where the nominal model has it")
 
 
 @command("calibration-scara measured.csv", "my-arm.toml measured.csv --out out/calibration")
@@ -62,13 +145,10 @@ def calibrate(
     pictures = False
     if folder is not None:
         text = corrected_text(loaded, found.chain.link_errors, f"found by a calibration of {len(measurements)} poses")
-        _write(folder / _ROBOT, text)
-        _write(folder / _FIGURES, json.dumps(document, indent=2) + "\n")
+        write_whole(folder / _ROBOT, text)
+        write_whole(folder / _FIGURES, json.dumps(document, indent=2) + "\n")
         pictures = _write_picture(folder / _PICTURE, loaded, found)
-    if as_json:
-        print_json(document)
-    else:
-        _print(found, document)
+    tell(document, lambda: _print(found, document), as_json=as_json)
     if folder is not None:
         what = "figures and picture" if pictures else "figures"
         say(f"corrected robot file, {what} are in {folder}/", err=as_json)
@@ -94,11 +174,6 @@ def _document(robot: "Robot", found: "Identification") -> dict[str, Any]:
             for parameter in found.parameters
         ],
     }
-
-
-def _write(path: Path, text: str) -> None:
-    with whole_file(path) as file:
-        file.write(text.encode())
 
 
 def _write_picture(path: Path, robot: "Robot", found: "Identification") -> bool:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, RobotName, finite_number, joint_values, one_robot
+from steptwin.host.cli.arguments import RobotOptions, finite_number, joint_values
 from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.common.errors import InputError
 
@@ -23,6 +23,7 @@ _OUT_OF_REACH: Final = 1
 
 @command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
 def ik(
+    which: RobotOptions,
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
     z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
@@ -34,9 +35,6 @@ def ik(
         str | None,
         typer.Option(metavar="'Q1 Q2 ...'", help="Present joints: those that the pose leaves free stay there."),
     ] = None,
-    robot: RobotName = None,
-    robot_file: RobotFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.
 
@@ -47,7 +45,7 @@ def ik(
     from steptwin.host.robots.kinematics import make_kinematics
     from steptwin.host.robots.workspace.nearest_pose import nearest_pose, passing_words
 
-    loaded = one_robot(robot, robot_file)
+    loaded = which.load()
     kinematics = make_kinematics(loaded)
     if phi is None and not kinematics.attitude_follows:
         raise InputError(f"--phi is missing: the tool of {loaded.name} turns")
@@ -60,7 +58,7 @@ def ik(
     slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
     nearest = None if reached else nearest_pose(loaded, pose, slides_at)
     off = [_round_trip(kinematics, branch, pose) for branch in branches]
-    if as_json:
+    if which.as_json:
         listed = [_document(branch, loaded.joint_names, trip) for branch, trip in zip(branches, off, strict=True)]
         document = {"robot": loaded.name, "branches": listed}
         print_json(document | ({} if reached else {"nearest": nearest and _pose_document(nearest)}))

@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, Replace, keep_files, out_folder
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.output import print_table, say, say_no_pictures, tell
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 from steptwin.host.common.errors import InputError
 
@@ -41,10 +41,7 @@ def paper(
     runs = Runs()
     page = evaluated(chosen, runs)
     pictures = folder is not None and write_paper(folder, page, runs)
-    if as_json:
-        print_json(page.to_dict())
-    else:
-        _print_page(page)
+    tell(page.to_dict(), lambda: _print_page(page), as_json=as_json)
     if folder is not None:
         _say_where(folder, robot, pictures=pictures, to_stderr=as_json)
     for line in page.disagreements:
@@ -84,4 +81,4 @@ def _say_where(folder: Path, robot: str, *, pictures: bool, to_stderr: bool) -> 
     what = "page and pictures are" if pictures else "page is"
     say(f"{what} in {folder}/: {page_name(robot)}, {html_name(robot)}", err=to_stderr)
     if not pictures:
-        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say_no_pictures()

@@ -8,18 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import (
-    AsJson,
-    Replace,
-    RobotFile,
-    RobotName,
-    finite_number,
-    keep_files,
-    one_robot,
-    out_folder,
-)
-from steptwin.host.cli.output import print_json, print_table, say
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.cli.arguments import Replace, RobotOptions, finite_number, keep_files, out_folder
+from steptwin.host.cli.output import print_table, say, say_no_pictures, tell
+from steptwin.host.common.whole_file import whole_file, write_whole
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -28,8 +19,7 @@ if TYPE_CHECKING:
 
 @command("lab-scara", "hybrid-arm --phi -30 --z 700 --out out/workspace")
 def workspace(
-    robot: RobotName = None,
-    robot_file: RobotFile = None,
+    which: RobotOptions,
     samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random joint positions.")] = 1,
     phi: Annotated[
@@ -42,12 +32,11 @@ def workspace(
         str | None, typer.Option(metavar="DIR", help="Folder to write figures, cloud and pictures into.")
     ] = None,
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
     from steptwin.host.robots.workspace import monte_carlo, scan
 
-    loaded = one_robot(robot, robot_file)
+    loaded = which.load()
     attitude_deg = None if phi is None else finite_number(phi, "--phi")
     z_mm = None if z is None else finite_number(z, "--z")
     if out is not None:
@@ -57,12 +46,9 @@ def workspace(
     scanned = scan(loaded, attitude_deg, z_mm)
     document = _document(loaded.name, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
-    if as_json:
-        print_json(document)
-    else:
-        _print_figures(document)
+    tell(document, lambda: _print_figures(document), as_json=which.as_json)
     if folder is not None:
-        _say_where(folder, pictures=pictures, to_stderr=as_json)
+        _say_where(folder, pictures=pictures, to_stderr=which.as_json)
 
 
 def _document(robot: str, cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
@@ -102,8 +88,7 @@ _FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.p
 def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
     """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
     figures, points, *pictures = (folder / name for name in _FILES)
-    with whole_file(figures) as file:
-        file.write((json.dumps(document, indent=2) + "\n").encode())
+    write_whole(figures, json.dumps(document, indent=2) + "\n")
     with whole_file(points) as file:
         file.write(b"x_mm,y_mm,z_mm\n")
         file.writelines(f"{x!r},{y!r},{z!r}\n".encode() for x, y, z in cloud.cloud_mm.tolist())
@@ -148,4 +133,4 @@ def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
     what = "figures, cloud and pictures are" if pictures else "figures and cloud are"
     say(f"{what} in {folder}/", err=to_stderr)
     if not pictures:
-        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say_no_pictures()

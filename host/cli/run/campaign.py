@@ -6,25 +6,23 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, naming_options, out_folder, run_folder
-from steptwin.host.cli.output import number_of, print_json, print_table, say
-from steptwin.host.cli.run.faults_on_purpose import print_faults
-from steptwin.host.cli.run.motor_report import keep_motors, motors_of, print_motors, with_motors
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED, print_report
+from steptwin.host.cli.output import number_of, print_json, print_table, say, say_no_pictures
+from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
+from steptwin.host.cli.run.virtual_run import FinishedRun
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import whole
 
 if TYPE_CHECKING:
-    from rich.progress import ProgressColumn, TaskID
+    from rich.progress import Progress, ProgressColumn
 
     from steptwin.host.studies.campaign import Campaign, Results, Row, Summary, Trial
     from steptwin.host.studies.campaign.summary import PassRate
-    from steptwin.host.twin.embedded.outcome import Outcome
 
 
 _SEEDS_SHOWN = 5
@@ -90,22 +88,16 @@ def campaign_bar(runs: int, before: int) -> Iterator[Show]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     began_s, made, failed = monotonic(), 0, 0
-    columns = (
-        TextColumn("campaign"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]} runs/s, {task.fields[failed]} failed, left:"),
-        TimeRemainingColumn(),
-    )
-    with _bar(columns) as bar:
-        task = bar.add(runs, before)
+    text = TextColumn("{task.description} failed, left:")
+    with _bar(TextColumn("campaign"), BarColumn(), MofNCompleteColumn(), text, TimeRemainingColumn()) as bar:
+        task = bar.add_task("- runs/s, 0", total=runs, completed=before)
 
         def show(rows: Sequence["Row"]) -> None:
             nonlocal made, failed
             made += len(rows)
             failed += sum(not row.passed for row in rows)
             rate = made / max(monotonic() - began_s, 1e-3)
-            bar.update(task, before + made, rate=f"{rate:.1f}", failed=str(failed))
+            bar.update(task, completed=before + made, description=f"{rate:.1f} runs/s, {failed}")
 
         yield show
 
@@ -115,33 +107,18 @@ def tries_bar() -> Iterator[Callable[[str], None]]:
     """Show which cause is being shrunk while the block shrinks; the block calls back with it before each run."""
     from rich.progress import SpinnerColumn, TextColumn
 
-    with _bar((SpinnerColumn(), TextColumn("{task.fields[rate]}"))) as bar:
-        task = bar.add(None, 0)
-        yield lambda text: bar.update(task, 0, rate=text, failed="")
+    with _bar(SpinnerColumn(), TextColumn("{task.description}", markup=False)) as bar:
+        task = bar.add_task("-", total=None)
+        yield lambda text: bar.update(task, description=text)
 
 
-class _Bar:
-    """A progress bar of rich with one task, whose texts are `rate` and `failed`."""
+def _bar(*columns: "ProgressColumn") -> "Progress":
+    """Return a progress bar on stderr, which shows nothing where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
 
-    def __init__(self, columns: "Sequence[ProgressColumn]") -> None:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        console = Console(stderr=True, markup=False)
-        self.progress = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-
-    def add(self, total: int | None, completed: int) -> "TaskID":
-        return self.progress.add_task("", total=total, completed=completed, rate="-", failed="0")
-
-    def update(self, task: "TaskID", completed: int, *, rate: str, failed: str) -> None:
-        self.progress.update(task, completed=completed, rate=rate, failed=failed)
-
-
-@contextmanager
-def _bar(columns: "Sequence[ProgressColumn]") -> Iterator[_Bar]:
-    bar = _Bar(columns)
-    with bar.progress:
-        yield bar
+    console = Console(stderr=True, markup=False)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 _RERUN: Final = "rerun"
@@ -325,11 +302,13 @@ def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_j
     if performance.outcome is None:
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
     row = row_of(performance)
-    document = _kept_run(performance.outcome, to, turned=performance.motors is not None, as_json=as_json)
+    again = FinishedRun.of(performance.outcome, turning=performance.motors is not None)
+    again.save(to)
     if as_json:
         drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
-        print_json(document | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})
+        print_json(again.document() | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})
     else:
+        again.print()
         say(
             f"drawn for seed {seed}: {_drawn(trial if faults is None else trial.with_table({}))}",
             *(f"FAILED  {breach}" for breach in row.breaches),
@@ -347,22 +326,6 @@ def _drawn(trial: "Trial") -> str:
     return ", ".join(f"{name} {f'{value:.7g}' if isinstance(value, float) else value}" for name, value in values)
 
 
-def _kept_run(outcome: "Outcome", folder: Path, *, turned: bool, as_json: bool) -> dict[str, Any]:
-    """Write the folder of a run that was made again, and print its report unless it is for --json; return it."""
-    pictures = outcome.save(folder)
-    document = outcome.to_dict()
-    ran = motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors) if turned else None
-    if ran is not None:
-        keep_motors(folder, ran, outcome.report.run, pictures=pictures)
-    if as_json:
-        return document if ran is None else with_motors(document, ran.verdict)
-    print_report(document)
-    print_faults(document)
-    if ran is not None:
-        print_motors(ran.verdict)
-    return document
-
-
 def _report(folder: Path, *, as_json: bool) -> None:
     from steptwin.host.studies.campaign import write_report
 
@@ -375,5 +338,5 @@ def _report(folder: Path, *, as_json: bool) -> None:
         print_summary(report.summary)
         say(f"in {folder / 'report'}/: {', '.join(report.files)}")
     if not report.pictures:
-        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say_no_pictures()
     _end(report.summary)

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import typer
 
-from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.cli.output import fixed, print_table, say, tell
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 
 
@@ -42,10 +42,7 @@ def telling_of_faults(*, as_json: bool) -> Iterator[None]:
         yield
     except NotBegunError as error:
         document = error.scenario.to_dict()
-        if as_json:
-            print_json({"passed": False, **document})
-        else:
-            print_faults(document)
+        tell({"passed": False, **document}, lambda: print_faults(document), as_json=as_json)
         raise
 
 

@@ -7,8 +7,7 @@ import typer
 
 from steptwin.host.cli.arguments import naming_options
 from steptwin.host.cli.live.connection import LIVE_PANEL, NOT_CONNECTED, SessionOptions
-from steptwin.host.cli.output import fixed, print_json, print_table, say
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import fixed, print_table, progress_bar, say, tell
 from steptwin.host.cli.run.verdict_text import print_waits
 from steptwin.host.common.errors import InputError
 
@@ -61,10 +60,7 @@ def run_live(live: LiveRunOptions, plan: "Plan", job: str) -> None:
             approach=live.approach,
             progress=progress,
         )
-    if live.as_json:
-        print_json(outcome.to_dict())
-    else:
-        _print(outcome)
+    tell(outcome.to_dict(), lambda: _print(outcome), as_json=live.as_json)
     if not outcome.passed:
         raise typer.Exit(EXIT_ELSEWHERE)
 

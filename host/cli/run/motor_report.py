@@ -3,15 +3,16 @@
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
 
 from steptwin.host.cli.arguments import finite_number, keep_files, naming_options
-from steptwin.host.cli.output import print_table, say, warn
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import print_table, progress_bar, say, warn
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,6 +32,42 @@ _LONG_S: Final = 10.0
 """Duration from which on it is told."""
 
 
+@dataclass(frozen=True, slots=True)
+class LoadOptions:
+    """The options that load motors otherwise than the robot's file or the run."""
+
+    payload: Annotated[str | None, typer.Option(metavar="KG", help="Mass at the tool instead of the robot file's.")] = (
+        None
+    )
+    supply: Annotated[
+        str | None, typer.Option(metavar="V", help="Supply of the drivers instead of the robot file's.")
+    ] = None
+    current: Annotated[
+        str | None, typer.Option(metavar="A", help="Phase current at full torque instead of the run's or the robot's.")
+    ] = None
+
+    @property
+    def current_a(self) -> float | None:
+        """The phase current; None if it is as usual."""
+        return None if self.current is None else finite_number(self.current, "--current")
+
+    def on(self, robot: "Robot") -> "Robot":
+        """Return a robot with this payload and supply; raise InputError for one that cannot be."""
+        check_motors(robot)
+        if robot.dynamics is None:
+            return robot
+        changes: dict[str, Any] = {}
+        if self.payload is not None:
+            changes["payload_kg"] = finite_number(self.payload, "--payload")
+        if self.supply is not None:
+            changes["supply_v"] = finite_number(self.supply, "--supply")
+        try:
+            return replace(robot, dynamics=replace(robot.dynamics, **changes))
+        except InputError as error:
+            said = str(error).replace("payload_kg:", "--payload:").replace("supply_v:", "--supply:")
+            raise InputError(said) from error
+
+
 def check_motors(robot: "Robot") -> None:
     """Raise InputError, with the missing key, unless a robot's file describes its motors and masses."""
     from steptwin.host.twin.motors import check_described
@@ -39,15 +76,14 @@ def check_motors(robot: "Robot") -> None:
 
 
 def motors_of(
-    robot: "Robot", comparison: "Comparison", current: str | None = None, trace: "RotorTrace | None" = None
+    robot: "Robot", comparison: "Comparison", current_a: float | None = None, trace: "RotorTrace | None" = None
 ) -> "MotorRun":
-    """Turn the rotors by a run's record and judge what they did; `current` is what --current says.
+    """Turn the rotors by a run's record and judge what they did; `current_a` is what --current says.
 
     With a `trace` they have turned with the run already.
     """
     from steptwin.host.twin.motors import motors_of_run
 
-    current_a = None if current is None else finite_number(current, "--current")
     title = f"motors of {robot.name}"
     with naming_options(current_a="--current"), progress_bar(title) as bar:
         return motors_of_run(robot, comparison, current_a=current_a, trace=trace, progress=telling_time(bar, title))
@@ -84,8 +120,7 @@ def keep_pictures(folder: "Path", *, replace: bool) -> None:
 
 def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
     """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
-    with whole_file(folder / MOTORS) as file:
-        file.write((json.dumps(ran.verdict.to_dict(), indent=2) + "\n").encode())
+    write_whole(folder / MOTORS, json.dumps(ran.verdict.to_dict(), indent=2) + "\n")
     if pictures:
         from steptwin.host.studies.motors.pictures import write_motor_pictures
 
@@ -122,21 +157,6 @@ def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[st
     return {**document, "passed": document["passed"] and verdict.kept_step, "reasons": reasons} | {
         "motors": verdict.to_dict()
     }
-
-
-def with_load(robot: "Robot", payload: str | None, supply: str | None) -> "Robot":
-    """Return a robot with another payload or supply; raise InputError for one that cannot be."""
-    if robot.dynamics is None:
-        return robot
-    changes: dict[str, Any] = {}
-    if payload is not None:
-        changes["payload_kg"] = finite_number(payload, "--payload")
-    if supply is not None:
-        changes["supply_v"] = finite_number(supply, "--supply")
-    try:
-        return replace(robot, dynamics=replace(robot.dynamics, **changes))
-    except InputError as error:
-        raise InputError(str(error).replace("payload_kg:", "--payload:").replace("supply_v:", "--supply:")) from error
 
 
 def print_motors(verdict: "MotorVerdict") -> None:

@@ -13,7 +13,7 @@ from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,9 +72,7 @@ def new(
         raise unknown("--kind", kind, KINDS)
     with prefixed("--set "):
         geometry, joints = with_settings(kind, given)
-    text = robot_text(path.stem, kind, geometry, joints)
-    with whole_file(path) as written:
-        written.write(text.encode())
+    write_whole(path, robot_text(path.stem, kind, geometry, joints))
     names = [joint.name for joint in joints]
     if as_json:
         print_json({"file": file, "kind": kind, "dimensions": geometry, "joints": names})

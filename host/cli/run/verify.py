@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, naming_options
-from steptwin.host.cli.output import print_json
+from steptwin.host.cli.output import tell
 from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED, fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, NotVerifiedError
 
@@ -43,10 +43,7 @@ def verify(
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
     document = _document(verdict)
-    if as_json:
-        print_json(document)
-    else:
-        print_report(document)
+    tell(document, lambda: print_report(document), as_json=as_json)
     if "fault" in document:
         raise DeviceFaultError(fault_line(document["fault"]))
     if not document["passed"]:

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from steptwin.host.cli.arguments import finite_number, run_folder
 from steptwin.host.cli.option_groups import MACHINE_PANEL, Without, given_options
-from steptwin.host.cli.output import print_json, say
-from steptwin.host.cli.progress import progress_bar
+from steptwin.host.cli.output import progress_bar, say, say_no_pictures, tell
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
     from steptwin.host.twin.machine.kernels import Kernel
-    from steptwin.host.twin.motors import MotorVerdict
+    from steptwin.host.twin.motors import MotorRun
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""
@@ -103,11 +102,18 @@ def run_virtual(
         DeviceFaultError: a fault has ended a run without a scenario.
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
+    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
+
     if options.motors:
         check_motors(robot)
     outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
-    verdict = _told(outcome, folder, options, as_json=as_json)
-    _raise_unless_right(outcome, kept_step=verdict is None or verdict.kept_step)
+    done = FinishedRun.of(outcome, turning=options.motors is not None)
+    pictures = folder is not None and done.save(folder)
+    version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
+    tell(done.document() | version, done.print, as_json=as_json)
+    if folder is not None:
+        _say_where(folder, pictures=pictures, to_stderr=as_json)
+    _raise_unless_right(outcome, kept_step=done.motors is None or done.motors.verdict.kept_step)
     if outcome.passed:
         errand.keep(robot, to_stderr=as_json)
 
@@ -139,28 +145,44 @@ def _executed(
     return outcome, folder
 
 
-def _told(
-    outcome: "Outcome", folder: Path | None, options: VirtualRunOptions, *, as_json: bool
-) -> "MotorVerdict | None":
-    """Write the folder and print the report; return the verdict on the motors, None if they have not turned."""
-    from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """A run whose motors have turned too, if they were to.
 
-    document = outcome.to_dict() | ({} if folder is None else {VERSION_KEY: FOLDER_VERSION})
-    pictures = folder is not None and outcome.save(folder)
-    ran = motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors) if options.motors else None
-    verdict = None if ran is None else ran.verdict
-    if ran is not None and folder is not None:
-        keep_motors(folder, ran, outcome.report.run, pictures=pictures)
-    if as_json:
-        print_json(document if verdict is None else with_motors(document, verdict))
-    else:
+    Attributes:
+        outcome: the run.
+        motors: what the motors did; None if they did not turn.
+    """
+
+    outcome: "Outcome"
+    motors: "MotorRun | None"
+
+    @classmethod
+    def of(cls, outcome: "Outcome", *, turning: bool) -> "FinishedRun":
+        """Turn the motors by the run's record, unless they have turned with it or are not to."""
+        if not turning:
+            return cls(outcome, None)
+        return cls(outcome, motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors))
+
+    def save(self, folder: Path) -> bool:
+        """Write the folder of the run; return whether there are pictures."""
+        pictures = self.outcome.save(folder)
+        if self.motors is not None:
+            keep_motors(folder, self.motors, self.outcome.report.run, pictures=pictures)
+        return pictures
+
+    def document(self) -> dict[str, Any]:
+        """Return the document that --json prints."""
+        document = self.outcome.to_dict()
+        return document if self.motors is None else with_motors(document, self.motors.verdict)
+
+    def print(self) -> None:
+        """Print the report, what became of faults, and what the motors did."""
+        document = self.outcome.to_dict()
         print_report(document)
         print_faults(document)
-        if verdict is not None:
-            print_motors(verdict)
-    if folder is not None:
-        _say_where(folder, pictures=pictures, to_stderr=as_json)
-    return verdict
+        if self.motors is not None:
+            print_motors(self.motors.verdict)
 
 
 def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
@@ -205,4 +227,4 @@ def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
         say(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
     else:
         say(f"report, edges and bus log are in {folder}/", err=to_stderr)
-        say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+        say_no_pictures()
