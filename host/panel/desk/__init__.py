@@ -5,8 +5,7 @@ Begin reading at `desk.py: Desk`. Nothing here knows of a page.
 
 from steptwin.host.panel.desk.desk import Desk
 from steptwin.host.panel.desk.drives import Disable, Enable, ResetFaults, SwitchOutput, WriteSettings
-from steptwin.host.panel.desk.events import Event, EventLog, Severity
-from steptwin.host.panel.desk.history import Drawing, History, HistorySamples
+from steptwin.host.panel.desk.history import Drawing, Event, EventLog, History, HistorySamples, Severity
 from steptwin.host.panel.desk.jogs import Jog, JointJog, ToolJog
 from steptwin.host.panel.desk.moves import (
     DeclareHere,
@@ -18,11 +17,10 @@ from steptwin.host.panel.desk.moves import (
     StepJoint,
     StepTool,
 )
-from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.requests import Command, Operators
 from steptwin.host.panel.desk.results import Result
 from steptwin.host.panel.desk.settings import Setting
-from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
+from steptwin.host.panel.desk.state import Activity, JointView, Snapshot
 from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START, STANDS_THERE, RefusedError, told
 
 __all__ = [

@@ -11,8 +11,7 @@ from steptwin.host.panel.desk.publisher import Publisher
 from steptwin.host.panel.desk.requests import Command, Order, Requests
 from steptwin.host.panel.desk.results import Result
 from steptwin.host.panel.desk.settings import Setting
-from steptwin.host.panel.desk.snapshot import Snapshot
-from steptwin.host.panel.desk.state import DeskState
+from steptwin.host.panel.desk.state import DeskState, Snapshot
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.panel.desk.words import RefusedError, busy, told
 from steptwin.host.panel.desk.worker import Worker

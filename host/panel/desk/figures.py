@@ -9,7 +9,7 @@ from typing import Final
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.errors import StepTwinError
 from steptwin.host.common.processes import ClockStood, Slowness
-from steptwin.host.panel.desk.events import EventLog
+from steptwin.host.panel.desk.history import EventLog
 from steptwin.host.panel.desk.state import DeskState
 
 _PERIOD_S: Final = 0.5

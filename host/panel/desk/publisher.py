@@ -16,8 +16,7 @@ from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.reports import SILENT_S, AxisTelemetry, Reports
 from steptwin.host.panel.desk.requests import Requests
-from steptwin.host.panel.desk.snapshot import Activity, JointView, Snapshot
-from steptwin.host.panel.desk.state import DeskState
+from steptwin.host.panel.desk.state import Activity, DeskState, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import POSE_KEYS

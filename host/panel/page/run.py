@@ -23,8 +23,16 @@ from steptwin.host.panel.page.elements import (
     wrong_field,
 )
 from steptwin.host.panel.page.guard import BODY_BYTES_MAX
-from steptwin.host.panel.page.motions import ENDINGS, UNITS, USUAL_UNITS, option_title, path_mm, plan_job
-from steptwin.host.panel.page.planning_apart import Planned, plan_apart
+from steptwin.host.panel.page.motions import (
+    ENDINGS,
+    UNITS,
+    USUAL_UNITS,
+    Planned,
+    option_title,
+    path_mm,
+    plan_apart,
+    plan_job,
+)
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary

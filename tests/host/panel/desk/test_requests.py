@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.panel.desk import DeclareHere, Enable, JointJog, ResetFaults
-from steptwin.host.panel.desk.events import EVENTS_MAX, EventLog, Severity
-from steptwin.host.panel.desk.history import History
-from steptwin.host.panel.desk.operators import Operators
-from steptwin.host.panel.desk.requests import Command, Order, Requests
+from steptwin.host.panel.desk.history import EVENTS_MAX, EventLog, History, Severity
+from steptwin.host.panel.desk.requests import Command, Operators, Order, Requests
 from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
 from steptwin.host.panel.desk.words import RefusedError

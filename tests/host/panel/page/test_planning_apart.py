@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.page import planning_apart
-from steptwin.host.panel.page.motions import plan_upload
-from steptwin.host.panel.page.planning_apart import plan_apart
+from steptwin.host.panel.page import motions
+from steptwin.host.panel.page.motions import plan_apart, plan_upload
 from steptwin.host.robots import load_robot
 from tests.end_to_end.pages import ROOT
 
@@ -61,7 +60,7 @@ def test_it_ends_with_the_task_that_waits_for_it() -> None:
 
 
 def test_it_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning_apart, "PLANNING_S_MAX", 0.5)
+    monkeypatch.setattr(motions, "PLANNING_S_MAX", 0.5)
     before = children()
     with pytest.raises(InputError, match=r"^slow\.toml: planning it takes more than 0\.5 s, so it was ended$"):
         asyncio.run(plan_apart(ROBOT, "slow.toml", SLOW, 1.0))
@@ -72,7 +71,7 @@ def test_it_ends_with_the_process_that_asked() -> None:
     """The panel may be killed: then the stdin of its child ends, also in the middle of its work."""
     request = pickle.dumps((ROBOT, "slow.toml", SLOW, 1.0, "deg,mm"))
     with subprocess.Popen(
-        [sys.executable, "-m", planning_apart.__name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        [sys.executable, "-m", motions.__name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as child:
         assert child.stdin
         child.stdin.write(len(request).to_bytes(8, "little") + request)
