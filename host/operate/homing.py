@@ -81,7 +81,7 @@ def home_robot(
     With `stay` the axes stay where homing ends. `progress` is called with the part of the joints that is homed.
 
     Raises:
-        InputError: the file has no homing for a joint or there is no such joint, or a program that claims no lease
+        InputError: the file has no homing for a joint or there is no such joint, or a program that claims no charge
             moves the machine.
         DeviceFaultError: a homing failed, a drive is in fault or was stopped, or a joint that stays does not know its
             position although a home depends on it.

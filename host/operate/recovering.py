@@ -50,7 +50,7 @@ def reset(session: Session, *, age_s: float = 0.0) -> list[AxisState]:
             stays.
 
     Raises:
-        InputError: a program that claims no lease runs a trajectory.
+        InputError: a program that claims no charge runs a trajectory.
         DeviceFaultError: a drive stays in fault because the cause lasts, or because a later fault has come.
         BusError: another program is in charge, or a node does not answer.
     """

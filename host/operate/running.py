@@ -104,7 +104,7 @@ def execute_live(
 
     Raises:
         InputError: the machine does not stand at the plan's start, or its way there is blocked, the plan cannot be
-            repeated, or a program that claims no lease moves the machine.
+            repeated, or a program that claims no charge moves the machine.
         DeviceFaultError: a drive is in fault or was stopped, or has no known position.
         BusError: another program is in charge, or a node does not answer.
     """
