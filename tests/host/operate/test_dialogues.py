@@ -21,6 +21,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Mode, Status
 
 ROBOT = load_robot("lab-scara")
 HOME = list(ROBOT.home)
@@ -113,3 +114,25 @@ def test_limits_of_an_earlier_program_hold_no_axis_that_moves(session: Session) 
     assert move(session, goal).end[TH2 + 1] == pytest.approx(goal[2], abs=0.1)
     goal = [None, None, HOME[TH2 + 1] + 5.0, None]
     assert move(session, goal).end[TH2 + 1] == pytest.approx(goal[2], abs=0.1)
+
+
+def test_a_target_velocity_holds_no_axis_against_its_limit(session: Session) -> None:
+    """Another axis moves; this one would set off if somebody lifted the limit."""
+    th3 = session.machine.axes[TH2 + 1]
+    th3.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
+    th3.write(od.POSITION_LIMIT_MAX, th3.read(od.POSITION_DEMAND))
+    th3.write(od.TARGET_VELOCITY, 1_000_000)
+    session.link.wait(0.5)
+    move(session, GOAL)
+    assert (th3.read(od.TARGET_VELOCITY), th3.read(od.POSITION_LIMIT_MAX)) == (0, (1 << 31) - 1)
+
+
+def test_an_old_report_says_nothing_of_the_mode(session: Session) -> None:
+    move(session, GOAL)
+    session.link.wait(0.2)
+    axis = session.machine.axes[TH2]
+    statusword, report = axis.read(od.STATUSWORD), axis.drive_status
+    assert report is not None
+    assert axis.mode(statusword) == report.mode == Mode.PROFILE_POSITION
+    axis.drive_status = report._replace(statusword=statusword ^ Status.TARGET_REACHED, mode=Mode.HOMING)
+    assert axis.mode(statusword) == Mode.PROFILE_POSITION

@@ -1,17 +1,24 @@
 """One program in charge of a machine: what the second is told, and what is left when the first has lost it."""
 
+from collections.abc import Callable
+from functools import partial
+
 import pytest
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.heartbeat import WATCH_HOST
 from steptwin.host.client.lease import Lease
-from steptwin.host.common.errors import BusError
+from steptwin.host.client.profile_motion import VelocityTarget, drive
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.moving import move
-from steptwin.host.operate.recovering import reset, stop
+from steptwin.host.operate.recovering import emergency_stop, reset, stop
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Control
+from steptwin.protocol.frame import COB_NMT
+from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
 from tests.host.client.machines import TH2, Neighbour
 from tests.host.operate.sessions import HOME, ROBOT
@@ -130,3 +137,55 @@ def test_a_charge_that_nobody_has_taken_meanwhile_is_claimed_again(session: Sess
         take_away(session.machine.axes[TH2])
     assert tokens(session) == [CHARGE_FREE] * 6
     assert watched(session) == [0] * 6
+
+
+def void_after_setting_up(session: Session, patch: pytest.MonkeyPatch, strike: Callable[[], object]) -> str:
+    """Let something strike the machine once it is set up for a move; return why nothing has moved then."""
+    adopt = session.machine.adopt
+
+    def struck(*objects: object) -> bool:
+        changed = adopt(*objects)  # type: ignore[arg-type]
+        strike()
+        session.link.wait(0.1)
+        return changed
+
+    patch.setattr(session.machine, "adopt", struck)
+    with pytest.raises(DeviceFaultError) as caught:
+        move(session, HOME)
+    return str(caught.value)
+
+
+def test_a_stop_after_the_setting_up_leaves_the_drives_off(
+    session: Session, other: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.machine.disable()
+
+    def stop_and_release() -> None:
+        emergency_stop(other)
+        session.link.wait(0.05)
+        for axis in other.machine.axes:
+            axis.write(od.CONTROLWORD, 0)
+            axis.write(od.CONTROLWORD, Control.FAULT_RESET)
+
+    said = void_after_setting_up(session, monkeypatch, stop_and_release)
+    assert said == "move: void, since the machine was stopped after this was asked for"
+    assert {axis.state for axis in read_status(other).axes} == {"SWITCH ON DISABLED"}
+
+
+def test_a_restart_after_the_setting_up_is_named(
+    session: Session, other: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    restart = partial(session.link.network.send_message, COB_NMT, bytes((NmtCommand.RESET_NODE, 0)))
+    said = void_after_setting_up(session, monkeypatch, restart)
+    assert said == "sx (node 0x10) has restarted (boot-up message); its position is unknown: home it"
+    assert {axis.state for axis in read_status(other).axes} == {"SWITCH ON DISABLED"}
+
+
+def test_an_axis_that_another_master_drives_is_left_alone(session: Session, other: Session) -> None:
+    th2 = other.machine.axes[TH2]
+    drive(other.link, [VelocityTarget(th2, 10_000, 100_000)])
+    session.link.wait(0.2)
+    with pytest.raises(InputError, match=r"^th2: is moving; wait for its end, or stop it by `steptwin stop`$"):
+        move(session, HOME)
+    assert th2.read(od.TARGET_VELOCITY) == 10_000
+    assert tokens(session) == [CHARGE_FREE] * 6
