@@ -15,7 +15,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table
+from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.hardware_speed import driver_table, rotor_table
 from steptwin.bench.host_speed import kinematics_table, waveform_table
 from steptwin.bench.kernel_speed import kernel_table, scaling_tables
@@ -23,7 +23,6 @@ from steptwin.bench.live_lateness import live_motors_table
 from steptwin.bench.live_throughput import live_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.timing import cyclic_table, timing_table
-from steptwin.bench.workers import workers_table
 from steptwin.controller.motion.backend import KERNELS
 from steptwin.host.cli.output import print_table
 from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS

@@ -3,13 +3,20 @@
 How fast that is depends on the machine. So the time of a bare bus is measured in turns with it: a loop of plain Python
 that makes each of the run's frames, finds who listens to its identifier, calls this receiver and keeps a log. No
 emulation that is driven frame by frame can be faster than that, and the ratio to it hardly depends on the machine.
+
+Two workers of a campaign make more drawer pulls than one, but two cores that share caches and memory seldom do twice
+the work of one. So plain processes that make the same runs without a cluster are measured in turns with the workers:
+how many more two of them make is the computer's own limit.
 """
 
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from typing import Final
@@ -23,6 +30,8 @@ from steptwin.host.common.processes import collect_seldom
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.studies.campaign.campaign import Campaign, JobMotion, MotionChoice, ScenarioChoice
+from steptwin.host.studies.campaign.workers import cluster, run_batch, run_on
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import compare, verify_comparison
 from steptwin.protocol.frame import Frame
@@ -159,3 +168,60 @@ def _measured(how: str) -> tuple[float, float]:
     command = [sys.executable, "-c", _MEASURE, package, how]
     emulation_s, ratio = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     return float(emulation_s), float(ratio)
+
+
+_WORKER_ROUNDS: Final = 5
+_RUNS_EACH: Final = 40
+"""Runs that a worker or a process makes in a round: some seconds."""
+_ROBOT: Final = "warehouse-scara"
+
+
+def workers_table() -> Table:
+    """Make the same runs by one and two workers and processes, in turns, after a warm-up of each; take medians."""
+    campaign = _drawer_pulls()
+    with ExitStack() as stack:
+        pool = stack.enter_context(ProcessPoolExecutor(2, mp_context=get_context("spawn")))
+        clients = [stack.enter_context(cluster(count, None)) for count in (1, 2)]
+
+        def by_processes(count: int, runs: int) -> None:
+            for done in [pool.submit(run_batch, campaign, range(runs)) for _ in range(count)]:
+                done.result()
+
+        def by_workers(count: int, runs: int) -> None:
+            for _ in run_on(clients[count - 1], campaign, range(count * runs)):
+                pass
+
+        ways = [(make, count) for count in (1, 2) for make in (by_processes, by_workers)]
+        for make, count in ways:
+            make(count, 4)
+        seconds = [[_round_s(make, count) for make, count in ways] for _ in range(_WORKER_ROUNDS)]
+    rates = [
+        count * _RUNS_EACH / median(column) for (_, count), column in zip(ways, zip(*seconds, strict=True), strict=True)
+    ]
+    return bench_table(
+        "Campaigns: drawer pulls a second, verified, without recovery",
+        "made by|one|two|two against one",
+        (
+            f"{words}|{one:.2f}|{two:.2f}|{two / one:.2f}"
+            for words, one, two in (("plain processes", *rates[::2]), ("workers", *rates[1::2]))
+        ),
+    )
+
+
+def _round_s(make: Callable[[int, int], None], count: int) -> float:
+    started_s = time.perf_counter()
+    make(count, _RUNS_EACH)
+    return time.perf_counter() - started_s
+
+
+def _drawer_pulls() -> Campaign:
+    robots = (_ROBOT,)
+    return Campaign(
+        runs=1,
+        first_seed=0,
+        robots={_ROBOT: load_robot(_ROBOT)},
+        motions=(MotionChoice(JobMotion("drawer-pull", {}), robots, 1.0),),
+        scenarios=(ScenarioChoice("nothing", {}, robots, 1.0),),
+        vary={},
+        recover=False,
+    )

@@ -1,6 +1,6 @@
 """Write waveforms of a run's evidence for logic analysers, viewers and tables.
 
-`signals` makes signals of the evidence; `merging` puts their changes in order of time; `export` writes them.
+`signals` makes signals of the evidence; `export` puts their changes in order of time and writes them.
 """
 
 from steptwin.host.record.waveforms.export import Format, write_waveform

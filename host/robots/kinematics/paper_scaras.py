@@ -1,20 +1,4 @@
-"""The laboratory SCARA (P-R-R-R): a ball screw lifts the arm of three parallel rotary joints; the tool points down.
-
-Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
-J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
-
-Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
-Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3. Here
-d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so the two agree.
-
-The slide sx shifts the arm along x, the slide sz along z.
-
-Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
-DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: the paper takes the wrist's direction
-from an arc cosine, which loses the sign of y, and has only one elbow.
-
-Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
-"""
+"""The SCARAs of four papers, with the dimensions and the DH tables that these print."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -37,7 +21,10 @@ _TOOLS: Final = {0.0: Vertical.UP, 180.0: Vertical.DOWN}
 
 @dataclass(frozen=True, slots=True)
 class CalibrationGeometry:
-    """The dimensions; raises InputError for a link that is not longer than 0 or another twist than 180 or 0."""
+    """The calibrated SCARA's dimensions; raises InputError for a link not longer than 0 or a twist but 180 and 0.
+
+    Source: "Kinematic modeling and verification for a SCARA robot", ICMEMTC 2016, Atlantis Press, from p. 918.
+    """
 
     L1_mm: float = dimension("first link, from shoulder to elbow", 250.0)
     L2_mm: float = dimension("second link, from elbow to wrist", 350.0)
@@ -87,7 +74,14 @@ _JOINTS: Final = {"sx": Unit.MM, "sz": Unit.MM, "L1": Unit.MM, "th1": Unit.DEG, 
 
 @dataclass(frozen=True, slots=True)
 class WarehouseGeometry:
-    """The dimensions; raises InputError for a link that is not longer than 0."""
+    """The warehouse robot's dimensions; raises InputError for a link that is not longer than 0.
+
+    The slide sx shifts the arm along x, the slide sz along z.
+
+    Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
+    DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: the paper takes the wrist's direction
+    from an arc cosine, which loses the sign of y, and has only one elbow.
+    """
 
     L2_mm: float = dimension("first link, from shoulder to elbow", 200.0)
     L3_mm: float = dimension("second link, from elbow to wrist", 150.0)
@@ -136,7 +130,12 @@ def warehouse_scara(robot: Robot) -> Scara:
 
 @dataclass(frozen=True, slots=True)
 class TeachingGeometry:
-    """The dimensions; raises InputError for a link that is not longer than 0."""
+    """The teaching SCARA's dimensions; raises InputError for a link that is not longer than 0.
+
+    Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
+    Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019. Its text and its code disagree about the sign of d3. Here
+    d3 >= 0 pushes downwards, as in the text; in the paper's experiment d3 is 0, so the two agree.
+    """
 
     l1_mm: float = dimension("first link, from shoulder to elbow", 95.0)
     l2_mm: float = dimension("second link, from elbow to wrist", 100.0)
@@ -178,7 +177,13 @@ def teaching_scara(robot: Robot) -> Scara:
 
 @dataclass(frozen=True, slots=True)
 class LabGeometry:
-    """The dimensions; raises InputError for a link that is not longer than 0."""
+    """The laboratory SCARA's dimensions (P-R-R-R); raises InputError for a link that is not longer than 0.
+
+    A ball screw lifts the arm of three parallel rotary joints; the tool points down.
+
+    Source: H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof SCARA robot system",
+    J. Mechanical & Electrical Engineering 36(12), 2019, 1320-1324, its equations corrected (docs/robots.md).
+    """
 
     a2_mm: float = dimension("first link, from shoulder to elbow", 400.0)
     a3_mm: float = dimension("second link, from elbow to wrist", 400.0)
