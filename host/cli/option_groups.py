@@ -91,8 +91,8 @@ def given_options(group: Any) -> list[str]:
 def _name(field: Field[Any]) -> str:
     if spelling := field.metadata.get(SPELLING):
         return str(spelling.option)
-    names = field.type.__metadata__[0].param_decls  # type: ignore[union-attr]
-    return str(names[0]) if names else f"--{field.name.replace('_', '-')}"
+    name = field.type.__metadata__[0].default  # type: ignore[union-attr]
+    return name if isinstance(name, str) else f"--{field.name.replace('_', '-')}"  # typer's place for the first name
 
 
 def _parameter(field: Field[Any]) -> Parameter:

@@ -1,5 +1,6 @@
 """`steptwin animate DIR`: show a stored run as a moving picture."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +12,33 @@ from steptwin.host.cli.output import print_json, progress_bar, say, warn
 from steptwin.host.cli.run.verify import PlanDir, RunDir
 
 
+@dataclass(frozen=True, slots=True)
+class FilmOptions:
+    """The options that say what a film shows, and how."""
+
+    camera: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|AZIMUTH,ELEVATION", help="iso, top, front, side, or two angles in degrees, such as -60,30."
+        ),
+    ] = "iso"
+    speed: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="1 is real time; by default the motion takes some seconds, 10 at most."),
+    ] = None
+    from_s: Annotated[float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion.")] = None
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None
+    magnify: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Magnify the path's error so many times; by default until it shows."),
+    ] = None
+    fps: Annotated[float, typer.Option(metavar="N", help="Frames a second.")] = 20.0
+    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of a gif or mp4.")] = 720
+
+
 @command("out/drawer-pull --out arm.gif", "out/drawer-pull --out arm.html --camera 30,20 --speed 0.5")
 def animate(
+    wanted: FilmOptions,
     folder: RunDir,
     out: Annotated[
         Path,
@@ -21,24 +47,6 @@ def animate(
             help="arm.gif; arm.html, a page that plays and turns in any browser; or arm.mp4, which needs ffmpeg.",
         ),
     ],
-    camera: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME|AZIMUTH,ELEVATION", help="iso, top, front, side, or two angles in degrees, such as -60,30."
-        ),
-    ] = "iso",
-    speed: Annotated[
-        float | None,
-        typer.Option(metavar="FACTOR", help="1 is real time; by default the motion takes some seconds, 10 at most."),
-    ] = None,
-    from_s: Annotated[float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion.")] = None,
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None,
-    magnify: Annotated[
-        float | None,
-        typer.Option(metavar="FACTOR", help="Magnify the path's error so many times; by default until it shows."),
-    ] = None,
-    fps: Annotated[float, typer.Option(metavar="N", help="Frames a second.")] = 20.0,
-    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of a gif or mp4.")] = 720,
     plan: PlanDir = None,
     replace: Replace = False,
     as_json: AsJson = False,
@@ -50,16 +58,16 @@ def animate(
     with naming_options("out", "camera", "speed", "fps", "width", from_s="--from", to_s="--to", gain="--magnify"):
         check_kind(out)
         keep_files([out], replace=replace)
-        seen_from = Camera.named(camera)
+        seen_from = Camera.named(wanted.camera)
         with naming_options(plan_folder="--plan"):
             stored = read_run(folder, plan, counts_suffice=True)
         if stored.interruption:
             warn(f"{folder}: {stored.interruption}")
         if stored.no_plan:
             warn(f"{folder}: has no plan: {stored.no_plan}; this shows what the drivers have counted")
-        shot = Shot(fps, speed, from_s, to_s, magnify)
+        shot = Shot(wanted.fps, wanted.speed, wanted.from_s, wanted.to_s, wanted.magnify)
         with progress_bar(out.name) as progress:
-            film = write_animation(out, stored, seen_from, shot, width, progress)
+            film = write_animation(out, stored, seen_from, shot, wanted.width, progress)
     frames, lasts_s = len(film.times_s), (len(film.times_s) - 1) / film.fps
     if as_json:
         print_json(

@@ -129,7 +129,7 @@ def _print_others(fits: "tuple[JointFit, ...]") -> None:
 
 
 def _cell(fit: "Fit") -> str:
-    """Return the margin; with the speed at which it is short if the motor would not do."""
+    """Return the margin; with the speed where it falls short if the motor would not do."""
     percent = f"{100 * fit.margin:.0f}" if fit.margin > -1.0 else "none"
     return percent if fit.would_do else f"{percent} at {fit.rpm:.0f}"
 

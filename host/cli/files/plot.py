@@ -1,5 +1,6 @@
 """`steptwin plot DIR`: draw pictures of a stored run."""
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -9,6 +10,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, Replace, chosen_names, keep_files, naming_options
+from steptwin.host.cli.option_groups import given_options
 from steptwin.host.cli.output import say, tell, warn
 from steptwin.host.cli.run.verify import PlanDir, RunDir
 from steptwin.host.common.errors import InputError
@@ -17,8 +19,46 @@ if TYPE_CHECKING:
     from steptwin.host.record.plots import PlotView
 
 
+@dataclass(frozen=True, slots=True)
+class CloseUpOptions:
+    """The options that choose what pictures of a short time show."""
+
+    at_s: Annotated[
+        float | None,
+        typer.Option("--at", metavar="SECONDS", help="For edges and phases: their middle; by default the fastest."),
+    ] = None
+    span_s: Annotated[
+        float | None,
+        typer.Option("--span", metavar="SECONDS", help="For edges and phases: their width; by default some steps."),
+    ] = None
+
+    def check_use(self, names: list[str]) -> None:
+        """Raise InputError if an option is given for pictures that show all of the motion."""
+        from steptwin.host.record.plots import CLOSE_UPS
+
+        given = given_options(self)
+        if given and not set(names) & set(CLOSE_UPS):
+            raise InputError(f"{given[0]}: is for the pictures {' and '.join(CLOSE_UPS)}, not for {', '.join(names)}")
+
+    def view(self, duration_s: float) -> "PlotView":
+        """Return the time that the pictures show; raise InputError unless it is in the motion."""
+        from steptwin.host.record.plots import PlotView
+        from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+        at_s, span_s, count_s = self.at_s, self.span_s, 1 / COUNTS_PER_SECOND
+        if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
+            raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
+        if span_s is not None and not (isfinite(span_s) and count_s <= span_s <= duration_s):
+            raise InputError(
+                f"--span {span_s:g} s: must be at least {count_s:.3g} s, a count of the board's timer,"
+                f" and at most {duration_s:g} s, the whole motion"
+            )
+        return PlotView(at_s, span_s)
+
+
 @command("out/drawer-pull", "out/drawer-pull --what edges,phases --at 2.5 --format svg")
 def plot(
+    close_up: CloseUpOptions,
     folder: RunDir,
     what: Annotated[
         list[str] | None,
@@ -31,14 +71,6 @@ def plot(
     form: Annotated[
         Literal["png", "svg", "pdf"], typer.Option("--format", metavar="FORMAT", help="png, or as vectors svg or pdf.")
     ] = "png",
-    at_s: Annotated[
-        float | None,
-        typer.Option("--at", metavar="SECONDS", help="For edges and phases: their middle; by default the fastest."),
-    ] = None,
-    span_s: Annotated[
-        float | None,
-        typer.Option("--span", metavar="SECONDS", help="For edges and phases: their width; by default some steps."),
-    ] = None,
     plan: PlanDir = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for them; by default DIR itself.")] = None,
     replace: Replace = False,
@@ -51,14 +83,14 @@ def plot(
     from steptwin.host.record.plots import write_plots
 
     names = _names(what)
-    _check_use(names, {"--at": at_s, "--span": span_s})
+    close_up.check_use(names)
     if out is not None:
         keep_files((out / f"{name}.{form}" for name in names), replace=replace)
     with naming_options(plan_folder="--plan"):
         stored = read_run(folder, plan)
     if stored.interruption:
         warn(f"{folder}: {stored.interruption}")
-    view = _view(stored.duration_s, at_s, span_s)
+    view = close_up.view(stored.duration_s)
     paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
     tell({"files": [str(path) for path in paths]}, lambda: say(*map(str, paths)), as_json=as_json)
 
@@ -67,26 +99,3 @@ def _names(what: list[str] | None) -> list[str]:
     from steptwin.host.record.plots import PICTURES
 
     return chosen_names("--what", what, PICTURES) if what else list(PICTURES)
-
-
-def _check_use(names: list[str], options: dict[str, float | None]) -> None:
-    from steptwin.host.record.plots import CLOSE_UPS
-
-    given = [option for option, value in options.items() if value is not None]
-    if given and not set(names) & set(CLOSE_UPS):
-        raise InputError(f"{given[0]}: is for the pictures {' and '.join(CLOSE_UPS)}, not for {', '.join(names)}")
-
-
-def _view(duration_s: float, at_s: float | None, span_s: float | None) -> "PlotView":
-    from steptwin.host.record.plots import PlotView
-    from steptwin.protocol.timer import COUNTS_PER_SECOND
-
-    if at_s is not None and not (isfinite(at_s) and 0.0 <= at_s <= duration_s):
-        raise InputError(f"--at {at_s:g} s: the motion goes from 0 to {duration_s:g} s")
-    count_s = 1 / COUNTS_PER_SECOND
-    if span_s is not None and not (isfinite(span_s) and count_s <= span_s <= duration_s):
-        raise InputError(
-            f"--span {span_s:g} s: must be at least {count_s:.3g} s, a count of the board's timer,"
-            f" and at most {duration_s:g} s, the whole motion"
-        )
-    return PlotView(at_s, span_s)

@@ -1,6 +1,7 @@
 """`steptwin trace DIR`: write the waveform of a stored run, for logic analysers, viewers and tables."""
 
-from dataclasses import replace
+from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
@@ -26,8 +27,52 @@ _SCALED: Final = ("vcd", "vcd-full")
 """Formats with a time unit."""
 
 
+@dataclass(frozen=True, slots=True)
+class PartOptions:
+    """The options that choose a part of a record."""
+
+    from_s: Annotated[
+        float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion; by default all.")
+    ] = None
+    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None
+    axes: Annotated[
+        list[str] | None,
+        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; repeatable."),
+    ] = None
+
+    @property
+    def is_whole(self) -> bool:
+        """True if no option is given."""
+        return self.from_s is None and self.to_s is None and not self.axes
+
+    def signals(self, signals: "list[Signal]", evidence: "Evidence") -> "list[Signal]":
+        """Return the signals of the axes that are named, in their own order; all of them when none is."""
+        if not self.axes:
+            return signals
+        chosen = chosen_names("--axis", self.axes, (axis.name for axis in evidence.axes))
+        return [signal for signal in signals if signal.axis in chosen]
+
+    def window(self, evidence: "Evidence") -> "Window":
+        """Return the part of the record between the two times of the motion."""
+        from steptwin.host.record.waveforms import whole_record
+
+        whole = whole_record(evidence)
+        if whole.from_counts == whole.to_counts:
+            raise InputError("no pin has changed since power-up: there is no waveform")
+        window = replace_fields(
+            whole,
+            from_counts=whole.from_counts if self.from_s is None else _counts(whole, "--from", self.from_s),
+            to_counts=whole.to_counts if self.to_s is None else _counts(whole, "--to", self.to_s),
+        )
+        if window.from_counts >= window.to_counts:
+            first_s, last_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+            raise InputError(f"--from {first_s:g} s: is not before --to, {last_s:g} s")
+        return window
+
+
 @command("out/drawer-pull", "out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
 def trace(
+    part: PartOptions,
     folder: RunDir,
     form: Annotated[
         _FormatName,
@@ -42,17 +87,9 @@ def trace(
         Literal["1us", "100ns", "10ns"] | None,
         typer.Option(
             metavar="UNIT",
-            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest in which no wire changes twice."
+            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest that lets no wire change twice."
             " A finer one slows sigrok.",
         ),
-    ] = None,
-    from_s: Annotated[
-        float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion; by default all.")
-    ] = None,
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None,
-    axes: Annotated[
-        list[str] | None,
-        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; repeatable."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -78,10 +115,9 @@ def trace(
     if recording:
         warn(f"{folder}: {recording.interruption}")
     frames = recording.mark.frames if recording else None
-    window = _window(evidence, from_s, to_s)
-    signals = _chosen(_signals(folder, evidence, robot, Format(form), frames), evidence, axes)
-    whole = from_s is None and to_s is None and not axes
-    path = folder / (Format(form).file_name if whole else Format(form).part_file_name) if out is None else out
+    window = part.window(evidence)
+    signals = part.signals(_signals(folder, evidence, robot, Format(form), frames), evidence)
+    path = folder / (Format(form).file_name if part.is_whole else Format(form).part_file_name) if out is None else out
     write_waveform(path, signals, window, Format(form), robot.name, SCALES[timescale] if timescale else None)
     ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
     if as_json:
@@ -99,32 +135,6 @@ def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format",
         return wires(evidence)
     states = drive_states(existing_file(folder, BUS_LOG), len(evidence.axes), frames)
     return everything(evidence, robot, states)
-
-
-def _chosen(signals: "list[Signal]", evidence: "Evidence", axes: list[str] | None) -> "list[Signal]":
-    """Return the signals of the named axes, in their own order; all of them when no axis is named."""
-    if not axes:
-        return signals
-    chosen = chosen_names("--axis", axes, (axis.name for axis in evidence.axes))
-    return [signal for signal in signals if signal.axis in chosen]
-
-
-def _window(evidence: "Evidence", from_s: float | None, to_s: float | None) -> "Window":
-    """Return the part of the record between two times of the motion."""
-    from steptwin.host.record.waveforms import whole_record
-
-    whole = whole_record(evidence)
-    if whole.from_counts == whole.to_counts:
-        raise InputError("no pin has changed since power-up: there is no waveform")
-    window = replace(
-        whole,
-        from_counts=whole.from_counts if from_s is None else _counts(whole, "--from", from_s),
-        to_counts=whole.to_counts if to_s is None else _counts(whole, "--to", to_s),
-    )
-    if window.from_counts >= window.to_counts:
-        first_s, last_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
-        raise InputError(f"--from {first_s:g} s: is not before --to, {last_s:g} s")
-    return window
 
 
 def _counts(whole: "Window", option: str, t_s: float) -> int:

@@ -1,5 +1,6 @@
 """`steptwin panel ROBOT --connect ...`: the machine in a browser."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,9 +18,23 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
+@dataclass(frozen=True, slots=True)
+class PageOptions:
+    """The options that say where the page is."""
+
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address of this machine for the page.")] = "127.0.0.1"
+    port: Annotated[
+        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
+    ] = None
+    allow_remote: Annotated[
+        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
+    ] = False
+
+
 @command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
 def panel(
     board: BoardAddress,
+    page: PageOptions,
     robot: RobotName = None,
     robot_file: RobotFile = None,
     control: Annotated[
@@ -28,15 +43,6 @@ def panel(
             metavar="HOST:PORT", help="Control port of a served board, for the tab that operates its machine."
         ),
     ] = None,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address of this machine at which the page is.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
-    ] = None,
-    allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
-    ] = False,
     file: PositionsFile = None,
     force: Force = False,
 ) -> None:
@@ -52,7 +58,7 @@ def panel(
     from steptwin.host.panel.page.server import Address
 
     with naming_options("host", "port", "allow_remote"):
-        address = Address(host, port, allow_remote)
+        address = Address(page.host, page.port, page.allow_remote)
         _serve(loaded, found, served, address, positions_path(loaded, file), force=force)
 
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
 from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
@@ -84,7 +85,7 @@ Show = Callable[[Sequence["Row"]], None]
 
 @contextmanager
 def campaign_bar(runs: int, before: int) -> Iterator[Show]:
-    """Show a bar while the block makes runs, of which some were there before; the block calls back with new rows."""
+    """Show a bar while the block makes runs, some of which were there before; the block calls back with new rows."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     began_s, made, failed = monotonic(), 0, 0
@@ -125,8 +126,26 @@ _RERUN: Final = "rerun"
 _REPORT: Final = "report"
 
 
+@dataclass(frozen=True, slots=True)
+class WorkOptions:
+    """The options that say how many runs a campaign makes, and who makes them."""
+
+    runs: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Number of runs instead of the file's; more continue a campaign."),
+    ] = None
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Processes of this computer; by default one for each core."),
+    ] = None
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster to run on instead.")
+    ] = None
+
+
 @command("evening.toml --out out/evening", "rerun out/evening 471 --out out/471")
 def campaign(
+    work: WorkOptions,
     words: Annotated[
         list[str] | None,
         typer.Argument(
@@ -137,17 +156,6 @@ def campaign(
     ] = None,
     out: Annotated[
         str | None, typer.Option(metavar="DIR", help="Folder for the results, or for the run that is made again.")
-    ] = None,
-    runs: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Number of runs instead of the file's; more continue a campaign."),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Processes of this computer; by default one for each core."),
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster to run on instead.")
     ] = None,
     faults: Annotated[
         str | None,
@@ -163,16 +171,16 @@ def campaign(
     _require_extra()
     match words or []:
         case [action, folder, seed] if action == _RERUN:
-            _refuse(runs=runs, workers=workers, scheduler=scheduler)
+            _refuse(work)
             _rerun(Path(folder), _seed(seed), out, faults, as_json=as_json)
         case [action, folder] if action == _REPORT:
-            _refuse(runs=runs, workers=workers, scheduler=scheduler, faults=faults, out=out)
+            _refuse(work, ("--faults", faults), ("--out", out))
             _report(Path(folder), as_json=as_json)
         case [action, *_] if action in (_RERUN, _REPORT):
             raise InputError(f"{action}: is followed by {'DIR and SEED' if action == _RERUN else 'DIR'}")
         case [file]:
-            _refuse(faults=faults)
-            _run(file, out, runs, workers, scheduler, as_json=as_json)
+            _refuse(WorkOptions(), ("--faults", faults))
+            _run(file, out, work, as_json=as_json)
         case _:
             raise InputError("a campaign's FILE is needed, or rerun DIR SEED, or report DIR")
 
@@ -189,41 +197,39 @@ def _seed(text: str) -> int:
         raise InputError(f"SEED {text!r}: is not a whole number") from None
 
 
-def _refuse(**options: str | int | None) -> None:
-    for name, value in options.items():
+def _refuse(work: WorkOptions, *others: tuple[str, str | None]) -> None:
+    """Raise InputError if an option is given."""
+    named = [(f"--{field.name}", getattr(work, field.name)) for field in fields(work)]
+    for option, value in (*named, *others):
         if value is not None:
-            raise InputError(f"--{name} {value}: has no effect here")
+            raise InputError(f"{option} {value}: has no effect here")
 
 
 # --- run
 
 
-def _run(
-    file: str, out: str | None, runs: int | None, workers: int | None, scheduler: str | None, *, as_json: bool
-) -> None:
-    from dataclasses import replace
-
+def _run(file: str, out: str | None, work: WorkOptions, *, as_json: bool) -> None:
     from steptwin.host.studies.campaign import Results, read_campaign, sources_of_file
     from steptwin.host.studies.campaign.campaign import RUNS_MAX
 
     sources = sources_of_file(file)
     made, names = read_campaign(sources)
-    if runs is not None:
-        if runs > RUNS_MAX:
-            raise InputError(f"--runs {runs}: is more than {RUNS_MAX}")
-        made = replace(made, runs=runs)
+    if work.runs is not None:
+        if work.runs > RUNS_MAX:
+            raise InputError(f"--runs {work.runs}: is more than {RUNS_MAX}")
+        made = replace(made, runs=work.runs)
     if out is None:
         raise InputError("--out DIR is missing: the folder for the results")
-    if workers is not None and scheduler is not None:
-        raise InputError(f"--workers {workers}: is for this computer, not for {scheduler}")
-    processes = os.cpu_count() or 1 if workers is None else workers
+    if work.workers is not None and work.scheduler is not None:
+        raise InputError(f"--workers {work.workers}: is for this computer, not for {work.scheduler}")
+    processes = os.cpu_count() or 1 if work.workers is None else work.workers
     folder = out_folder(out)
     assert folder is not None
     results = Results(folder)
     try:
         with results.writing():
             sources.keep(folder, names)
-            _make_runs(made, results, processes, scheduler)
+            _make_runs(made, results, processes, work.scheduler)
     except KeyboardInterrupt:
         there = int(results.done(made.seeds).sum())
         say(f"interrupted: {there} of {made.runs} runs are there; the same command makes the others", err=True)
@@ -276,8 +282,6 @@ def _end(summary: "Summary") -> None:
 
 def _kept(folder: Path) -> "tuple[Campaign, Results]":
     """Return the campaign of a folder, with as many runs as --runs has made of it, and its results."""
-    from dataclasses import replace
-
     from steptwin.host.studies.campaign import Results, read_campaign, sources_of_results
 
     kept, _ = read_campaign(sources_of_results(folder))

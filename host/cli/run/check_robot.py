@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _SMALL_MM: Final = 5.0
 """Reach below which the dimensions are probably in metres."""
 _SAMPLES: Final = 2000
-"""Random joint positions at which the tool's error is computed."""
+"""Random joint positions for which the tool's error is computed."""
 _NARROW_DEG: Final = 6.3
 """Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
 

@@ -207,7 +207,7 @@ def print_motors(verdict: "MotorVerdict") -> None:
 
 
 def warn_of_payloads(document: Mapping[str, Any], payload_kg: float) -> None:
-    """Warn if the scenario of a stored run has changed the payload, of which motors after the run know nothing."""
+    """Warn if the scenario of a stored run has changed the payload, unknown to motors that turn after the run."""
     requests = [fault.get("do", {}) for fault in document.get("faults", ()) if fault.get("strikes")]
     given = [request["payload_kg"] for request in requests if request.get("do") == "payload"]
     if given:

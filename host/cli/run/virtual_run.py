@@ -53,7 +53,7 @@ class VirtualRunOptions:
     ] = None
     cut_stream: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Time at which the host stops sending points, as if it hung."),
+        typer.Option(metavar="SECONDS", help="Time from which on the host sends no points, as if it hung."),
     ] = None
     inputs: Annotated[
         list[str] | None,

@@ -195,6 +195,8 @@ def test_the_command(steptwin: CommandLine) -> None:
         ("--out somewhere", "--out: is for a run in virtual time, without --connect or -i"),
         ("--stand-at '1 2'", "--stand-at: is for a run in virtual time, without --connect or -i"),
         ("--cut-stream 1", "--cut-stream: is for a run in virtual time, without --connect or -i"),
+        ("--input part=on@1", "--input: is for a run in virtual time, without --connect or -i"),
+        ("--motors", "--motors: is for a run in virtual time, without --connect or -i"),
         ("--kernel python", "--kernel: is for a run in virtual time, without --connect or -i"),
         ("--driver-profile 3a-module", "--driver-profile: is for a run in virtual time, without --connect or -i"),
     ):
