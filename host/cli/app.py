@@ -47,14 +47,14 @@ GROUPS: Final = (
         "Live board",
         "live",
         (
-            *("serve", "panel", "doctor", "status", "monitor", "home", "move", "jog", "positions"),
+            *("serve", "panel", "status", "monitor", "move", "jog", "positions"),
             *("halting", "outputs", "inject"),
         ),
     ),
     Group(
         "Files and tools",
         "files",
-        ("trace", "plot", "motors", "view", "animate", "replay", "exports"),
+        ("trace", "plot", "motors", "show", "replay", "exports"),
     ),
 )
 
