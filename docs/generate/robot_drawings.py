@@ -90,14 +90,14 @@ def _from_above(axes: Axes, names: ScaraNames) -> None:
     _beside(axes, elbow, wrist, names.links[1])
     _line(axes, shoulder, shoulder + 110 * _unit(heading_deg))
     if names.heading:
-        _angle(axes, shoulder, 0.0, heading_deg, 190.0, names.heading, _DIMENSION)
-    _angle(axes, shoulder, heading_deg, first_deg, 90.0, names.joints[0])
+        _angle(axes, shoulder, (0.0, heading_deg), 190.0, names.heading, _DIMENSION)
+    _angle(axes, shoulder, (heading_deg, first_deg), 90.0, names.joints[0])
     _line(axes, elbow, elbow + 100 * _unit(first_deg))
-    _angle(axes, elbow, first_deg, second_deg, 75.0, names.joints[1])
+    _angle(axes, elbow, (first_deg, second_deg), 75.0, names.joints[1])
     if names.joints[2]:
         tool_deg = second_deg + _TOOL_DEG
         _line(axes, wrist, wrist + 80 * _unit(second_deg))
-        _angle(axes, wrist, tool_deg, second_deg, 62.0, names.joints[2])
+        _angle(axes, wrist, (tool_deg, second_deg), 62.0, names.joints[2])
         tip = wrist + _TOOL * _unit(tool_deg)
         axes.annotate("", _at(tip), _at(wrist), arrowprops={"arrowstyle": "-|>", "color": "#3b4a5a", "linewidth": 2})
         if names.tool:
@@ -205,8 +205,9 @@ def _line(axes: Axes, start: FloatArray, end: FloatArray) -> None:
 
 
 def _angle(
-    axes: Axes, centre: FloatArray, from_deg: float, to_deg: float, radius: float, name: str, colour: str = _JOINT
+    axes: Axes, centre: FloatArray, span_deg: tuple[float, float], radius: float, name: str, colour: str = _JOINT
 ) -> None:
+    from_deg, to_deg = span_deg
     axes.add_patch(
         Arc(_at(centre), 2 * radius, 2 * radius, theta1=from_deg, theta2=to_deg, color=colour, linewidth=1.5)
     )

@@ -1,22 +1,51 @@
 """Jobs: the named motions of each kind of robot, with the experiments of the papers."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
+
+import numpy as np
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.errand import Carry
-from steptwin.host.planning.jobs.calibration_demo import DEMO
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
-from steptwin.host.planning.jobs.job import Job
-from steptwin.host.planning.jobs.options import OptionField
+from steptwin.host.planning.jobs.job import Job, fitted
+from steptwin.host.planning.jobs.options import OptionField, number
 from steptwin.host.planning.jobs.shelf_jobs import EVERY_SLOT, FETCH, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
+from steptwin.host.planning.laws import Cubic
+from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
 __all__ = ["Job", "job_carries", "job_fields", "job_names", "job_options", "job_summary", "make_job"]
+
+START: Final = (0.0, 0.0, 0.0, 0.0)
+GOAL: Final = (60.0, -45.0, 100.0, 90.0)
+"""th1, th2 in degrees, d3 in mm, th4 in degrees; a joint with narrower limits stops at them."""
+
+
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """The options of the demo."""
+
+    duration_s: float = number(2.0, 0.01, 60.0, "s")
+
+
+def demo(robot: Robot, options: DemoOptions) -> Trajectory:
+    """Return the calibration robot's move of all joints at once, by a cubic of time.
+
+    Its paper (ICMEMTC 2016, Atlantis Press, from p. 918) has no experiment: the move is assumed. Raises InputError
+    unless the duration is a whole number of milliseconds.
+    """
+    start, goal = (tuple(fitted(robot, np.array(point)).tolist()) for point in (START, GOAL))
+    return JointMove(robot.joint_names, start, goal, Cubic(1.0, options.duration_s))
+
+
+DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, demo)
+
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
