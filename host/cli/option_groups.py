@@ -81,18 +81,16 @@ def with_groups(function: Callable[..., None]) -> Callable[..., None]:
 
 def given_options(group: Any) -> list[str]:
     """Return the names, on the command line, of the options of a group that differ from their defaults."""
-    given = [
-        _name(field) for field in _Group(type(group), ()).own.values() if getattr(group, field.name) != field.default
-    ]
-    inner = (getattr(group, name) for name in _Group(type(group), ()).inner)
-    return given + [name for each in inner for name in given_options(each)]
+    kind = _Group(type(group), ())
+    given = [_name(field) for field in kind.own.values() if getattr(group, field.name) != field.default]
+    return given + [name for inner in kind.inner for name in given_options(getattr(group, inner))]
 
 
 def _name(field: Field[Any]) -> str:
     if spelling := field.metadata.get(SPELLING):
         return str(spelling.option)
     name = field.type.__metadata__[0].default  # type: ignore[union-attr]
-    return name if isinstance(name, str) else f"--{field.name.replace('_', '-')}"  # typer's place for the first name
+    return name if isinstance(name, str) else f"--{field.name.replace('_', '-')}"  # typer keeps the first name there
 
 
 def _parameter(field: Field[Any]) -> Parameter:
