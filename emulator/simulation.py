@@ -13,19 +13,10 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
-from steptwin.emulator.faults.operations import (
-    Babble,
-    BrownOut,
-    BusOff,
-    Consequence,
-    Operation,
-    Payload,
-    PowerUp,
-    Schedule,
-    Scheduled,
-    StrangerSends,
-    WatchdogReset,
-)
+from steptwin.emulator.faults.bus import Babble
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.machine import PowerUp
+from steptwin.emulator.faults.schedule import Consequence, Schedule, Scheduled
 from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
 from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
@@ -130,33 +121,17 @@ class Simulation:
         self._operate(operation, number)
 
     def _operate(self, operation: Operation, number: int) -> None:
-        self._execute(operation, number)
+        operation.apply(self, number)
         self.boards[number].poll(self.now_counts)
         if self.rotor_watch is not None:
             self.rotor_watch.look()
 
-    def _execute(self, operation: Operation, number: int) -> None:
-        match operation:
-            case BrownOut(for_ms):
-                self._go_down(number, lambda board, now_counts: board.power_down(now_counts), for_ms)
-            case WatchdogReset(for_ms):
-                self._go_down(number, lambda board, now_counts: board.reset(now_counts), for_ms)
-            case PowerUp():
-                if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
-                    self._exchanging(number, lambda board, now_counts: board.start(now_counts))
-            case BusOff(axis):
-                self.bus.throw_off(self.host if axis is None else self.boards[number].can, self.now_counts)
-            case StrangerSends(frame):
-                self._stranger.send(frame, self.now_counts)
-            case Babble():
-                self._babble(operation, number)
-            case Payload(payload_kg):
-                if self.rotor_watch is not None:  # else the rotors are where the drivers' steps put them
-                    self.rotor_watch.load(payload_kg)
-            case _:
-                self.boards[number].operate(operation, self.now_counts)
+    def start(self, number: int) -> None:
+        """Let a board begin that is down, unless it is to stay so."""
+        if self.boards[number].down and self.now_counts >= self._down_until_counts.get(number, 0):
+            self._exchanging(number, lambda board, now_counts: board.start(now_counts))
 
-    def _go_down(self, number: int, act: Callable[[Board, int], None], for_ms: int | None) -> None:
+    def take_down(self, number: int, act: Callable[[Board, int], None], for_ms: int | None) -> None:
         """Take a board down, or keep one down that is, until a time has passed."""
         self._exchanging(number, act)
         until_counts = self.now_counts + (for_ms or 0) * COUNTS_PER_MS
@@ -164,13 +139,13 @@ class Simulation:
         if for_ms is not None:
             self.schedule([Consequence(until_counts, PowerUp(), number)])
 
-    def _babble(self, babble: Babble, number: int) -> None:
+    def babble(self, babble: Babble, number: int) -> None:
         """Send a frame unless two wait, and again a period later; end what has begun if it is not to be sent."""
         if not babble.count:
             self._schedule.end_babble(babble.frame)
             return
-        if self._stranger.waiting < _BABBLE_AHEAD:
-            self._stranger.send(babble.frame, self.now_counts)
+        if self.stranger.waiting < _BABBLE_AHEAD:
+            self.stranger.send(babble.frame, self.now_counts)
         if babble.count > 1:
             next_counts = self.now_counts + babble.period_us * COUNTS_PER_US
             self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
@@ -181,7 +156,7 @@ class Simulation:
         self._schedule.end_babble()
 
     @property
-    def _stranger(self) -> CanController:
+    def stranger(self) -> CanController:
         """A station that is no part of the machine; it is on the bus from its first frame on."""
         if self._stranger_station is None:
             self._stranger_station = CanController(
@@ -297,7 +272,7 @@ class Simulation:
             for item in self._schedule.take_due(now_counts):
                 if not isinstance(item, Consequence):
                     self.on_operation(item._replace(counts=now_counts))
-                self._execute(item.operation, item.board)
+                item.operation.apply(self, item.board)
         for board in self.boards:
             board.poll(now_counts)
         if self.rotor_watch is not None:

@@ -5,11 +5,10 @@ from typing import Final
 
 from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.tables import ROBOTS
-from steptwin.host.common.control import Do
-from steptwin.host.common.requests import FORMS, INJECTED
 from steptwin.host.faults.judge import longest_ramp_ms
 from steptwin.host.faults.reaction import Motion, Reaction
 from steptwin.host.faults.reactions import DOCUMENTED
+from steptwin.host.faults.requests import INJECTED, REQUESTS, STATE, does, keys_of, says, usage
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.papers.paper_page import table
 
@@ -18,12 +17,13 @@ EXAMPLE: Final = DOCS / "examples" / "faults" / "carry.toml"
 
 def _requests() -> str:
     rows = []
-    for do, form in FORMS.items():
-        if do is not Do.STATE:
-            required, optional = (
-                ", ".join(f"`{key}`" for key in keys) or "-" for keys in (form.required, form.optional)
+    for do in REQUESTS:
+        if do != STATE:
+            needed, others = (
+                ", ".join(f"`{key.name}`" for key in keys_of(do).values() if key.optional == optional) or "-"
+                for optional in (False, True)
             )
-            rows.append([f"`{do}`", required, optional, form.does])
+            rows.append([f"`{do}`", needed, others, does(do)])
     return table(["`do`", "keys", "may also have", ""], rows, text_columns=4)
 
 
@@ -69,16 +69,16 @@ FAULTS_PAGE: Final = GeneratedPage(
 
 
 def _request_words() -> str:
-    rows = [[f"`{do} {FORMS[do].usage}`".replace(" `", "`"), FORMS[do].does] for do in INJECTED]
+    rows = [[f"`{do} {usage(do)}`".replace(" `", "`"), does(do)] for do in INJECTED]
     return table(["`inject ROBOT ...`", ""], rows, text_columns=2)
 
 
 def _keys() -> str:
     rows = []
-    for do, form in FORMS.items():
+    for do in REQUESTS:
         keys = [
-            "; ".join(f"`{key}`: {value.says}" for key, value in each.items()) or "-"
-            for each in (form.required, form.optional)
+            "; ".join(f"`{key.name}`: {says(key)}" for key in keys_of(do).values() if key.optional == optional) or "-"
+            for optional in (False, True)
         ]
         rows.append([f"`{do}`", *keys])
     return table(["`do`", "other keys", "may also have"], rows, text_columns=3)
@@ -86,6 +86,6 @@ def _keys() -> str:
 
 CONTROL_PORT_PAGE: Final = GeneratedPage(
     "control-port",
-    "host/common/requests.py",
+    "the harms in emulator/faults/",
     {"words": lambda _: _request_words(), "keys": lambda _: _keys()},
 )

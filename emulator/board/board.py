@@ -1,7 +1,7 @@
 """The emulated board: the firmware, its drivers, its CAN controller and the inputs that the machine gives it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from steptwin.controller.motion.backend import Kernel
@@ -16,22 +16,8 @@ from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_chip import OutputFollower
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.faults.operations import (
-    BoardOperation,
-    BoardTemperature,
-    BouncingSwitch,
-    Contact,
-    DriverMode,
-    DriverProtect,
-    EmergencyStop,
-    OscCapacitor,
-    SetInput,
-    SetWire,
-    Slip,
-    StuckSwitch,
-    Supply,
-    SwitchWire,
-)
+from steptwin.emulator.faults.harm import BoardOperation
+from steptwin.emulator.faults.wiring import Condition, Wire
 from steptwin.emulator.world.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.world.switches import Switch, Travel
 from steptwin.protocol import od
@@ -109,9 +95,10 @@ class Board:
         """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
         self._kernel = kernel
         starts = config.start_substeps or (0,) * config.axis_count
-        self._inputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
-        self._drivers = DriverBank(config.modules, self._inputs)
-        self._measurements = BoardReadings()
+        self.inputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
+        self.drivers = DriverBank(config.modules, self.inputs)
+        self.measurements = BoardReadings()
+        """What the board measures."""
         self._held_protects = [False] * config.axis_count
         """True for each axis whose Protect pin is held low from outside."""
         self._heat_due_tick: int | None = None
@@ -136,10 +123,10 @@ class Board:
         self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
         self.can = self._make_controller()
         """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
-        self._inputs.restart_count()
+        self.inputs.restart_count()
         self._seen = [DigitalInput(0)] * self.config.axis_count
         """Levels of the inputs that the firmware has seen last."""
-        self._look_at_once = self._inputs.levels != self._seen
+        self._look_at_once = self.inputs.levels != self._seen
         """True if the inputs must be read at the start of the next tick."""
         for axis, listener in self._on_record.items():
             self.on_record(axis, listener)
@@ -178,7 +165,7 @@ class Board:
 
     def boot(self, now_counts: int) -> None:
         """Switch the board on; its nodes announce themselves."""
-        self._drivers.supply(SUPPLIES, now_counts, 1)
+        self.drivers.supply(SUPPLIES, now_counts, 1)
         self.firmware.boot(now_counts)
         Board.poll(self, now_counts)  # not that of a subclass, which takes instants of another clock; so below
 
@@ -194,10 +181,10 @@ class Board:
     def power_down(self, now_counts: int) -> None:
         """Switch the supply off, until `start`: as `power_cycle`, but the new controller stays off the bus."""
         self._take_pins()
-        self._drivers.drop_pins(now_counts)
+        self.drivers.drop_pins(now_counts)
         self.output_changed = True
-        self._drivers.supply(reversed(SUPPLIES), now_counts, 0)
-        self._fall_silent(self._drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
+        self.drivers.supply(reversed(SUPPLIES), now_counts, 0)
+        self._fall_silent(self.drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
 
     def reset(self, now_counts: int) -> None:
         """Hold the processor in reset, until `start`: its pins float at once, also in a pulse. The drivers have power.
@@ -205,13 +192,13 @@ class Board:
         Afterwards `can` is a new controller, which the caller attaches to the bus.
         """
         self._take_pins()
-        self._drivers.release_pins(now_counts)
+        self.drivers.release_pins(now_counts)
         self.output_changed = True
-        self._fall_silent(self._drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
+        self._fall_silent(self.drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
 
     def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
         """Show the drivers the last edges; make the firmware that `start` begins."""
-        self._drivers.show(last_edges, self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.show(last_edges, self.firmware.motion.tick * TICK_COUNTS)
         self._power_up()
         self.can.power_down()
         self.down = True
@@ -223,37 +210,37 @@ class Board:
         """Let the firmware of a board that is down begin; the caller attaches its controller to the bus again."""
         self.down = False
         self.can.power_up()
-        self._drivers.hold_pins(now_counts)
-        self._look_at_once = self._inputs.levels != self._seen
+        self.drivers.hold_pins(now_counts)
+        self._look_at_once = self.inputs.levels != self._seen
         Board.boot(self, now_counts)
-        self._measure(self._measurements, now_counts)
+        self.measure(self.measurements, now_counts)
 
     def follow_outputs(self) -> list[OutputFollower]:
         """Return what follows each driver's outputs, for motors that turn with them; call this before `boot`.
 
         From now on the switches are where `place` puts the rotors, not where the drivers have counted.
         """
-        self._inputs.leave_drivers()
-        return self._drivers.follow_outputs()
+        self.inputs.leave_drivers()
+        return self.drivers.follow_outputs()
 
     @property
     def slipped_full_steps(self) -> list[int]:
         """Way by which `Slip` has moved each axis' rotor since power-up."""
-        return self._drivers.slipped_full_steps
+        return self.drivers.slipped_full_steps
 
     def place(self, rotors_substeps: Sequence[int]) -> None:
         """Let the machine's switches follow the rotors, in substeps from their zeros."""
-        if self._inputs.place(rotors_substeps):
+        if self.inputs.place(rotors_substeps):
             self._note_inputs()
 
     def ways_to_change(self) -> list[tuple[Travel, int]]:
         """Return, for each axis with switches, its way and the least distance on it, in substeps, to a change."""
-        return self._inputs.ways_to_change()
+        return self.inputs.ways_to_change()
 
     @property
     def moving(self) -> bool:
         """True while an event is possible at any tick: a motion runs, or the last one may still change a switch."""
-        return self._inputs.unsettled or any(
+        return self.inputs.unsettled or any(
             self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
         )
 
@@ -262,58 +249,50 @@ class Board:
 
         What happens at the drivers and motors happens at the start of the next tick, since pulses are computed ahead.
         """
-        match operation:
-            case EmergencyStop(pressed):
-                self._inputs.emergency_stop = pressed
-            case DriverProtect(axis, active):
-                self._held_protects[axis] = active
-                self._look_at_protect(axis)
-            case SetInput(axis, which, on):
-                self._inputs.set_general(axis, which, on=on)
-            case StuckSwitch(axis, which, closed):
-                self._inputs.stick(axis, which, closed=closed)
-            case Slip(axis, full_steps):
-                self.drain()
-                self._drivers.slip(axis, full_steps, self.firmware.motion.tick * TICK_COUNTS)
-                self._inputs.shift(axis, full_steps * self.config.substeps, self.firmware.motion)
-            case SetWire(axis, wire, condition):
-                self.drain()
-                self._drivers.set_wire(axis, wire, condition, self.firmware.motion.tick * TICK_COUNTS)
-                self._inputs.expect(self._drivers.noisy_axes)
-                self._inputs.unsettle(axis, self.firmware.motion)
-            case SwitchWire(axis, which, broken):
-                self._inputs.cut(axis, which, closed=None if broken is None else broken is Contact.NORMALLY_CLOSED)
-            case BouncingSwitch(axis, which, bounces, within_us, seed):
-                self._inputs.let_bounce(axis, which, bounces, within_us, seed)
-            case DriverMode(axis, microsteps):
-                self.drain()
-                self._drivers.set_mode(axis, microsteps, self.firmware.motion.tick * TICK_COUNTS)
-                self._inputs.unsettle(axis, self.firmware.motion)
-            case OscCapacitor(axis, osc_pf):
-                self.drain()
-                self._drivers.change_part(axis, "osc_pf", osc_pf)
-            case Supply(supply_10mv):
-                self._measure(replace(self._measurements, supply_10mv=supply_10mv), now_counts)
-            case BoardTemperature(temperature_decidegc):
-                self._measure(replace(self._measurements, temperature_decidegc=temperature_decidegc), now_counts)
+        operation.apply_to(self, now_counts)
         self._note_inputs()
+
+    def hold_protect(self, axis: int, *, held: bool) -> None:
+        """Hold the Protect pin of a driver low from outside, or release it."""
+        self._held_protects[axis] = held
+        self._look_at_protect(axis)
+
+    def slip(self, axis: int, full_steps: int) -> None:
+        """Let a rotor jump by full steps that no driver has made."""
+        self.drain()
+        self.drivers.slip(axis, full_steps, self.computed_counts)
+        self.inputs.shift(axis, full_steps * self.config.substeps, self.firmware.motion)
+
+    def set_wire(self, axis: int, wire: Wire, condition: Condition) -> None:
+        """Let a wire to a driver be like this."""
+        self.drain()
+        self.drivers.set_wire(axis, wire, condition, self.computed_counts)
+        self.inputs.expect(self.drivers.noisy_axes)
+        self.inputs.unsettle(axis, self.firmware.motion)
+
+    def set_driver_mode(self, axis: int, microsteps: int | None) -> None:
+        """Set a driver to a microstep mode; None: as the board has it, or its switches had it at power-up."""
+        self.drain()
+        self.drivers.set_mode(axis, microsteps, self.computed_counts)
+        self.inputs.unsettle(axis, self.firmware.motion)
 
     def _note_inputs(self) -> None:
         """Read the inputs at the start of the next tick if they have changed and there is a firmware to see it."""
-        self._look_at_once = self._look_at_once or (not self.down and self._inputs.levels != self._seen)
+        self._look_at_once = self._look_at_once or (not self.down and self.inputs.levels != self._seen)
 
     @property
     def surroundings(self) -> Surroundings:
         """What the machine around the board is like now; switches as they were read last."""
         return Surroundings(
-            self._inputs.emergency_stop,
-            self._measurements.supply_10mv,
-            self._measurements.temperature_decidegc,
-            tuple(map(AxisSurroundings, self._inputs.levels, self._inputs.stuck, self._held_protects)),
+            self.inputs.emergency_stop,
+            self.measurements.supply_10mv,
+            self.measurements.temperature_decidegc,
+            tuple(map(AxisSurroundings, self.inputs.levels, self.inputs.stuck, self._held_protects)),
         )
 
-    def _measure(self, measurements: BoardReadings, now_counts: int) -> None:
-        self._measurements = measurements
+    def measure(self, measurements: BoardReadings, now_counts: int) -> None:
+        """Let the board measure other values from now on."""
+        self.measurements = measurements
         self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
 
     def advance(self, until_counts: int) -> int:
@@ -330,7 +309,7 @@ class Board:
                 reached = self._advance_freely(due_counts - 1)  # the start of the tick itself comes after the look
                 if reached < due_counts - 1:
                     return reached
-            if (self._look_at_once or self._heat_is_due or self._inputs.may_have_changed(motion)) and self._look():
+            if (self._look_at_once or self._heat_is_due or self.inputs.may_have_changed(motion)) and self._look():
                 return due_counts
         return self._advance_freely(until_counts)
 
@@ -340,7 +319,7 @@ class Board:
         motion = self.firmware.motion
         if self._look_at_once:
             return motion.tick
-        due_tick, heat_due_tick = self._inputs.due_tick(motion), self._heat_due_tick
+        due_tick, heat_due_tick = self.inputs.due_tick(motion), self._heat_due_tick
         if due_tick is None or (heat_due_tick is not None and heat_due_tick < due_tick):
             due_tick = heat_due_tick
         return due_tick
@@ -348,20 +327,20 @@ class Board:
     def _look(self) -> bool:
         """Read the inputs at the start of the next tick and show them to the firmware; return True if they changed."""
         motion = self.firmware.motion
-        if self._hot or self._heat_is_due or self._inputs.restless:
+        if self._hot or self._heat_is_due or self.inputs.restless:
             self.drain()
         else:
-            for rotor in self._inputs.due_rotors(motion):
+            for rotor in self.inputs.due_rotors(motion):
                 self.drain_axis(rotor)
-        self._inputs.look(motion)
-        if self._inputs.restless:
-            self._inputs.expect(self._drivers.noisy_axes)
+        self.inputs.look(motion)
+        if self.inputs.restless:
+            self.inputs.expect(self.drivers.noisy_axes)
         if self._hot or self._heat_is_due:
             low = [self._look_at_protect(axis) for axis in range(self.config.axis_count)]
             self._hot = any(low)
             self._heat_due_tick = self._next_heat_tick()
         self._look_at_once = False
-        levels = self._inputs.levels
+        levels = self.inputs.levels
         if levels == self._seen or self.down:
             return False
         self._seen = levels
@@ -375,8 +354,8 @@ class Board:
     def _look_at_protect(self, axis: int) -> bool:
         """Read a Protect pin at the start of the next tick; return True if the driver itself holds it low."""
         tick_counts = self.firmware.motion.tick * TICK_COUNTS
-        low = not self._drivers.drivers[axis].fault_level(tick_counts)
-        self._inputs.protects[axis] = low or self._held_protects[axis]
+        low = not self.drivers.drivers[axis].fault_level(tick_counts)
+        self.inputs.protects[axis] = low or self._held_protects[axis]
         return low
 
     def _next_heat_tick(self) -> int | None:
@@ -385,7 +364,7 @@ class Board:
         The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes.
         """
         tick = self.firmware.motion.tick
-        stays = (driver.fault_stays_until(tick * TICK_COUNTS) for driver in self._drivers.drivers)
+        stays = (driver.fault_stays_until(tick * TICK_COUNTS) for driver in self.drivers.drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
         return min(ticks, default=None)
 
@@ -452,37 +431,37 @@ class Board:
     def drain(self) -> None:
         """Let the drivers process all pulses computed so far."""
         self._take_pins()
-        self._drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
 
     def drain_axis(self, axis: int) -> None:
         """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
         self._take_pins()
         motion = self.firmware.motion
-        self._drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
+        self.drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
 
     def driver_counts(self, axis: int) -> DriverMonitor:
         """Return the counts of an axis' driver, including the pulses of the tick in progress."""
         self.drain_axis(axis)
-        return self._drivers.count(axis)
+        return self.drivers.count(axis)
 
     def shaft(self, axis: int) -> Shaft:
         """Return where an axis' rotor is: without motors it is where the driver's steps and `Slip` have put it."""
         if self.rotor_of is not None:
             return self.rotor_of(axis)
         self.drain_axis(axis)
-        units = self._drivers.rotor_substeps(axis) * UNITS_PER_FULL_STEP // self.config.substeps
-        return Shaft(units, self._drivers.slipped_full_steps[axis])
+        units = self.drivers.rotor_substeps(axis) * UNITS_PER_FULL_STEP // self.config.substeps
+        return Shaft(units, self.drivers.slipped_full_steps[axis])
 
     def _take_pins(self) -> None:
         for change in self.firmware.take_pins():
-            self._drivers.set_pin(change)
+            self.drivers.set_pin(change)
             self.output_changed |= change.pin in OUTPUT_PINS
             self._look_at_once |= self._hot and change.pin not in OUTPUT_PINS  # RESET may end the thermal shutdown
 
     @property
     def pin_changes(self) -> list[PinChange]:
         """Changes, already at the drivers, of the pins that the firmware holds at a level."""
-        return self._drivers.pin_changes
+        return self.drivers.pin_changes
 
     def watch_outputs(self) -> None:
         """Let `output_changed` tell of each change at once."""
@@ -490,49 +469,49 @@ class Board:
 
     def output_level(self, axis: int, pin: Pin) -> int:
         """Return the level of a digital output."""
-        return self._drivers.level(axis, pin)
+        return self.drivers.level(axis, pin)
 
     def output_changes(self) -> list[PinChange]:
         """Return all changes of digital outputs so far, in order of time; outputs are 0 at first."""
         self.drain()
-        return [change for change in self._drivers.pin_changes if change.pin in OUTPUT_PINS]
+        return [change for change in self.drivers.pin_changes if change.pin in OUTPUT_PINS]
 
     def take_pin_changes(self) -> list[PinChange]:
         """Return `pin_changes` up to now and clear it."""
         self._take_pins()
-        changes, self._drivers.pin_changes = self._drivers.pin_changes, []
+        changes, self.drivers.pin_changes = self.drivers.pin_changes, []
         return changes
 
     def position_steps(self, axis: int) -> int:
         """Return the steps that an axis' driver has counted since power-up."""
         self.drain_axis(axis)
-        return self._drivers.drivers[axis].position_steps
+        return self.drivers.drivers[axis].position_steps
 
     def position_full_steps(self, axis: int) -> float:
         """Return the position of an axis' rotor since power-up."""
         self.drain_axis(axis)
-        return self._drivers.rotor_substeps(axis) / self.config.substeps
+        return self.drivers.rotor_substeps(axis) / self.config.substeps
 
     def positions_full_steps(self) -> list[float]:
         """Return `position_full_steps` of all axes."""
         self.drain()
-        return [self._drivers.rotor_substeps(axis) / self.config.substeps for axis in range(self.config.axis_count)]
+        return [self.drivers.rotor_substeps(axis) / self.config.substeps for axis in range(self.config.axis_count)]
 
     def driver_microsteps(self, axis: int) -> int:
         """Return the microsteps per full step that an axis' driver makes, whatever the firmware takes them for."""
         self.drain_axis(axis)
-        return self._drivers.drivers[axis].microsteps
+        return self.drivers.drivers[axis].microsteps
 
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
         trace = self.trace(axis)
-        self._drivers.forget(axis, self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.forget(axis, self.firmware.motion.tick * TICK_COUNTS)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis since power-up, or since it was taken last."""
         self.drain_axis(axis)
-        return self._drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)
+        return self.drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)
 
 
 _DRIVER_ENTRIES = od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS, od.DRIVER_MICROSTEPS

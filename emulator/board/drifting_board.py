@@ -11,7 +11,7 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.faults.operations import BoardOperation
+from steptwin.emulator.faults.harm import BoardOperation
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import Frame
 

@@ -8,7 +8,15 @@ from typing import Final
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.bus.fault_confinement import ErrorState
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
+from steptwin.emulator.faults.bus import (
+    BusFault,
+    FaultScript,
+    FrameCorruption,
+    FrameDelay,
+    FrameDuplicate,
+    FrameLoss,
+    SenderOff,
+)
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -48,7 +56,7 @@ class Bus:
     Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
     valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
     the list of stations in bus-off, so they belong together; frame lengths, error counters and scripted faults are
-    elsewhere (`can_timing`, `fault_confinement`, `bus_faults`).
+    elsewhere (`can_timing`, `fault_confinement`, `faults.bus`).
     """
 
     def __init__(self, bitrate: int, faults: FaultScript | None = None, log: Log | None = None) -> None:
@@ -78,8 +86,8 @@ class Bus:
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
         self.faults = faults or FaultScript()
         """The script of the wire's faults."""
-        self._waiting: list[tuple[Frame, BusFaultKind]] = []
-        """Frames that still wait, with the kinds that strike a frame only once and have struck it."""
+        self._waiting: list[tuple[Frame, type[BusFault]]] = []
+        """Frames that still wait, with the faults that strike a frame only once and have struck it."""
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
@@ -192,9 +200,9 @@ class Bus:
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
         fault = self._strike(frame, now_counts) if self.faults.faults else None
-        if fault and fault.kind is BusFaultKind.DELAY:
+        if isinstance(fault, FrameDelay):
             self._hold(frame, senders, now_counts + fault.delay_counts)
-        elif fault and fault.kind is BusFaultKind.BUS_OFF:
+        elif isinstance(fault, SenderOff):
             for station in senders:
                 self.throw_off(station, now_counts)
         else:
@@ -205,14 +213,14 @@ class Bus:
         return self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
 
     def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
-        self._waiting.append((frame, BusFaultKind.DELAY))
+        self._waiting.append((frame, FrameDelay))
         for station in senders:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
     def end_fault(self, fault: BusFault, now_counts: int) -> None:
         """Let a scripted fault strike no more; one that is not there changes nothing."""
         self.faults.end(fault)
-        if fault.kind is BusFaultKind.DELAY:
+        if isinstance(fault, FrameDelay):
             self._release(now_counts)
 
     def end_faults(self, now_counts: int) -> None:
@@ -233,18 +241,18 @@ class Bus:
 
     def _missing(self, fault: BusFault) -> list[CanController]:
         """Return the stations that do not receive the frame because of a LOSS."""
-        if fault.kind is not BusFaultKind.LOSS:
+        if not isinstance(fault, FrameLoss):
             return []
         return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
 
     def _judge(self, senders: list[CanController], outdone: list[CanController], fault: BusFault | None) -> _Outcome:
-        if fault and fault.kind is BusFaultKind.CORRUPTION:
+        if isinstance(fault, FrameCorruption):
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
         if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
             return _Outcome.UNACKNOWLEDGED
-        return _Outcome.DOUBLED if fault and fault.kind is BusFaultKind.DUPLICATE else _Outcome.VALID
+        return _Outcome.DOUBLED if isinstance(fault, FrameDuplicate) else _Outcome.VALID
 
     def _begin(
         self,
@@ -303,7 +311,7 @@ class Bus:
         doubled = self._outcome is _Outcome.DOUBLED
         if doubled:
             self.error_frames += 1
-            self._waiting.append((frame, BusFaultKind.DUPLICATE))
+            self._waiting.append((frame, FrameDuplicate))
         self._log(frame, now_counts)
         for station in self._stations:
             if station in senders:

@@ -11,11 +11,12 @@ from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
+from steptwin.emulator.drivers.axis_wires import AxisWires, Passed
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_chip import LevelChange, OutputFollower, Outputs, Rail, TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Module
 from steptwin.emulator.drivers.limits import Violations
-from steptwin.emulator.faults.wires import AxisWires, Condition, Passed, Wire
+from steptwin.emulator.faults.wiring import Condition, Wire
 
 SUPPLIES = (Rail.VDD, Rail.VM)
 """The drivers' supplies, in the order in which the board switches them on."""

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.board import Board
-from steptwin.emulator.faults.operations import SetInput
+from steptwin.emulator.faults.machine import SetInput
 from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND

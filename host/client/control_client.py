@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.host.client.links.connecting import ANSWER_S, SILENT, address_text, connected
-from steptwin.host.common.control import Do, Stuck
+from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import ClockStood
 from steptwin.host.common.tables import Table, json_table
@@ -184,33 +184,33 @@ class ControlClient:
 
     def state(self) -> ControlState:
         """Ask how the machine is."""
-        return self.ask(Do.STATE)
+        return self.ask("state")
 
     def emergency_stop(self, *, pressed: bool) -> ControlState:
         """Press the emergency stop, or pull it out."""
-        return self.ask(Do.ESTOP, pressed=pressed)
+        return self.ask("estop", pressed=pressed)
 
     def supply(self, supply_v: float) -> ControlState:
         """Give the motor supply another voltage, to 10 mV."""
-        return self.ask(Do.SUPPLY, supply_v=supply_v)
+        return self.ask("supply", supply_v=supply_v)
 
     def temperature(self, temperature_degc: float) -> ControlState:
         """Give the board another temperature, to 0.1 degC."""
-        return self.ask(Do.TEMPERATURE, temperature_degc=temperature_degc)
+        return self.ask("temperature", temperature_degc=temperature_degc)
 
     def protect(self, joint: str, *, held: bool) -> ControlState:
         """Hold the Protect pin of a joint's driver low, as a chip does that is too hot, or release it."""
-        return self.ask(Do.PROTECT, joint=joint, held=held)
+        return self.ask("protect", joint=joint, held=held)
 
     def set_input(self, name: str, *, on: bool) -> ControlState:
         """Set a digital input, by its name in the robot's file."""
-        return self.ask(Do.INPUT, input=name, on=on)
+        return self.ask("input", input=name, on=on)
 
     def switch(self, joint: str, name: str, stuck: Stuck) -> ControlState:
         """Let a switch of a joint (`-`, `+` or `home`) stick closed or open, or be free again."""
-        return self.ask(Do.SWITCH, joint=joint, switch=name, stuck=stuck)
+        return self.ask("switch", joint=joint, switch=name, stuck=stuck)
 
-    def ask(self, do: Do, **values: Any) -> ControlState:
+    def ask(self, do: str, **values: Any) -> ControlState:
         """Send a request with these keys beside `do`; return the state after it."""
         with self._asking:
             try:

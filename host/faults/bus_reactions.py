@@ -5,9 +5,19 @@ from dataclasses import replace
 from math import inf
 from typing import Final
 
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.faults.operations import Babble, BusOff, StrangerSends
-from steptwin.host.faults.harms import BusRepair, Harm
+from steptwin.emulator.faults.bus import (
+    Babble,
+    BusFault,
+    BusOff,
+    BusRepair,
+    FrameCorruption,
+    FrameDelay,
+    FrameDuplicate,
+    FrameLoss,
+    SenderOff,
+    StrangerSends,
+)
+from steptwin.emulator.faults.harm import Harm
 from steptwin.host.faults.reaction import (
     DEAF_BOARD_MS,
     GOES_ON,
@@ -44,11 +54,11 @@ _OF_STRANGERS: Final = (
 """Error codes to which a stranger's frames may lead."""
 
 
-def _bus(kind: BusFaultKind, only: int | None = None) -> Callable[[Harm, Moment], bool]:
+def _bus(kind: type[BusFault], only: int | None = None) -> Callable[[Harm, Moment], bool]:
     """Return the condition that a fault of the bus is of a kind and, given an identifier, concerns no other frames."""
 
     def applies(harm: Harm, _moment: Moment) -> bool:
-        if not isinstance(harm, BusFault) or harm.kind is not kind:
+        if not isinstance(harm, kind):
             return False
         return only is None or [cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in harm.cob_ids] == [only]
 
@@ -71,13 +81,13 @@ def _board_off(harm: Harm, _moment: Moment) -> bool:
 
 def _deaf_board(harm: Harm, moment: Moment) -> bool:
     """Return whether SYNC is lost for one of several boards."""
-    alone = _bus(BusFaultKind.LOSS, COB_SYNC)(harm, moment)
-    return alone and isinstance(harm, BusFault) and harm.receiver is not None and moment.several_boards
+    alone = _bus(FrameLoss, COB_SYNC)(harm, moment)
+    return alone and isinstance(harm, FrameLoss) and harm.receiver is not None and moment.several_boards
 
 
 def _silent_host(harm: Harm, moment: Moment) -> bool:
     """Return whether the host's heartbeat is lost from now on, and nothing else."""
-    alone = _bus(BusFaultKind.LOSS, COB_HEARTBEAT + HOST_NODE_ID)(harm, moment)
+    alone = _bus(FrameLoss, COB_HEARTBEAT + HOST_NODE_ID)(harm, moment)
     return alone and isinstance(harm, BusFault) and harm.rate == 1 and not harm.skip
 
 
@@ -124,7 +134,7 @@ ROWS: Final[tuple[Documented, ...]] = (
     ),
     Documented(
         "frames come twice, or make their sender leave the bus",
-        lambda harm, moment: any(_bus(kind)(harm, moment) for kind in (BusFaultKind.DUPLICATE, BusFaultKind.BUS_OFF)),
+        lambda harm, _: isinstance(harm, FrameDuplicate | SenderOff),
         stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "sequence numbers tell; a sender whose frames all come twice goes into bus-off",
     ),
@@ -142,25 +152,25 @@ ROWS: Final[tuple[Documented, ...]] = (
     ),
     Documented(
         "SYNC lost",
-        _bus(BusFaultKind.LOSS, COB_SYNC),
+        _bus(FrameLoss, COB_SYNC),
         Reaction(Motion.NOT_BEGUN, (ErrorCode.HEARTBEAT_LOST,), State.FAULT, certain=False),
         "the host notices that no axis starts, and gives up",
     ),
     Documented(
         "frames lost",
-        _bus(BusFaultKind.LOSS),
+        _bus(FrameLoss),
         stops(*RUN_DRY, ErrorCode.HEARTBEAT_LOST, begins_ms=inf, certain=False),
         "lost points are sent again; if too many are lost, the queues run dry",
     ),
     Documented(
         "frames disturbed",
-        _bus(BusFaultKind.CORRUPTION),
+        _bus(FrameCorruption),
         stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "CAN repeats them; if none comes through, it is as if they were lost",
     ),
     Documented(
         "frames delayed",
-        _bus(BusFaultKind.DELAY),
+        _bus(FrameDelay),
         stops(*_OF_BAD_BUS, begins_ms=inf, certain=False),
         "the queues bridge it, up to the points that are in them; the host gives a start up that is a second late",
     ),

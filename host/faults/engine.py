@@ -5,18 +5,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.faults.bus_faults import BusFault
-from steptwin.emulator.faults.operations import BrownOut, Operation, WatchdogReset
+from steptwin.emulator.faults.bus import BusFault
+from steptwin.emulator.faults.harm import Harm, Operation
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
+from steptwin.emulator.faults.machine import BrownOut, WatchdogReset
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import BusError
-from steptwin.host.faults.harms import (
-    BusRepair,
-    Harm,
-    HostFault,
-    HostFaultKind,
-    opposite,
-    place_of,
-)
 from steptwin.host.faults.reactions import concerned
 from steptwin.host.faults.scenario import Fault, Scenario
 from steptwin.host.faults.target import Moment, Target
@@ -284,10 +278,10 @@ class Engine:
             each.strikes, each.first_counts = 1, now_counts
         if isinstance(harm, HostFault):
             return
-        if not isinstance(harm, BusFault | BusRepair):
-            undo = opposite(harm, self.target.surroundings)
-            if undo is not None:
-                self._lasting.setdefault(place_of(harm), _Changed(undo)).by.append(harm)
+        if isinstance(harm, Operation):
+            undo = harm.undo(self.target.surroundings)
+            if isinstance(undo, Operation):
+                self._lasting.setdefault(_place_of(harm), _Changed(undo)).by.append(harm)
         self.target.harm(harm)
 
     def counted_from(self, began: Moment) -> Moment | None:
@@ -312,20 +306,25 @@ class Engine:
             self.target.simulation.bus.end_fault(harm, self.target.simulation.now_counts)
         elif isinstance(harm, HostFault):
             self._host.end(harm)
-        elif not isinstance(harm, BusRepair):
+        elif isinstance(harm, Operation):
             self._end_change(harm)
 
     def _end_change(self, harm: Operation) -> None:
         """Undo an operation, unless a later one has replaced it; one that it has replaced and that lasts comes back."""
-        changed = self._lasting.get(place_of(harm))
+        changed = self._lasting.get(_place_of(harm))
         if changed is None or all(each is not harm for each in changed.by):
             return
         was_last = changed.by[-1] is harm
         changed.by = [each for each in changed.by if each is not harm]
         if not changed.by:
-            del self._lasting[place_of(harm)]
+            del self._lasting[_place_of(harm)]
         if was_last:
             self.target.operate(changed.by[-1] if changed.by else changed.undo)
+
+
+def _place_of(operation: Operation) -> tuple[object, ...]:
+    """Return what an operation changes: those of one place replace each other, as two voltages of one supply."""
+    return (type(operation), *(getattr(operation, name, None) for name in ("axis", "input", "switch", "wire", "frame")))
 
 
 def _comes(watch: Watch | None) -> bool:

@@ -6,10 +6,10 @@ from math import ceil
 
 import numpy as np
 
-from steptwin.emulator.faults.bus_faults import BusFault
+from steptwin.emulator.faults.bus import BusFault
+from steptwin.emulator.faults.harm import Harm
 from steptwin.host.client.words import state_text
 from steptwin.host.faults.engine import Emergency, Played
-from steptwin.host.faults.harms import Harm
 from steptwin.host.faults.reaction import HOST_NOTICES_MS, TICK_MS, Motion, Reaction
 from steptwin.host.faults.reactions import concerned
 from steptwin.host.faults.report import JointAnswer

@@ -3,7 +3,8 @@
 from dataclasses import replace
 from typing import Final
 
-from steptwin.emulator.faults.operations import (
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.machine import (
     BoardTemperature,
     BrownOut,
     EmergencyStop,
@@ -14,7 +15,6 @@ from steptwin.emulator.faults.operations import (
     Supply,
     WatchdogReset,
 )
-from steptwin.host.faults.harms import Harm
 from steptwin.host.faults.reaction import (
     GOES_ON,
     HOST_LOST,

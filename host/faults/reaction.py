@@ -6,9 +6,9 @@ from enum import Enum
 from math import inf
 from typing import Final
 
+from steptwin.emulator.faults.harm import Harm
 from steptwin.host.client.heartbeat import TIMEOUT_MS
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, SILENCE_S
-from steptwin.host.faults.harms import Harm
 from steptwin.host.faults.target import Moment
 from steptwin.protocol.cia402 import ErrorCode, State
 from steptwin.protocol.pvt import QUEUE_DEPTH

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Final
 
-from steptwin.emulator.faults.operations import BrownOut, BusOff, PowerUp, WatchdogReset
+from steptwin.emulator.faults.harm import AxisOperation, Harm, Operation
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.host.faults import bus_reactions, machine_reactions, wiring_reactions
-from steptwin.host.faults.harms import Harm, HostFault, HostFaultKind, on_axis
 from steptwin.host.faults.reaction import (
     HEARTBEAT_MS,
     HOST_LOST,
@@ -79,9 +79,8 @@ def concerned(harm: Harm, boards: Sequence[int]) -> list[int]:
     What is done to a board concerns all axes on it.
     """
     axes = range(len(boards))
-    axis = on_axis(harm)
-    if axis is not None:
-        return [axis]
-    if isinstance(harm, BrownOut | WatchdogReset | PowerUp | BusOff) and harm.axis is not None:
-        return [each for each in axes if boards[each] == boards[harm.axis]]
+    if isinstance(harm, AxisOperation):
+        return [harm.axis]
+    if isinstance(harm, Operation) and harm.place is not None:
+        return [each for each in axes if boards[each] == boards[harm.place]]
     return list(axes)

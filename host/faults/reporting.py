@@ -7,10 +7,10 @@ from typing import Any
 
 from steptwin.host.faults.engine import Emergency, Engine, Played
 from steptwin.host.faults.judge import Answer, Judge, standstill_limit_ms, standstill_ms
-from steptwin.host.faults.operations import request_of
 from steptwin.host.faults.reaction import Motion, Reaction
 from steptwin.host.faults.reactions import documented
 from steptwin.host.faults.report import FaultReport, JointAnswer, ScenarioReport, Told
+from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import AxisMoment, Moment
 from steptwin.host.faults.triggers import AtTime
 from steptwin.host.robots.joint import Joint

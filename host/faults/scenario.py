@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, Final
 
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.host import HostFault
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
@@ -16,9 +18,8 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Reading, Table, integer_from, number_from, toml_table
 from steptwin.host.faults.frames import read_identifier
-from steptwin.host.faults.harms import Harm, HostFault, why_endless
-from steptwin.host.faults.operations import read_harm
 from steptwin.host.faults.reaction import Motion, Reaction
+from steptwin.host.faults.requests import read_harm
 from steptwin.host.faults.triggers import (
     AtPosition,
     AtRandom,
@@ -163,7 +164,7 @@ def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
     given = [key for key in ("for_s", "until") if values[key] is not None]
     if len(given) > 1:
         raise InputError("for_s: a fault has for_s or until, not both")
-    if given and (why := why_endless(harm)):
+    if given and (why := harm.why_endless()):
         raise InputError(f"{given[0]}: this fault has no end: {why}")
     until: Trigger | float | None = values[given[0]] if given else None
     return until

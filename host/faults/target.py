@@ -4,12 +4,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from steptwin.emulator.board.board import Board
-from steptwin.emulator.faults.bus_faults import BusFault
-from steptwin.emulator.faults.operations import BusOperation, Operation, Payload, PlacedOperation
+from steptwin.emulator.faults.bus import FrameLoss
+from steptwin.emulator.faults.harm import Harm, Operation
+from steptwin.emulator.faults.machine import Payload
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
-from steptwin.host.faults.harms import BusRepair, Harm, check_motors
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
@@ -118,10 +118,10 @@ class Places:
         One that names an axis is done on the board of this axis, one on the bus or at the tool once, any other on every
         board.
         """
-        if isinstance(operation, PlacedOperation) and operation.axis is not None:
-            board, axis = self._places[operation.axis]
-            return [(board, replace(operation, axis=axis))]
-        if isinstance(operation, BusOperation | Payload):
+        if operation.place is not None:
+            board, axis = self._places[operation.place]
+            return [(board, operation.at(axis))]
+        if operation.once:
             return [(0, operation)]
         return [(board, operation) for board in self._boards]
 
@@ -130,9 +130,18 @@ class Places:
 
         None: it is the one on another board than the first of an operation that is done on every board.
         """
-        if isinstance(operation, PlacedOperation) and operation.axis is not None:
-            return replace(operation, axis=self._places.index((board, operation.axis)))
+        if operation.place is not None:
+            return operation.at(self._places.index((board, operation.place)))
         return operation if board == 0 else None
+
+
+def check_motors(harm: Harm, *, turning: bool) -> None:
+    """Raise InputError for a harm that only motors feel, unless they turn with the boards."""
+    if isinstance(harm, Payload) and not turning:
+        raise InputError(
+            f"payload_kg: {harm.payload_kg:g} kg: only motors that turn with the board feel it:"
+            " run --motors=loop, serve --motors, or motors=True in a test"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,19 +173,16 @@ class Target:
         """Raise InputError unless the machine has what a harm concerns: motors that turn with it, a receiver."""
         check_motors(harm, turning=self.simulation.rotor_watch is not None)
         boards = len(self.simulation.boards)
-        if isinstance(harm, BusFault) and harm.receiver is not None and harm.receiver > boards:
+        if isinstance(harm, FrameLoss) and harm.receiver is not None and harm.receiver > boards:
             raise InputError(f"receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")
 
-    def harm(self, harm: Operation | BusFault | BusRepair) -> None:
+    def harm(self, harm: Harm) -> None:
         """Execute an operation now, or let a fault of the bus begin, or end all of them; raises as `check`."""
         self.check(harm)
-        match harm:
-            case BusFault():
-                self.simulation.bus.faults.begin(harm)
-            case BusRepair():
-                self.simulation.repair_bus()
-            case _:
-                self.operate(harm)
+        if isinstance(harm, Operation):
+            self.operate(harm)
+        else:
+            harm.apply(self.simulation, 0)
 
     def operate(self, operation: Operation) -> None:
         """Execute an operation now: on the board of its axis, on the bus, at the tool, else on every board."""

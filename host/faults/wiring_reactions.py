@@ -3,18 +3,10 @@
 from math import inf
 from typing import Final, TypeGuard
 
-from steptwin.emulator.faults.operations import (
-    BouncingSwitch,
-    Contact,
-    DriverMode,
-    DriverProtect,
-    OscCapacitor,
-    SetWire,
-    StuckSwitch,
-    SwitchWire,
-)
-from steptwin.emulator.faults.wires import WireState
-from steptwin.host.faults.harms import Harm
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
+from steptwin.emulator.faults.wiring import SetWire, WireState
 from steptwin.host.faults.reaction import GOES_ON, UNKNOWABLE, Documented, Motion, Reaction, stops
 from steptwin.host.faults.target import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from pluggy import Result
 
     from steptwin.controller.motion.backend import Kernel
-    from steptwin.emulator.faults.bus_faults import BusFault
-    from steptwin.emulator.faults.operations import Scheduled
+    from steptwin.emulator.faults.bus import BusFault
+    from steptwin.emulator.faults.schedule import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest

@@ -2,7 +2,7 @@
 
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.faults.bus_faults import FaultScript
+from steptwin.emulator.faults.bus import FaultScript
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 

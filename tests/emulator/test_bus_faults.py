@@ -4,7 +4,15 @@ import pytest
 
 from steptwin.emulator.bus.can_timing import frame_bits
 from steptwin.emulator.bus.fault_confinement import ErrorState
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
+from steptwin.emulator.faults.bus import (
+    BusFault,
+    FaultScript,
+    FrameCorruption,
+    FrameDelay,
+    FrameDuplicate,
+    FrameLoss,
+    SenderOff,
+)
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 from tests.emulator.bus_rig import BusRig
@@ -20,7 +28,7 @@ def rig_with(*faults: BusFault, stations: int = 2) -> BusRig:
 
 
 def test_a_loss_is_acknowledged_but_not_heard() -> None:
-    rig = rig_with(BusFault(BusFaultKind.LOSS, (0x200,), skip=1, count=1))
+    rig = rig_with(FrameLoss((0x200,), skip=1, count=1))
     for byte in range(3):
         rig.stations[0].send(Frame(0x200, bytes((byte,))), 0)
     rig.run()
@@ -29,14 +37,14 @@ def test_a_loss_is_acknowledged_but_not_heard() -> None:
 
 
 def test_a_loss_may_concern_one_receiver_only() -> None:
-    rig = rig_with(BusFault(BusFaultKind.LOSS, receiver=2), stations=4)
+    rig = rig_with(FrameLoss(receiver=2), stations=4)
     rig.stations[0].send(FRAME, 0)
     rig.run()
     assert [len(frames) for frames in rig.heard] == [0, 1, 0, 1]
 
 
 def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
-    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, count=2), stations=3)
+    rig = rig_with(FrameCorruption(count=2), stations=3)
     rig.stations[0].send(FRAME, 0)
     rig.run()
     assert rig.heard[1] == rig.heard[2] == [(rig.bits(2 * ERROR_BITS + BITS - 4), FRAME)]
@@ -49,7 +57,7 @@ def test_a_disturbed_frame_costs_an_error_frame_and_is_sent_again() -> None:
 
 def test_a_doubled_frame_is_heard_twice_and_sent_once_for_its_sender() -> None:
     """The error flag, echo and delimiter follow the end of frame; then it is sent again."""
-    rig = rig_with(BusFault(BusFaultKind.DUPLICATE), stations=3)
+    rig = rig_with(FrameDuplicate(), stations=3)
     sent: list[int] = []
     rig.stations[0].on_sent = lambda _, counts: sent.append(counts)
     rig.stations[0].send(FRAME, 0)
@@ -64,7 +72,7 @@ def test_a_doubled_frame_is_heard_twice_and_sent_once_for_its_sender() -> None:
 
 
 def test_a_frame_that_nobody_takes_is_not_doubled() -> None:
-    rig = rig_with(BusFault(BusFaultKind.DUPLICATE, count=1), stations=1)
+    rig = rig_with(FrameDuplicate(count=1), stations=1)
     rig.stations[0].send(FRAME, 0)
     rig.run(rig.bits(BITS))
     assert (rig.bus.frames, rig.stations[0].mailboxes) == (0, [FRAME])
@@ -108,7 +116,7 @@ class TestThrownOff:
 
 
 def test_a_lower_identifier_goes_before_a_repetition() -> None:
-    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, (0x200,), count=1))
+    rig = rig_with(FrameCorruption((0x200,), count=1))
     rig.stations[0].send(FRAME, 0)
     rig.bus.step(0)
     rig.stations[1].send(Frame(0x100, b""), 1)
@@ -118,7 +126,7 @@ def test_a_lower_identifier_goes_before_a_repetition() -> None:
 
 def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
     """A passive sender pauses 8 bits more; the 128 x 11 recessive bits begin with its last error delimiter."""
-    rig = rig_with(BusFault(BusFaultKind.CORRUPTION, count=32))
+    rig = rig_with(FrameCorruption(count=32))
     rig.stations[0].send(FRAME, 0)
     rig.run()
     passive = rig.bits(16 * ERROR_BITS - 11)
@@ -136,7 +144,7 @@ def test_32_disturbances_in_a_row_throw_the_sender_off() -> None:
 
 
 def test_a_sender_thrown_off_sends_when_it_is_back() -> None:
-    rig = rig_with(BusFault(BusFaultKind.BUS_OFF, (0x200,), count=1))
+    rig = rig_with(SenderOff((0x200,), count=1))
     rig.stations[0].send(FRAME, 0)
     rig.bus.step(0)
     assert rig.stations[0].state is ErrorState.BUS_OFF
@@ -147,7 +155,7 @@ def test_a_sender_thrown_off_sends_when_it_is_back() -> None:
 
 
 def test_a_delay_holds_up_its_sender_once() -> None:
-    rig = rig_with(BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=1_000_000))
+    rig = rig_with(FrameDelay((0x200,), delay_counts=1_000_000))
     rig.stations[0].send(FRAME, 0)
     rig.stations[0].send(Frame(0x201, b""), 0)
     rig.stations[1].send(Frame(0x300, b""), 0)
@@ -159,7 +167,7 @@ def test_a_delay_holds_up_its_sender_once() -> None:
 @pytest.mark.parametrize("all_faults", [False, True])
 def test_the_end_of_a_delay_lets_its_sender_go(*, all_faults: bool) -> None:
     """It waits for the pause of an error passive station at most, 8 bits."""
-    day = BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=86_400 * 72_000_000)
+    day = FrameDelay((0x200,), delay_counts=86_400 * 72_000_000)
     rig = rig_with(day)
     rig.stations[0].send(FRAME, 0)
     rig.run(1_000_000)
@@ -174,7 +182,7 @@ def test_the_end_of_a_delay_lets_its_sender_go(*, all_faults: bool) -> None:
 
 
 def test_the_end_of_another_fault_leaves_a_delay() -> None:
-    delay, loss = BusFault(BusFaultKind.DELAY, (0x200,), delay_counts=1_000_000), BusFault(BusFaultKind.LOSS, (0x300,))
+    delay, loss = FrameDelay((0x200,), delay_counts=1_000_000), FrameLoss((0x300,))
     rig = rig_with(delay, loss)
     rig.stations[0].send(FRAME, 0)
     rig.run(1000)
@@ -184,7 +192,7 @@ def test_the_end_of_another_fault_leaves_a_delay() -> None:
 
 
 def test_a_fault_strikes_within_its_time_only() -> None:
-    script = FaultScript([BusFault(BusFaultKind.LOSS, from_counts=100, until_counts=200)])
+    script = FaultScript([FrameLoss(from_counts=100, until_counts=200)])
     struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts)]
     assert struck == [100, 150]
     assert script.struck == [(counts, script.faults[0], FRAME) for counts in struck]
@@ -192,7 +200,7 @@ def test_a_fault_strikes_within_its_time_only() -> None:
 
 def test_a_rate_is_drawn_from_the_seed() -> None:
     def strikes(seed: int) -> list[bool]:
-        script = FaultScript([BusFault(BusFaultKind.LOSS, rate=0.3)], seed)
+        script = FaultScript([FrameLoss(rate=0.3)], seed)
         return [script.strike(FRAME, 0) is not None for _ in range(1000)]
 
     assert strikes(1) == strikes(1) != strikes(2)
@@ -201,6 +209,6 @@ def test_a_rate_is_drawn_from_the_seed() -> None:
 
 def test_impossible_rates_and_delays_are_refused() -> None:
     with pytest.raises(ValueError, match="rate"):
-        BusFault(BusFaultKind.LOSS, rate=1.5)
+        FrameLoss(rate=1.5)
     with pytest.raises(ValueError, match="delay_counts"):
-        BusFault(BusFaultKind.DELAY)
+        FrameDelay(delay_counts=0)

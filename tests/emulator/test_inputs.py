@@ -23,16 +23,11 @@ from steptwin.emulator.drivers.driver_module import Coupler, Module
 from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS, Tb6560Kind
-from steptwin.emulator.faults.operations import (
-    BoardTemperature,
-    DriverProtect,
-    EmergencyStop,
-    Operation,
-    Scheduled,
-    SetInput,
-    StuckSwitch,
-    Supply,
-)
+from steptwin.emulator.faults.drivers import DriverProtect
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.limit_switches import StuckSwitch
+from steptwin.emulator.faults.machine import BoardTemperature, EmergencyStop, SetInput, Supply
+from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.protocol import od

@@ -9,7 +9,8 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_profiles import PROFILES
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.faults.operations import BrownOut, EmergencyStop, Operation, PowerUp, WatchdogReset
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Status

@@ -13,12 +13,12 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.drivers.axis_wires import AxisWires
 from steptwin.emulator.drivers.driver_chip import TerminalEdges
 from steptwin.emulator.drivers.driver_module import ClkEdge, Module
 from steptwin.emulator.drivers.driver_profiles import PROFILES
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.faults.operations import SetWire
-from steptwin.emulator.faults.wires import AxisWires, Condition, Noise, Wire, WireState
+from steptwin.emulator.faults.wiring import Condition, Noise, SetWire, Wire, WireState
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od

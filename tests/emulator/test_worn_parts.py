@@ -11,14 +11,8 @@ from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.inputs import Bouncer
 from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.faults.operations import (
-    BouncingSwitch,
-    Contact,
-    DriverMode,
-    OscCapacitor,
-    StuckSwitch,
-    SwitchWire,
-)
+from steptwin.emulator.faults.drivers import DriverMode, OscCapacitor
+from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
@@ -192,5 +186,5 @@ class TestCapacitor:
         assert np.array_equal(rig.board.trace(0).violations.counts, trace.violations.counts)
 
     def test_one_outside_the_chips_range_is_refused(self, fast_kernel: Kernel) -> None:
-        with pytest.raises(ValueError, match="the OSC capacitor is 60 pF"):
+        with pytest.raises(ValueError, match="osc_pf 60 is not from 64 to 1000000"):
             Rig(fast_kernel).simulation.operate(OscCapacitor(0, 60))

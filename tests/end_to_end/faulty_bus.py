@@ -3,7 +3,7 @@
 from typing import Final
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus_faults import FaultScript
+from steptwin.emulator.faults.bus import FaultScript
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot

@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind, FaultScript
+from steptwin.emulator.faults.bus import FaultScript, FrameCorruption, FrameDelay, FrameLoss, SenderOff
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import COB_SYNC
 from tests.end_to_end.faulty_bus import MS, drawer_pull
@@ -15,7 +15,7 @@ RPDO4 = range(0x510, 0x518)
 
 def losing(part: float) -> FaultScript:
     """Return a script that loses this part of all PVT records."""
-    return FaultScript([BusFault(BusFaultKind.LOSS, RPDO4, rate=part)], seed=1)
+    return FaultScript([FrameLoss(RPDO4, rate=part)], seed=1)
 
 
 @pytest.mark.parametrize("part", [0.002, 0.01, 0.05])
@@ -37,7 +37,7 @@ def test_a_line_too_bad_to_keep_up_ends_in_an_underrun(fast_kernel: Kernel) -> N
 
 def test_a_lost_sync_is_noticed(fast_kernel: Kernel) -> None:
     with pytest.raises(BusError, match="not all axes start within 1 s"):
-        drawer_pull(fast_kernel, FaultScript([BusFault(BusFaultKind.LOSS, (COB_SYNC,))]))
+        drawer_pull(fast_kernel, FaultScript([FrameLoss((COB_SYNC,))]))
 
 
 def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
@@ -47,7 +47,7 @@ def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
 
 def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
     """One attempt in twenty is disturbed: CAN itself repeats it, no record is missing and no node reports an error."""
-    script = FaultScript([BusFault(BusFaultKind.CORRUPTION, rate=0.05)], seed=1)
+    script = FaultScript([FrameCorruption(rate=0.05)], seed=1)
     outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) > 300
     assert outcome.report.passed, outcome.report.reasons
@@ -56,7 +56,7 @@ def test_a_noisy_line_costs_bits_and_nothing_else(fast_kernel: Kernel) -> None:
 
 def test_a_hold_up_is_bridged_by_the_queues(fast_kernel: Kernel) -> None:
     """In the middle of the motion a record waits 100 ms in the host's controller."""
-    script = FaultScript([BusFault(BusFaultKind.DELAY, RPDO4, from_counts=3000 * MS, count=1, delay_counts=100 * MS)])
+    script = FaultScript([FrameDelay(RPDO4, from_counts=3000 * MS, count=1, delay_counts=100 * MS)])
     outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) == 1
     assert outcome.report.passed, outcome.report.reasons
@@ -65,7 +65,7 @@ def test_a_hold_up_is_bridged_by_the_queues(fast_kernel: Kernel) -> None:
 
 def test_a_board_that_leaves_the_bus_stops_all_its_axes(fast_kernel: Kernel) -> None:
     """The host learns of it when the board is back."""
-    script = FaultScript([BusFault(BusFaultKind.BUS_OFF, range(0x190, 0x198), from_counts=5000 * MS, count=1)])
+    script = FaultScript([SenderOff(range(0x190, 0x198), from_counts=5000 * MS, count=1)])
     outcome = drawer_pull(fast_kernel, script)
     assert len(script.struck) == 1
     assert "0x8140" in str(outcome.fault)
@@ -76,8 +76,6 @@ def test_a_board_that_leaves_the_bus_stops_all_its_axes(fast_kernel: Kernel) -> 
 def test_the_same_script_makes_the_same_run(fast_kernel: Kernel) -> None:
     logs = []
     for _ in range(2):
-        script = FaultScript(
-            [BusFault(BusFaultKind.CORRUPTION, rate=0.01), BusFault(BusFaultKind.LOSS, RPDO4, rate=0.01)], seed=7
-        )
+        script = FaultScript([FrameCorruption(rate=0.01), FrameLoss(RPDO4, rate=0.01)], seed=7)
         logs.append((drawer_pull(fast_kernel, script).bus_log, script.struck))
     assert logs[0] == logs[1]

@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.operations import EmergencyStop, StuckSwitch
+from steptwin.emulator.faults.limit_switches import StuckSwitch
+from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.cli.app import run
 from steptwin.host.panel.desk import Desk, HomeAll, JointJog, RefusedError, ResetFaults, RunMotion, ToolJog
 from steptwin.host.panel.replay.model import Replay

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import steptwin
+from steptwin.emulator.faults.harm import BoardOperation, Harm
 from tests.package.wheels import ROOT
 
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
@@ -82,8 +83,12 @@ def test_members(name: str) -> None:
     cls = getattr(steptwin, name)
     heading, text = SECTIONS[name]
     told = dict(re.findall(r"`\.(\w+)(.*?)`", text))
-    bases = [base for base in (tuple, str, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]]
-    inherited = {member for base in bases for member in dir(base)}
+    bases: list[type] = [
+        base for base in (tuple, str, BaseException, steptwin.StepTwinError) if base in cls.__mro__[1:]
+    ]
+    bases += [base for base in (Harm, BoardOperation) if issubclass(cls, Harm)]  # what all harms have is inner
+    bases += [steptwin.BusFault] if steptwin.BusFault in cls.__mro__[1:] else []
+    inherited = {member for base in bases for member in {*dir(base), *inspect.get_annotations(base)}}
     constructor = set(re.findall(r"\w+", heading))
     members = {member for member in {*dir(cls), *inspect.get_annotations(cls)} if not member.startswith("_")}
     expected = members - inherited - (constructor - set(told))

@@ -9,21 +9,21 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.live.connection import LIVE_PANEL, host_and_port
 from steptwin.host.cli.output import print_json, print_table, say
-from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES, Do
+from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.requests import FORMS, INJECTED, end_of, request_of_words
+from steptwin.host.faults.requests import INJECTED, STATE, end_of, request_of_words, usage
 
 if TYPE_CHECKING:
     from steptwin.host.client.control_client import ControlState, LatenessReport, Protect, SwitchState
 
 
-_SAID: Final[Mapping[Do, "Callable[[ControlState, dict[str, Any]], str]"]] = {
-    Do.ESTOP: lambda state, _: _estop(state),
-    Do.SUPPLY: lambda state, _: _supply(state),
-    Do.TEMPERATURE: lambda state, _: _temperature(state),
-    Do.PROTECT: lambda state, values: f"Protect of {values['joint']}: {_protect(state.protect[values['joint']])}",
-    Do.INPUT: lambda state, values: f"input {values['input']}: {_on(state.inputs[values['input']])}",
-    Do.SWITCH: lambda state, values: (
+_SAID: Final[Mapping[str, "Callable[[ControlState, dict[str, Any]], str]"]] = {
+    "estop": lambda state, _: _estop(state),
+    "supply": lambda state, _: _supply(state),
+    "temperature": lambda state, _: _temperature(state),
+    "protect": lambda state, values: f"Protect of {values['joint']}: {_protect(state.protect[values['joint']])}",
+    "input": lambda state, values: f"input {values['input']}: {_on(state.inputs[values['input']])}",
+    "switch": lambda state, values: (
         f"switch {values['switch']} of {values['joint']}: {_switch(state.switches[values['joint']][values['switch']])}"
     ),
 }
@@ -40,7 +40,7 @@ def inject(
         list[str] | None,
         typer.Argument(
             metavar="ROBOT WHAT [VALUE]",
-            help="The robot, and one of:\n" + "\n".join(f"{do} {FORMS[do].usage}".rstrip() for do in INJECTED),
+            help="The robot, and one of:\n" + "\n".join(f"{do} {usage(do)}".rstrip() for do in INJECTED),
         ),
     ] = None,
     robot_file: RobotFile = None,
@@ -72,10 +72,10 @@ def inject(
         before = client.state()
         if before.robot != loaded.name:
             raise InputError(f"{client.title}: the board is one of {before.robot}, not of {loaded.name}")
-        state = before if do is Do.STATE else client.ask(do, **values)
+        state = before if do == STATE else client.ask(do, **values)
     if as_json:
         print_json(dict(state.document))
-    elif do is Do.STATE:
+    elif do == STATE:
         _print_state(state)
     else:
         told = _SAID[do](state, values) if do in _SAID else f"{' '.join(rest)}: done"

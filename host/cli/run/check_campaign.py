@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def check_scenario(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
-    from steptwin.host.faults.operations import request_of
+    from steptwin.host.faults.requests import request_of
     from steptwin.host.faults.scenario import parse_scenario
     from steptwin.host.robots import load_robot
 

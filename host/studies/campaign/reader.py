@@ -13,8 +13,8 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, integer_from, toml_table
-from steptwin.host.faults.harms import check_motors
 from steptwin.host.faults.scenario import scenario_of
+from steptwin.host.faults.target import check_motors
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan

@@ -15,7 +15,7 @@ from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.control import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
-from steptwin.host.faults.wire_harms import switches_of
+from steptwin.host.faults.requests import switches_of
 from steptwin.host.robots.robot import Robot
 
 Template = Any

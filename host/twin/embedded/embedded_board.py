@@ -6,13 +6,14 @@ from math import floor
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.faults.bus_faults import FaultScript
-from steptwin.emulator.faults.operations import CYCLE_FULL_STEPS, Operation, OscCapacitor, Scheduled, SetInput
+from steptwin.emulator.faults.bus import FaultScript
+from steptwin.emulator.faults.drivers import OscCapacitor
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
+from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotors import RotorRecord
 from steptwin.host.faults.engine import Engine, HostCondition
-from steptwin.host.faults.harms import check_motors
-from steptwin.host.faults.machine_harms import set_input
-from steptwin.host.faults.target import Moment, Target
+from steptwin.host.faults.target import Moment, Target, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
@@ -20,7 +21,7 @@ from steptwin.host.twin.embedded.host_network import FaultyNetwork
 from steptwin.host.twin.live.operation_log import OperationLog
 from steptwin.host.twin.machine.boards import microsteps_of
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
-from steptwin.host.twin.machine.input_changes import InputChange
+from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence

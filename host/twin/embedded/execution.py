@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.emulator.faults.bus_faults import FaultScript
+from steptwin.emulator.faults.bus import FaultScript
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError

@@ -2,14 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
+from steptwin.emulator.faults.machine import PER_DEGC, PER_V
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import printable
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.listening import listen
-from steptwin.host.faults.machine_harms import PER_DEGC, PER_V
-from steptwin.host.faults.operations import read_request
-from steptwin.host.faults.wire_harms import switches_of
+from steptwin.host.faults.requests import read_request, switches_of
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.protocol.cia402 import DigitalInput

@@ -3,11 +3,11 @@
 from collections import deque
 from typing import Any
 
-from steptwin.emulator.faults.bus_faults import BusFault
-from steptwin.emulator.faults.operations import Scheduled
+from steptwin.emulator.faults.bus import BusFault, BusRepair
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.simulation import Simulation
-from steptwin.host.faults.harms import BusRepair, Harm
-from steptwin.host.faults.operations import request_of
+from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import Places
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.emulator.faults.operations import Operation
+from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.faults.machine_harms import set_input
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.control_port import ControlPort
 from steptwin.host.twin.live.endpoint import open_endpoint
 from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.machine.input_changes import set_input
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 
 

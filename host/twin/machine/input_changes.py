@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from steptwin.controller.node.pins import Pin
+from steptwin.emulator.faults.machine import SetInput
 from steptwin.emulator.world.shelf_watch import InputWire, OutputWire
+from steptwin.host.faults.requests import wired_input
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput
 
@@ -33,3 +35,8 @@ class InputChange(NamedTuple):
     name: str
     on: bool
     at_s: float
+
+
+def set_input(robot: Robot, name: str, *, on: bool) -> SetInput:
+    """Return the operation that sets a robot's input on its one board; raise InputError for an unknown name."""
+    return SetInput(*wired_input(robot, name), on)

@@ -7,7 +7,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_profiles import DriverProfile
-from steptwin.emulator.faults.operations import Scheduled
+from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring

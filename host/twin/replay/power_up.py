@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from steptwin.emulator.faults.bus_faults import BusFault
-from steptwin.emulator.faults.operations import Operation
+from steptwin.emulator.faults.bus import BusFault
+from steptwin.emulator.faults.harm import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
-from steptwin.host.faults.operations import read_request
+from steptwin.host.faults.requests import read_request
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals

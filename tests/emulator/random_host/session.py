@@ -8,14 +8,10 @@ from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
 from steptwin.emulator.drivers.driver_profiles import bare_chip
-from steptwin.emulator.faults.operations import (
-    BoardTemperature,
-    DriverProtect,
-    EmergencyStop,
-    Operation,
-    StuckSwitch,
-    Supply,
-)
+from steptwin.emulator.faults.drivers import DriverProtect
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.limit_switches import StuckSwitch
+from steptwin.emulator.faults.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame

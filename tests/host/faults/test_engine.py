@@ -4,8 +4,8 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.host.faults.engine import HostCondition
-from steptwin.host.faults.harms import HostFault, HostFaultKind
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.faults.short_runs import carry, played

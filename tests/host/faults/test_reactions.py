@@ -9,7 +9,9 @@ from typing import NamedTuple
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.operations import BrownOut, BusOff, DriverProtect, EmergencyStop, PowerUp, WatchdogReset
+from steptwin.emulator.faults.bus import BusOff
+from steptwin.emulator.faults.drivers import DriverProtect
+from steptwin.emulator.faults.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.host.cli.app import run
 from steptwin.host.cli.run.faults_on_purpose import print_faults
 from steptwin.host.common.errors import BusError, InputError

@@ -2,11 +2,12 @@
 
 import pytest
 
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.faults.operations import EmergencyStop, StuckSwitch
+from steptwin.emulator.faults.bus import FrameLoss
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
+from steptwin.emulator.faults.limit_switches import StuckSwitch
+from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.faults.harms import HostFault, HostFaultKind
 from steptwin.host.faults.reaction import Motion, Reaction
 from steptwin.host.faults.scenario import Fault, Scenario, parse_scenario, read_scenario
 from steptwin.host.faults.triggers import AtPosition, AtRandom, AtState, AtTime, Direction, OnFrame
@@ -71,7 +72,7 @@ def test_every_key() -> None:
             Fault(
                 "2 loss",
                 AtRandom(1.0, 2.5),
-                BusFault(BusFaultKind.LOSS, (0x80, 0x77F), rate=0.5, skip=1, count=3, receiver=1),
+                FrameLoss((0x80, 0x77F), rate=0.5, skip=1, count=3, receiver=1),
                 0.25,
             ),
             Fault(

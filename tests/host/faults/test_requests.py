@@ -4,45 +4,52 @@ import json
 import re
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus_faults import BusFault, BusFaultKind
-from steptwin.emulator.faults.operations import (
+from steptwin.emulator.faults import HARMS as FAMILIES
+from steptwin.emulator.faults.bus import (
     Babble,
-    BoardTemperature,
-    BouncingSwitch,
-    BrownOut,
     BusOff,
-    Contact,
-    DriverMode,
-    DriverProtect,
+    FrameCorruption,
+    FrameDelay,
+    FrameDuplicate,
+    FrameLoss,
+    StrangerSends,
+)
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
+from steptwin.emulator.faults.harm import Harm, Operation
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
+from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
+from steptwin.emulator.faults.machine import (
+    BoardTemperature,
+    BrownOut,
     EmergencyStop,
-    Operation,
-    OscCapacitor,
     Payload,
     PowerUp,
     SetInput,
-    SetWire,
     Slip,
-    StrangerSends,
-    StuckSwitch,
     Supply,
-    SwitchWire,
     WatchdogReset,
 )
-from steptwin.emulator.faults.wires import Noise, Wire, WireState
-from steptwin.host.common.control import Do
+from steptwin.emulator.faults.wiring import Noise, SetWire, Wire, WireState
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.requests import FORMS, INJECTED, request_of_words
 from steptwin.host.faults.frames import FRAMES as FRAME_NAMES
 from steptwin.host.faults.frames import cob_ids
-from steptwin.host.faults.harms import Harm, HostFault, HostFaultKind
-from steptwin.host.faults.operations import KINDS, WRITERS, read_request, request_of
+from steptwin.host.faults.requests import (
+    INJECTED,
+    REQUESTS,
+    STATE,
+    keys_of,
+    metavar,
+    read_request,
+    request_of,
+    request_of_words,
+)
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
 from steptwin.host.robots.switches import JointSwitches
@@ -346,16 +353,16 @@ HARMS = st.one_of(
     st.builds(BusOff, st.none() | JOINTS),
     st.builds(StrangerSends, STRANGERS),
     st.builds(Babble, STRANGERS, st.integers(47, 9_999), st.integers(1, 9)),
-    st.builds(BusFault, st.just(BusFaultKind.DUPLICATE), FRAMES, **OFTEN),
+    st.builds(FrameDuplicate, FRAMES, **OFTEN),
     st.builds(SwitchWire, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([*Contact, None])),
     st.builds(BouncingSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.integers(0, 9), st.integers(18, 999)),
     st.builds(DriverMode, JOINTS, st.sampled_from([1, 2, 8, 16, None])),
     st.builds(OscCapacitor, JOINTS, st.floats(64, 2000)),
     st.builds(Payload, st.floats(0, 100)),
     st.builds(Slip, JOINTS, st.sampled_from([-400, -4, 4, 8])),
-    st.builds(BusFault, st.just(BusFaultKind.LOSS), FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
-    st.builds(BusFault, st.just(BusFaultKind.CORRUPTION), FRAMES, **OFTEN),
-    st.builds(BusFault, st.just(BusFaultKind.DELAY), FRAMES, delay_counts=st.integers(100, 1 << 40), **OFTEN),
+    st.builds(FrameLoss, FRAMES, receiver=st.none() | st.integers(0, 2), **OFTEN),
+    st.builds(FrameCorruption, FRAMES, **OFTEN),
+    st.builds(FrameDelay, FRAMES, delay_counts=st.integers(100, 1 << 40), **OFTEN),
     st.builds(HostFault, st.sampled_from([HostFaultKind.DEATH, HostFaultKind.DISORDER])),
     st.builds(HostFault, st.sampled_from([HostFaultKind.HANG, HostFaultKind.RESTART]), st.floats(0, 86_400)),
     st.builds(HostFault, st.just(HostFaultKind.LATE), st.floats(1e-6, 86_400)),
@@ -363,7 +370,13 @@ HARMS = st.one_of(
 
 
 def test_every_operation_has_a_request() -> None:
-    assert {*get_args(Operation)} <= {*WRITERS}
+    kinds, families = [Harm], set()
+    while kinds:
+        kind = kinds.pop()
+        kinds += kind.__subclasses__()
+        if hasattr(kind, "do"):
+            families.add(kind.do)
+    assert families == {each.do for each in FAMILIES}
 
 
 def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> None:
@@ -412,6 +425,7 @@ ASKED: dict[str, dict[str, Any]] = {
     "corruption all count=3": {"frames": "all", "count": 3},
     "duplicate reports th2 0.5 1 2": {"frames": "reports", "joint": "th2", "rate": 0.5, "skip": 1, "count": 2},
     "delay sync 0.1": {"frames": "sync", "by_s": 0.1},
+    "sender-off reports count=1": {"frames": "reports", "count": 1},
     "bus-off th2": {"joint": "th2"},
     "bus-off host": {},
     "bus-ok": {},
@@ -424,22 +438,21 @@ ASKED: dict[str, dict[str, Any]] = {
 def test_words_are_the_request_that_they_ask_for(words: str, values: dict[str, Any]) -> None:
     do, request = request_of_words(words.split())
     assert (do, request) == (words.split(maxsplit=1)[0], values)
-    assert (read_request(ROBOT, {"do": do, **request}) is None) == (do is Do.STATE)
+    assert (read_request(ROBOT, {"do": do, **request}) is None) == (do == STATE)
 
 
 def test_each_harm_of_a_served_board_has_words() -> None:
     """And each word that help names is one that the board knows."""
-    assert {words.split()[0] for words in ASKED} == {*INJECTED} == {*Do} - {Do.HOST}
-    assert {*KINDS} == {*FORMS} - {Do.STATE}
+    assert {words.split()[0] for words in ASKED} == {*INJECTED} == {*REQUESTS} - {"host"}
     for do in INJECTED:
-        named = [(key, value.metavar) for key, value in FORMS[do].keys.items() if "|" in value.metavar]
+        named = [(name, metavar(key)) for name, key in keys_of(do).items() if "|" in metavar(key)]
         request = next(request for words, request in ASKED.items() if words.split()[0] == do)
-        for key, metavar in named:
-            for word in metavar.removeprefix("JOINT|").split("|"):
+        for key, words in named:
+            for word in words.removeprefix("JOINT|").split("|"):
                 place = {"joint": "th4"} if key == "switch" else {}
                 noise = {"rate_hz": 9, "width_us": 9} if word == "noisy" else {}
-                value = FORMS[do].keys[key].of_word(word)
-                read_request(ROBOT, {"do": do, **request, **place, **noise} | ({} if value is None else {key: value}))
+                _, told = request_of_words([do, *(f"{each}={word if each == key else 1}" for each in keys_of(do))])
+                read_request(ROBOT, {"do": do, **request, **place, **noise} | ({key: told[key]} if key in told else {}))
 
 
 @pytest.mark.parametrize(
@@ -463,7 +476,7 @@ def test_words_that_ask_for_nothing(words: str, complaint: str) -> None:
         request_of_words(words.split())
 
 
-WORDS = st.sampled_from([*Do, "closed", "th2", "-", "box", "", "\n"])
+WORDS = st.sampled_from([*REQUESTS, "closed", "th2", "-", "box", "", "\n"])
 KEYS = st.sampled_from(["do", "pressed", "supply_v", "temperature_degc", "joint", "held", "input", "on", "switch"])
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | WORDS,
@@ -472,9 +485,9 @@ VALUES = st.recursive(
 )
 
 
-@given(st.dictionaries(KEYS | st.just("stuck") | st.text(), VALUES, max_size=5), st.sampled_from([*Do]))
-@example({"joint": "th4", "switch": "\ud800", "stuck": "free"}, Do.SWITCH)
-def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: Do) -> None:
+@given(st.dictionaries(KEYS | st.just("stuck") | st.text(), VALUES, max_size=5), st.sampled_from([*REQUESTS]))
+@example({"joint": "th4", "switch": "\ud800", "stuck": "free"}, "switch")
+def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: str) -> None:
     for each in (request_, request_ | {"do": do}):
         with suppress(InputError):
             assert isinstance(read_request(ROBOT, each), Harm | None)

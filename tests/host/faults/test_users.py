@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.operations import EmergencyStop
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
+from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.faults.harms import HostFault, HostFaultKind
 from steptwin.host.faults.scenario import Fault, Scenario
 from steptwin.host.faults.triggers import AtState, AtTime
 from steptwin.host.twin.fixtures.artefacts import scenario_faults

@@ -163,10 +163,10 @@ def test_a_failure_with_motors_names_the_homings_that_stall(pytester: pytest.Pyt
 
 FAILS_AFTER_A_LOSS = """
     import pytest
-    from steptwin import BusFault, BusFaultKind
+    from steptwin import FrameDelay, FrameLoss
 
-    LOST = BusFault(BusFaultKind.LOSS, cob_ids=[0x610], count=1)
-    UNUSED = BusFault(BusFaultKind.DELAY, cob_ids=[0x555], delay_counts=72)
+    LOST = FrameLoss(cob_ids=[0x610], count=1)
+    UNUSED = FrameDelay(cob_ids=[0x555], delay_counts=72)
 
     @pytest.mark.steptwin("lab-scara", bus_faults=[LOST, UNUSED])
     @pytest.mark.parametrize("fails", [False, True])
@@ -247,7 +247,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
         pytester,
         """
         import pytest
-        from steptwin import BusFault, BusFaultKind, EmergencyStop, Scheduled
+        from steptwin import EmergencyStop, FrameLoss, Scheduled
 
         pytestmark = pytest.mark.steptwin("lab-scara")
 
@@ -273,7 +273,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
             assert inputs(steptwin_board) == bytes((0, 0, 1, 0))
 
         @pytest.mark.parametrize("again", [1, 2])
-        @pytest.mark.steptwin(bus_faults=[BusFault(BusFaultKind.LOSS, cob_ids=[0x610], count=1)])
+        @pytest.mark.steptwin(bus_faults=[FrameLoss(cob_ids=[0x610], count=1)])
         def test_lost_frame(steptwin_board, again):
             ask = lambda: steptwin_board.network.send_message(0x610, bytes.fromhex("4000100000000000"))
             answers = lambda: sum(frame.cob_id == 0x590 for _, frame in steptwin_board.bus_log)

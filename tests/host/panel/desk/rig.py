@@ -9,7 +9,7 @@ from typing import ParamSpec
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.operations import EmergencyStop
+from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
 from steptwin.host.panel.desk.jogs import BEAT_S

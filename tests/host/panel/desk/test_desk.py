@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.operations import EmergencyStop
+from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.client.links.bus_link import BusLink, open_bus
 from steptwin.host.client.words import STOP_PRESSED
 from steptwin.host.operate.recovering import emergency_stop, reset

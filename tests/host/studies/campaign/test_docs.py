@@ -8,12 +8,12 @@ from random import Random
 
 import pytest
 
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.host.common.choices import MotorsTurn
-from steptwin.host.common.control import Do
 from steptwin.host.common.errors import InputError
-from steptwin.host.faults.harms import Harm, HostFault, HostFaultKind
-from steptwin.host.faults.operations import read_request
 from steptwin.host.faults.reactions import DOCUMENTED, documented
+from steptwin.host.faults.requests import REQUESTS, STATE, read_request
 from steptwin.host.faults.target import AxisMoment, Moment
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign import Campaign, Ended, draw, read_campaign, run_seed, sources_of_file
@@ -76,7 +76,7 @@ def _harms(campaign: Campaign) -> Iterator[tuple[Robot, int, Harm]]:
 def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
     """Each kind of request, each fault of a host, and each row of documented reactions, whichever way axes move."""
     asked = {fault["do"] for choice in nightly.scenarios if choice.table for fault in choice.table["fault"]}
-    assert asked == set(Do) - {Do.STATE}
+    assert asked == set(REQUESTS) - {STATE}
     rows, hosts = set(), set()
     for number, (robot, boards, harm) in enumerate(_harms(nightly)):
         velocity = 100 if number % 2 else -100

@@ -1,0 +1,95 @@
+"""Harms to the drivers: a Protect pin held low, another microstep mode, another capacitor of the oscillator."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from steptwin.controller.node.pins import MODE_LEVELS
+from steptwin.emulator.faults.harm import AxisOperation, Key, KeyKind, keyed
+
+if TYPE_CHECKING:
+    from steptwin.emulator.board.board import Board
+    from steptwin.emulator.world.surroundings import Surroundings
+
+OSC_MIN_PF: Final = 64
+"""Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps to its limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverProtect(AxisOperation):
+    """A driver's Protect pin is held low from outside, as a chip in thermal shutdown does itself, or released."""
+
+    do: ClassVar[str] = "protect"
+    does: ClassVar[str] = "the Protect pin of a driver is held low, as by a chip that is too hot, or released"
+
+    active: bool = field(metadata=keyed(Key("held", KeyKind.TRUTH)))
+
+    def apply_to(self, board: "Board", _now_counts: int) -> None:
+        """Hold the pin, or release it."""
+        board.hold_protect(self.axis, held=self.active)
+
+    def undo(self, before: "Surroundings") -> "DriverProtect":
+        """Return the pin as it was."""
+        return DriverProtect(self.axis, before.axes[self.axis].protect_held)
+
+
+@dataclass(frozen=True, slots=True)
+class DriverMode(AxisOperation):
+    """Somebody sets a driver to another microstep mode: its switches, or the chip's pins M1 and M2.
+
+    Attributes:
+        microsteps: microsteps per full step; None: as the board has it, or the switches had it at power-up.
+    """
+
+    do: ClassVar[str] = "mode"
+    does: ClassVar[str] = "a driver is set to another microstep mode, or as it was"
+
+    microsteps: int | None = field(
+        default=None,
+        metadata=keyed(Key("microsteps", KeyKind.WHOLE, choices={each: each for each in MODE_LEVELS}, optional=True)),
+    )
+
+    def __post_init__(self) -> None:
+        if self.microsteps is not None and self.microsteps not in MODE_LEVELS:
+            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MODE_LEVELS))}")
+
+    def apply_to(self, board: "Board", _now_counts: int) -> None:
+        """Set the mode at the start of the next tick."""
+        board.set_driver_mode(self.axis, self.microsteps)
+
+    def undo(self, _before: "Surroundings") -> "DriverMode":
+        """Return the mode at power-up."""
+        return DriverMode(self.axis, None)
+
+    @classmethod
+    def ends_by(cls, values: Mapping[str, Any]) -> str | None:
+        """Return what ends it."""
+        return f"`{cls.do} {values['joint']}`" if "microsteps" in values else None
+
+
+@dataclass(frozen=True, slots=True)
+class OscCapacitor(AxisOperation):
+    """The capacitor at a driver chip's OSC pin has another value, as one that has aged or is the wrong one.
+
+    It sets the chopping rate and the shortest pulse that counts.
+    """
+
+    do: ClassVar[str] = "osc"
+    does: ClassVar[str] = "the capacitor at a driver chip's OSC pin has another value"
+    over: ClassVar[str] = "the part stays as it is"
+
+    osc_pf: float = field(metadata=keyed(Key("osc_pf", KeyKind.NUMBER, "PF", OSC_MIN_PF, 1e6, "pF")))
+
+    def apply_to(self, board: "Board", _now_counts: int) -> None:
+        """Exchange the capacitor at the start of the next tick."""
+        board.drain()
+        board.drivers.change_part(self.axis, "osc_pf", self.osc_pf)
+
+    @classmethod
+    def ends_by(cls, values: Mapping[str, Any]) -> str:
+        """Return what ends it."""
+        return f"`{cls.do} {values['joint']}` with the capacitor of before"
+
+
+DRIVERS: Final = (DriverProtect, DriverMode, OscCapacitor)
+"""The family, in the order of help and docs."""
