@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from steptwin.host.record.plots.canvas import STYLE, PlotMoment, PlotView, save_figure
 from steptwin.host.record.plots.close_ups import draw_edges, draw_phases
-from steptwin.host.record.plots.error import draw_error
-from steptwin.host.record.plots.joints import draw_joints, draw_step_rates
+from steptwin.host.record.plots.joints import draw_error, draw_joints, draw_step_rates
 from steptwin.host.record.plots.timing import draw_jitter, draw_timing, draw_widths
 from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
 from steptwin.host.verify import Comparison, RunInfo

@@ -1,6 +1,6 @@
 """Write waveforms of a run's evidence for logic analysers, viewers and tables.
 
-`signals` makes signals of the evidence; `export` puts their changes in order of time and writes them.
+`signal` makes signals of the evidence; `export` puts their changes in order of time and writes them.
 """
 
 from steptwin.host.record.waveforms.export import Format, write_waveform
@@ -13,8 +13,13 @@ from steptwin.host.record.waveforms.signal import (
     SignalKind,
     TimeScale,
     Window,
+    drive_states,
+    everything,
+    phases,
+    pins,
+    whole_record,
+    wires,
 )
-from steptwin.host.record.waveforms.signals import drive_states, everything, phases, pins, whole_record, wires
 
 __all__ = [
     "SCALES",

@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.waveforms import SignalKind, drive_states, everything, whole_record, wires
-from steptwin.host.record.waveforms.signals import STATES
+from steptwin.host.record.waveforms.signal import STATES
 from steptwin.host.robots import load_robot
 from steptwin.protocol.cia402 import State
 from tests.host.verify.motions import ENABLE_COUNTS, START_COUNTS, expect, line, motion, perfect_evidence
