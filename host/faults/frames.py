@@ -1,11 +1,10 @@
 """The frames that a fault of the bus concerns, by name: those of a service, of one joint's node or of all."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
-from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import (
     COB_EMCY,
     COB_HEARTBEAT,
@@ -21,6 +20,9 @@ from steptwin.protocol.frame import (
     HOST_NODE_ID,
     TO_NODE,
 )
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
 
 _NODES: Final[Mapping[str, tuple[int, ...]]] = {
     "records": (COB_RPDO[3],),
@@ -52,7 +54,7 @@ def per_node(name: str) -> bool:
     return name in _NODES
 
 
-def cob_ids(robot: Robot, name: str, axis: int | None = None) -> tuple[int, ...]:
+def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
     """Return the identifiers of a name, of one axis' node or of all nodes, in rising order."""
     axes = range(len(robot.joints)) if axis is None else range(axis, axis + 1)
     bases = _NODES.get(name, TO_NODE if name == _OF_HOST else ())
@@ -60,7 +62,7 @@ def cob_ids(robot: Robot, name: str, axis: int | None = None) -> tuple[int, ...]
     return tuple(sorted(found | set(_HOST.get(name, ()))))
 
 
-def name_of(robot: Robot, ids: tuple[int, ...]) -> tuple[str, int | None] | None:
+def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | None:
     """Return the name of identifiers, and the axis if they are one node's; None if they have no name."""
     for axis in (None, *range(len(robot.joints))):
         for name in FRAMES if axis is None else _NODES:

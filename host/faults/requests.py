@@ -21,7 +21,6 @@ from steptwin.host.common.control import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.faults.frames import FRAMES, checked_identifier, cob_ids, name_of, per_node, read_identifier
-from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import COB_ID_MASK
 
@@ -177,9 +176,15 @@ def switches_of(robot: "Robot", axis: int) -> dict[str, DigitalInput]:
     return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
 
 
+def _wired(robot: "Robot") -> dict[str, tuple[int, DigitalInput]]:
+    from steptwin.host.operate.inputs_outputs import wired_inputs  # takes long to import, and help needs it not
+
+    return wired_inputs(robot)
+
+
 def wired_input(robot: "Robot", name: str) -> tuple[int, DigitalInput]:
     """Return the axis and the bit of a robot's input; raise InputError for an unknown name."""
-    wired = wired_inputs(robot)
+    wired = _wired(robot)
     if name not in wired:
         raise unknown(f"input of {robot.name}", name, wired)
     return wired[name]
@@ -290,7 +295,7 @@ def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
         case KeyKind.SWITCH:
             told = next(name for name, bit in SWITCHES.items() if bit == value)
         case KeyKind.INPUT:
-            wired = {place: name for name, place in wired_inputs(robot).items()}
+            wired = {place: name for name, place in _wired(robot).items()}
             told = wired.get((cast("SetInput", harm).axis, value))
         case KeyKind.FRAMES:
             ids = tuple(cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in value)

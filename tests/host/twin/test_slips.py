@@ -46,7 +46,7 @@ def test_only_whole_cycles_are_a_slip() -> None:
     for full_steps in (-4, 4, 400):
         Slip(0, full_steps)
     for full_steps in (0, 1, -6):
-        with pytest.raises(ValueError, match=f"full_steps {full_steps} is not a multiple of 4, such as -4"):
+        with pytest.raises(ValueError, match=f"full_steps: {full_steps} is not a multiple of 4: "):
             Slip(0, full_steps)
 
 
