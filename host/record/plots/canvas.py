@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Tick
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -163,12 +164,12 @@ def new_figure(run: RunInfo, what: str, height_inches: float) -> Figure:
     return figure
 
 
-def plain_texts(figure: Figure) -> None:
+def plain_texts(artist: Artist) -> None:
     """Let texts appear as they stand: names from files, such as `$x^$`, are no formulas; only tick labels hold some."""
-    of_ticks = {label for tick in figure.findobj(Tick) for label in (tick.label1, tick.label2)}
-    for text in figure.findobj(Text):
-        if text not in of_ticks:
-            text.set_parse_math(False)
+    if isinstance(artist, Text):
+        artist.set_parse_math(False)
+    for child in [artist.label] if isinstance(artist, Axis) else artist.get_children():
+        plain_texts(child)
 
 
 def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
