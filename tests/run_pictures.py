@@ -6,13 +6,21 @@ from importlib.util import find_spec
 
 import pytest
 
-from steptwin.host.record.folder import writing
+from steptwin.host.record.folder import drawing
 
 
 @contextmanager
 def with_pictures() -> Iterator[None]:
-    """Let `run --out` draw its pictures while the block runs."""
+    """Let `run --out` draw its pictures, in processes of their own, while the block runs."""
     with _finding_by(find_spec):
+        yield
+
+
+@contextmanager
+def with_pictures_drawn_here() -> Iterator[None]:
+    """Let `run --out` draw its pictures in this process, where a test may have changed them."""
+    with with_pictures(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drawing, "draw_apart", lambda: drawing.draw_here)
         yield
 
 
@@ -26,5 +34,5 @@ def without_pictures() -> Iterator[None]:
 @contextmanager
 def _finding_by(find: Callable[[str], object]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "find_spec", find)
+        patch.setattr(drawing, "find_spec", find)
         yield

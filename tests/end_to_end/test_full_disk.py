@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.run_pictures import with_pictures
+from tests.run_pictures import with_pictures_drawn_here
 
 pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 
-from steptwin.host.record.plots import DEFAULT_PICTURES, PICTURES
+from steptwin.host.record.folder.drawing import DEFAULT_PICTURES
+from steptwin.host.record.plots import PICTURES
 
 ROBOT = "teaching-scara"
 WRITTEN = (
@@ -63,14 +64,14 @@ def points(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def stored(points: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("stored")
-    with with_pictures():
+    with with_pictures_drawn_here():
         assert run(["run", ROBOT, points, "--out", str(folder)]) == 0
     return folder
 
 
 @pytest.mark.parametrize("bytes_max", [0, 10_000, 35_000, 60_000])
 def test_run(bytes_max: int, points: str, stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with files_up_to(bytes_max), with_pictures():
+    with files_up_to(bytes_max), with_pictures_drawn_here():
         assert run(["run", ROBOT, points, "--out", str(tmp_path)]) == 2
     name = next(name for name in WRITTEN if (stored / name).stat().st_size > bytes_max)
     assert_named(tmp_path / name, capsys)

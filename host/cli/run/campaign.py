@@ -307,7 +307,7 @@ def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_j
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
     row = row_of(performance)
     again = FinishedRun.of(performance.outcome, turning=performance.motors is not None)
-    again.save(to)
+    again.save(to, draw_here)
     if as_json:
         drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
         print_json(again.document() | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})

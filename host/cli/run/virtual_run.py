@@ -1,5 +1,6 @@
 """Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -103,12 +104,14 @@ def run_virtual(
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
+    from steptwin.host.record.folder.drawing import can_draw, draw_apart, draw_here
 
     if options.motors:
         check_motors(robot)
+    draw = draw_apart() if options.out and can_draw() else draw_here
     outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
     done = FinishedRun.of(outcome, turning=options.motors is not None)
-    pictures = folder is not None and done.save(folder)
+    pictures = folder is not None and done.save(folder, draw)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
     tell(done.document() | version, done.print, as_json=as_json)
     if folder is not None:
@@ -164,9 +167,9 @@ class FinishedRun:
             return cls(outcome, None)
         return cls(outcome, motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors))
 
-    def save(self, folder: Path) -> bool:
-        """Write the folder of the run; return whether there are pictures."""
-        pictures = self.outcome.save(folder)
+    def save(self, folder: Path, draw: Callable[[Path], None]) -> bool:
+        """Write the folder of the run, its pictures by `draw`; return whether there are pictures."""
+        pictures = self.outcome.save(folder, draw)
         if self.motors is not None:
             keep_motors(folder, self.motors, self.outcome.report.run, pictures=pictures)
         return pictures

@@ -1,8 +1,7 @@
-"""Write the folder of a run: report, robot, plan, every edge, bus log, a waveform, and pictures."""
+"""Write the folder of a run: report, robot, plan, every edge, bus log and a waveform."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,10 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
+from steptwin.host.record.folder.drawing import DEFAULT_PICTURES, can_draw
 from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
-from steptwin.host.record.folder.reading import read_run
 from steptwin.host.record.folder.report_file import write_report, write_shelf
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
@@ -23,13 +22,9 @@ from steptwin.protocol.frame import Frame
 
 
 def run_files() -> tuple[str, ...]:
-    """Return the names of the files that `write_folder` may write."""
+    """Return the names of the files of a run."""
     names = (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, SHELF, Format.VCD.file_name)
-    if not find_spec("matplotlib"):
-        return names
-    from steptwin.host.record.plots import DEFAULT_PICTURES
-
-    return (*names, *(f"{name}.png" for name in DEFAULT_PICTURES))
+    return (*names, *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else names
 
 
 def prepare_folder(out: Path | str, files: Iterable[str] = ()) -> Path:
@@ -64,12 +59,11 @@ def write_folder(
     evidence: Evidence,
     bus_log: Sequence[tuple[int, Frame]],
     stock: PlannedStock | None = None,
-) -> bool:
-    """Write every file; return False if matplotlib is not installed, and the pictures are left out.
+) -> None:
+    """Write every file but the pictures.
 
     The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `stock` is what the motion
-    is planned to leave at the shelf. The pictures are drawn from
-    the folder, so that `plot` draws the same: the stored motion differs slightly from the planned one (see `motion`).
+    is planned to leave at the shelf.
     """
     write_report(out / REPORT, document)
     with whole_file(out / ROBOT) as file:
@@ -87,10 +81,3 @@ def write_folder(
         Format.VCD,
         plan.robot.name,
     )
-    if not find_spec("matplotlib"):
-        return False
-    from steptwin.host.record.plots import write_plots
-
-    stored = read_run(out)
-    write_plots(out, stored.comparison, stored.report.run)
-    return True

@@ -14,7 +14,7 @@ from steptwin.host.record.plots.timing import draw_jitter, draw_timing, draw_wid
 from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
 from steptwin.host.verify import Comparison, RunInfo
 
-__all__ = ["CLOSE_UPS", "DEFAULT_PICTURES", "DEFAULT_VIEW", "PICTURES", "PlotMoment", "PlotView", "write_plots"]
+__all__ = ["CLOSE_UPS", "DEFAULT_VIEW", "PICTURES", "PlotMoment", "PlotView", "write_plots"]
 
 
 Draw = Callable[[Comparison, RunInfo, PlotView], Figure]
@@ -39,9 +39,6 @@ PICTURES: Final[dict[str, Draw]] = {
 }
 """Pictures by the names of their files, which the command line takes too."""
 
-DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
-"""Pictures that are drawn into every run's folder."""
-
 CLOSE_UPS: Final = ("edges", "phases")
 """Pictures that show the part of a run that a View chooses."""
 
@@ -56,7 +53,7 @@ def write_plots(
     out_dir: Path,
     comparison: Comparison,
     run: RunInfo,
-    names: Iterable[str] = DEFAULT_PICTURES,
+    names: Iterable[str],
     form: str = "png",
     view: PlotView = DEFAULT_VIEW,
 ) -> list[Path]:

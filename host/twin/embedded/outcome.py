@@ -1,6 +1,6 @@
 """Hold the result of a run on an embedded board: verdict, evidence, bus log, and the fault that ended it, if any."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from steptwin.host.faults.report import ScenarioReport
 from steptwin.host.operate.inputs_outputs import WaitMade, waits_document
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, keep_recording, prepare_folder, write_folder
+from steptwin.host.record.folder.drawing import can_draw, draw_here
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.verify import Comparison, Report
@@ -96,10 +97,10 @@ class Outcome:
             document |= self.scenario.to_dict()
         return document
 
-    def save(self, folder: Path | str) -> bool:
+    def save(self, folder: Path | str, draw: Callable[[Path], None] = draw_here) -> bool:
         """Write report, plan, every edge, bus log, waveform and pictures into a folder (docs/run-folder.md).
 
-        Another run's files are replaced, those of a live board's recording are not.
+        Another run's files are replaced, those of a live board's recording are not. `draw` draws the pictures.
 
         Returns:
             False if the pictures were left out because matplotlib is not installed.
@@ -112,4 +113,8 @@ class Outcome:
         path = prepare_folder(folder)
         document = self.to_dict() | {VERSION_KEY: FOLDER_VERSION}
         comparison = self.comparison
-        return write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.stock)
+        write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.stock)
+        drawn = can_draw()
+        if drawn:
+            draw(path)
+        return drawn

@@ -38,7 +38,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from steptwin.host.record.plots import CLOSE_UPS, DEFAULT_PICTURES, PICTURES, PlotMoment, PlotView, write_plots
+from steptwin.host.record.folder.drawing import DEFAULT_PICTURES
+from steptwin.host.record.plots import CLOSE_UPS, PICTURES, PlotMoment, PlotView, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
 from tests.host.record.plots.drawn import drawn_points
 from tests.host.record.plots.png import pixels
@@ -301,10 +302,10 @@ def test_an_error_that_is_visible_is_not_magnified() -> None:
     assert titles["swinging"].startswith("error magnified ")
 
 
-def test_a_run_draws_some_pictures_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pictures_of_a_run_have_the_names_of_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     saved: list[str] = []
     monkeypatch.setattr("steptwin.host.record.plots.save_figure", lambda _, path, __: saved.append(path.name))
-    paths = write_plots(tmp_path, single_step(), RUN)
+    paths = write_plots(tmp_path, single_step(), RUN, DEFAULT_PICTURES)
     assert [path.name for path in paths] == saved == [f"{name}.png" for name in DEFAULT_PICTURES]
 
 
