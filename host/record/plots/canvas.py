@@ -168,7 +168,7 @@ def plain_texts(artist: Artist) -> None:
     """Let texts appear as they stand: names from files, such as `$x^$`, are no formulas; only tick labels hold some."""
     if isinstance(artist, Text):
         artist.set_parse_math(False)
-    for child in [artist.label] if isinstance(artist, Axis) else artist.get_children():
+    for child in [artist.label, artist.offsetText] if isinstance(artist, Axis) else artist.get_children():
         plain_texts(child)
 
 
