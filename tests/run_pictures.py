@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from steptwin.host.record.folder import drawing
+from steptwin.host.record.folder import run_pictures
 
 
 @contextmanager
@@ -20,7 +20,7 @@ def with_pictures() -> Iterator[None]:
 def with_pictures_drawn_here() -> Iterator[None]:
     """Let `run --out` draw its pictures in this process, where a test may have changed them."""
     with with_pictures(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawing, "draw_apart", lambda: drawing.draw_here)
+        patch.setattr(run_pictures, "draw_apart", lambda: run_pictures.draw_here)
         yield
 
 
@@ -34,5 +34,5 @@ def without_pictures() -> Iterator[None]:
 @contextmanager
 def _finding_by(find: Callable[[str], object]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawing, "find_spec", find)
+        patch.setattr(run_pictures, "find_spec", find)
         yield

@@ -290,7 +290,7 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 
 def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_json: bool) -> None:
-    from steptwin.host.record.folder.drawing import draw_here
+    from steptwin.host.record.folder.run_pictures import draw_here
     from steptwin.host.studies.campaign import draw, perform, read_scenario_table, row_of, with_varied_file
 
     if out is None:

@@ -104,7 +104,7 @@ def run_virtual(
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
-    from steptwin.host.record.folder.drawing import can_draw, draw_apart, draw_here
+    from steptwin.host.record.folder.run_pictures import can_draw, draw_apart, draw_here
 
     if options.motors:
         check_motors(robot)

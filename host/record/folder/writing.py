@@ -11,11 +11,11 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
-from steptwin.host.record.folder.drawing import DEFAULT_PICTURES, can_draw
 from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.report_file import write_report, write_shelf
+from steptwin.host.record.folder.run_pictures import DEFAULT_PICTURES, can_draw
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame

@@ -17,7 +17,7 @@ DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing
 """Pictures that are drawn into every run's folder."""
 
 _PROCESSES: Final = 2
-_NEEDED: Final = ("steptwin.host.record.folder.drawing", "steptwin.host.record.plots", "scipy.interpolate")
+_NEEDED: Final = ("steptwin.host.record.folder.run_pictures", "steptwin.host.record.plots", "scipy.interpolate")
 """What takes longer to import than a picture to draw."""
 
 _stored = cache(read_run)
