@@ -76,16 +76,13 @@ class Key:
         return value if self.parts is None or value is None else value / self.parts
 
 
+@dataclass(frozen=True, slots=True)
 class Keys:
     """The keys of a field: what makes its value of theirs, and theirs of it."""
 
-    def __init__(
-        self,
-        *keys: Key,
-        join: Callable[..., Any] = lambda value: value,
-        split: Callable[[Any], tuple[Any, ...]] = lambda value: (value,),
-    ) -> None:
-        self.keys, self.join, self.split = keys, join, split
+    keys: tuple[Key, ...]
+    join: Callable[..., Any]
+    split: Callable[[Any], tuple[Any, ...]]
 
 
 def keyed(
@@ -100,7 +97,7 @@ def keyed(
         join: makes the field's value of those of the keys, None for one that is missing; raises ValueError.
         split: returns the values of the keys, None for one that the request goes without.
     """
-    return {_METADATA: Keys(*keys, join=join, split=split)}
+    return {_METADATA: Keys(keys, join, split)}
 
 
 _METADATA: Final = "keys"

@@ -37,6 +37,7 @@ from steptwin.emulator.faults.machine import (
     WatchdogReset,
 )
 from steptwin.emulator.faults.wiring import Noise, SetWire, Wire, WireState
+from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.frames import FRAMES as FRAME_NAMES
 from steptwin.host.faults.frames import cob_ids
@@ -377,6 +378,10 @@ def test_every_operation_has_a_request() -> None:
         if hasattr(kind, "do"):
             families.add(kind.do)
     assert families == {each.do for each in FAMILIES}
+
+
+def test_clients_and_the_board_have_the_same_words_for_a_stuck_switch() -> None:
+    assert [*Stuck] == [*keys_of("switch")["stuck"].choices]
 
 
 def test_a_sensor_that_the_robots_file_does_not_know_is_told_by_its_place() -> None:
