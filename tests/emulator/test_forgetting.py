@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import Cooling, LevelChange, Outputs
+from steptwin.emulator.drivers.driver_chip import Cooling, LevelChange, Outputs, Rail
 from steptwin.emulator.drivers.driver_module import Coupler, Module
 from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
 from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
@@ -72,6 +72,7 @@ def together(pieces: list[History]) -> History:
 
 @pytest.mark.parametrize("module", MODULES)
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=CUTS)
+@example(pulses=[(1, 1)], turns=[72002], changes=[LevelChange(1, Rail.VM, 0)], cuts=[72002, 72003])
 def test_the_pieces_are_the_whole(
     module: Module, pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
 ) -> None:

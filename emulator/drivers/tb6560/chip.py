@@ -338,8 +338,9 @@ class Tb6560:
 
     def forget(self) -> None:
         """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
+        self._log.forget()
         if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
-            return  # there is nothing to drop
+            return  # there is nothing else to drop
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
         told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
         self._origin = outputs.at(kept_counts, told_counts)
@@ -350,7 +351,6 @@ class Tb6560:
         self._signs.clear()
         self._changes = [change for change in self._changes if change.counts >= kept_counts]
         self._log.count += len(self._hot_counts())
-        self._log.forget()
         self._hot_from_counts = self._until_counts + 1
         self._junction.forget(kept_counts)
 
