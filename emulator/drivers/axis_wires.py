@@ -23,7 +23,7 @@ from steptwin.emulator.faults.wiring import Condition, Noise, Wire, WireState
 
 
 class _Line:
-    """One wire: takes the instants at which the board's pin turns over, and returns those of the terminal."""
+    """One wire: takes the instants when the board's pin turns over, and returns those of the terminal."""
 
     def __init__(self, level: int, open_level: int) -> None:
         self.pin_level = self.level = level
@@ -80,7 +80,7 @@ class _Line:
 
 
 def _odd(turns: Int64Array) -> Int64Array:
-    """Return the sorted instants at which an odd number of turns meet: an even number leaves the level as it is."""
+    """Return the sorted instants when an odd number of turns meet: an even number leaves the level as it is."""
     instants, numbers = np.unique(turns, return_counts=True)
     odd: Int64Array = instants[numbers % 2 == 1]
     return odd

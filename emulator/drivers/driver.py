@@ -93,7 +93,7 @@ class Driver:
 
     @property
     def steps(self) -> tuple[Int64Array, Int8Array]:
-        """Counted steps that are not forgotten: instant at which the pulse began at the terminals, and sign."""
+        """Counted steps that are not forgotten: instant when the pulse began at the terminals, and sign."""
         counts, signs = self.chip.steps
         return (self._stage.origins(counts) if self._stage else counts), signs
 

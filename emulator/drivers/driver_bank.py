@@ -60,7 +60,7 @@ class AxisTrace:
     position_full_steps: float
     """Position of the rotor since power-up."""
     slip_counts: Int64Array
-    """Instants at which the rotor fell out of step."""
+    """Instants when the rotor fell out of step."""
     slip_full_steps: Int64Array
     """Full steps by which it slipped at each of them, with their sign."""
 

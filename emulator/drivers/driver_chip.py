@@ -72,7 +72,7 @@ class Outputs(Protocol):
         """Instant from which `instants` begins: 0 at power-up."""
 
     def instants(self) -> Int64Array:
-        """Return the sorted instants at which an output may change; between them none does."""
+        """Return the sorted instants when an output may change; between them none does."""
 
     def field_substeps(self, counts: Int64Array) -> Int64Array:
         """Return the field's angle within its cycle of four full steps; it grows with DIR low."""
@@ -202,7 +202,7 @@ class Cooling:
 
     @property
     def time_constant_counts(self) -> float:
-        """Time in which 63 % of a change of temperature is over."""
+        """Time until 63 % of a change of temperature is over."""
         return self.resistance_k_per_w * self.capacity_j_per_k * COUNTS_PER_SECOND
 
 

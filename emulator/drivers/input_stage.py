@@ -353,7 +353,7 @@ class InputStage:
         return broken
 
     def _note(self, limit: int, edges: Int64Array, values: Int64Array) -> None:
-        """Note violations at the instants at which the chip's CLK rises, or would: in order with the chip's own."""
+        """Note violations at the instants when the chip's CLK rises, or would: in order with the chip's own."""
         self._log.note(limit, edges + self._clk.to_high, values)
 
     # --- inputs that are held at a level

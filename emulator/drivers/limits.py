@@ -78,7 +78,7 @@ def merged(parts: list[Violations]) -> Violations:
 
 
 class ViolationLog:
-    """The record in which a part of the driver notes violations of its limits."""
+    """The record of a part of the driver, for violations of its limits."""
 
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits

@@ -26,8 +26,8 @@ class BusFault(Harm):
 
     Attributes:
         cob_ids: identifiers of the frames that it may strike.
-        from_counts: first instant at which it may strike.
-        until_counts: first instant at which it can no longer strike; None for no end.
+        from_counts: first instant when it may strike.
+        until_counts: first instant when it can no longer strike; None for no end.
         rate: part of the attempts that it strikes, 0 to 1, drawn from the bus' seeded generator.
         skip: number of attempts that it lets pass first.
         count: greatest number of strikes; None for no limit.

@@ -64,7 +64,7 @@ _FAR_COUNTS: Final = 1 << 62
 Sender = Hashable
 """Identifies a sender behind the host's interface."""
 Viewer = Callable[[Frame, int, Sender | None], None]
-"""Called with a frame, the instant in counts at which it became valid, and its sender: None for a board."""
+"""Called with a frame, the instant in counts when it became valid, and its sender: None for a board."""
 
 
 class _Incoming(NamedTuple):

@@ -44,16 +44,16 @@ class HostCondition:
 
     Attributes:
         dead: whether it has ended and sends nothing any more.
-        restart_counts: instant at which another one takes over; None: none does.
+        restart_counts: instant when another one takes over; None: none does.
     """
 
     dead: bool = False
     restart_counts: int | None = None
     _lasting: list[tuple[HostFault, bool]] = field(default_factory=list)
-    """The others, and whether a time is known at which each ends."""
+    """The others, and whether it is known when each ends."""
 
     def begin(self, fault: HostFault, now_counts: int, *, ends: bool = False) -> None:
-        """Let a fault begin; `ends`: a time is known at which it ends."""
+        """Let a fault begin; `ends`: it is known when it ends."""
         if fault.kind in (HostFaultKind.DEATH, HostFaultKind.RESTART):
             self.dead = True
             if fault.kind is HostFaultKind.RESTART:
@@ -217,7 +217,7 @@ class Engine:
 
     @property
     def next_counts(self) -> int | None:
-        """Instant at which the next trigger is due or must be looked at; None while all wait for events."""
+        """Instant when the next trigger is due or must be looked at; None while all wait for events."""
         return earliest(each.watch for each in self._waiting if each.watch is not None) if self._waiting else None
 
     def attend(self, now_counts: int) -> None:
@@ -287,7 +287,7 @@ class Engine:
     def counted_from(self, began: Moment) -> Moment | None:
         """Return the moment from which steps lost by a fault count: its beginning, but not before the motion's.
 
-        Until then the host may give an axis another position. None: there was no motion in which steps could be lost.
+        Until then the host may give an axis another position. None: there was no motion where steps could be lost.
         """
         if self._start is None:
             return None

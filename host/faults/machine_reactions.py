@@ -30,9 +30,9 @@ from steptwin.host.faults.target import Moment
 from steptwin.protocol.cia402 import ErrorCode, State
 
 SUPPLY_RANGE_10MV: Final = range(1000, 3401)
-"""Motor supply at which drives stay on: 0x2002:03 and :04 after power-up."""
+"""Motor supply with drives on: 0x2002:03 and :04 after power-up."""
 TEMPERATURE_MAX_DECIDEGC: Final = 850
-"""Highest temperature of the board at which drives stay on: 0x2002:05 after power-up."""
+"""Highest temperature of the board with drives on: 0x2002:05 after power-up."""
 
 
 def _one_of_several(harm: Harm, moment: Moment) -> bool:

@@ -200,7 +200,7 @@ def _told_since(engine: Engine, began: Moment) -> list[Emergency]:
 
 
 def _next_counts(engine: Engine, began: Moment) -> float:
-    """Return the instant at which the next fault begins; infinity if none does."""
+    """Return the instant when the next fault begins; infinity if none does."""
     begins = [each.began.counts for each in engine.played if each.began is not None]
     return min((counts for counts in begins if counts > began.counts), default=inf)
 

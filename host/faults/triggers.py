@@ -2,7 +2,7 @@
 
 Times count from the motion's start, t = 0 of the plan: the first servo tick after the SYNC that sets an axis moving.
 Positions are those that the drivers have counted, looked at on servo ticks. A trigger is data; its watch waits for the
-instant at which it is due, and looks no more often than it must.
+instant when it is due, and looks no more often than it must.
 """
 
 from collections.abc import Callable, Iterable
@@ -84,7 +84,7 @@ _PASSING = {Direction.UP: "rises to", Direction.DOWN: "falls to", Direction.ANY:
 
 @dataclass(frozen=True, slots=True)
 class OnFrame:
-    """The instant at which the n-th frame of an identifier since power-up becomes valid on the bus."""
+    """The instant when the n-th frame of an identifier since power-up becomes valid on the bus."""
 
     cob_id: int
     n: int = 1
@@ -95,7 +95,7 @@ class OnFrame:
 
 @dataclass(frozen=True, slots=True)
 class AtState:
-    """The instant at which the drive of a joint is found in a state."""
+    """The instant when the drive of a joint is found in a state."""
 
     joint: str
     state: State
@@ -112,7 +112,7 @@ class Watch(Protocol):
 
     @property
     def next_counts(self) -> int | None:
-        """Instant at which it must look even if nothing happens; None if there is none."""
+        """Instant when it must look even if nothing happens; None if there is none."""
         ...
 
     def is_due(self, now_counts: int) -> bool:
@@ -302,5 +302,5 @@ def counts_of(seconds: float) -> int:
 
 
 def earliest(watches: Iterable[Watch]) -> int | None:
-    """Return the first instant at which one of these must look; None if there is none."""
+    """Return the first instant when one of these must look; None if there is none."""
     return min((counts for watch in watches if (counts := watch.next_counts) is not None), default=None)

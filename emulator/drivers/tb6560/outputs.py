@@ -85,7 +85,7 @@ class Tb6560Outputs:
         self._origin = origin
         self._changes = tuple(changes)
         self.steps = steps
-        """Instants at which the field was turned, and the signs, +1 or -1."""
+        """Instants when the field was turned, and the signs, +1 or -1."""
         self._step_counts = steps[0]
         self._turned = np.concatenate(([0], np.cumsum(steps[1], dtype=np.int64)))
         self._shutdowns = shutdowns
@@ -123,7 +123,7 @@ class Tb6560Outputs:
         return Origin(levels, field, (shut_down or [self._origin.shut_down])[-1], from_counts)
 
     def instants(self) -> Int64Array:
-        """Return the sorted instants at which an output may change; between them none does.
+        """Return the sorted instants when an output may change; between them none does.
 
         An instant before the origin's `from_counts`, which has become known only now, is moved to that.
         """

@@ -36,7 +36,7 @@ class _Span(NamedTuple):
     steady_celsius: float
     shut_down: bool
     until_counts: int | None
-    """Instant at which a shutdown begins or ends; None if that does not happen without a change from outside."""
+    """Instant when a shutdown begins or ends; None if that does not happen without a change from outside."""
 
 
 class Junction:
@@ -88,7 +88,7 @@ class Junction:
         del self._spans[: max(self._at(counts), 0)]
 
     def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
-        """Return the instants at which a shutdown began, 1, or ended, 0, unless they are forgotten."""
+        """Return the instants when a shutdown began, 1, or ended, 0, unless they are forgotten."""
         self._reach(until_counts)
         known = [span for span in self._spans if span.from_counts <= until_counts]
         return [

@@ -45,7 +45,7 @@ class Thinned:
 
 
 class AxisReports:
-    """The reports of one axis during a motion, each with the time at which it was on the bus."""
+    """The reports of one axis during a motion, each with the time when it was on the bus."""
 
     def __init__(self) -> None:
         self.places = Thinned()

@@ -1,7 +1,7 @@
 """What runs have come to, and what their pictures show.
 
 A position is reported without a time of the motion, and a pause or a computer that is too slow delays it by any amount.
-But the axis also reports which record it executes, and both frames have the time at which they were on the bus. The
+But the axis also reports which record it executes, and both frames have the time when they were on the bus. The
 motion never gets ahead of that clock, so the motion's time of each position lies between two bounds. They are some
 20 ms apart, through pauses as well: one record of 10 ms, and the time for which a report may wait for the bus.
 """

@@ -27,7 +27,7 @@ PORT: Final = 8090
 _RECONNECT_S: Final = 20.0
 """Time for which a page that has lost its connection is kept: a laptop's radio may take that long to come back."""
 _BUILD_S: Final = 60.0
-"""Time in which a page must be built, on a computer that is too slow; a browser waits for longer."""
+"""Time to build a page, on a computer that is too slow; a browser waits for longer."""
 _GRACE_S: Final = 1
 """Time that open pages have to finish their requests when the server ends."""
 

@@ -29,9 +29,9 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 PATH_INSTANTS: Final = 2001
 _EXTENT_INSTANTS: Final = 201
-"""Instants of the motion at which the whole arm is looked at; the tool's path has PATH_INSTANTS."""
+"""Instants of the motion where the whole arm is looked at; the tool's path has PATH_INSTANTS."""
 _COURSE_INSTANTS: Final = 4001
-"""Instants at which the distance of two runs' tools is taken."""
+"""Instants when the distance of two runs' tools is taken."""
 LEAD_S: Final = 1.0
 """Time before the motion's start that the slider covers; what is earlier, such as switching on, can be stepped to."""
 

@@ -65,7 +65,7 @@ class _Reader:
     """When the motors of runs turn whose scenario does not say it."""
     files: set[str] = field(default_factory=set)
     planned: dict[str, Plan] = field(default_factory=dict)
-    """A motion of each robot, in which scenarios are placed."""
+    """A motion of each robot, where scenarios are placed."""
 
     def campaign(self) -> Campaign:
         """Return the campaign; raise InputError with everything that is wrong in it."""

@@ -25,7 +25,7 @@ from steptwin.protocol.cia402 import Status
 
 _SIGNIFICANT_DIGITS = 6
 
-# Runs in which nodes fall silent are no news: a worker's log would be full of these libraries' warnings.
+# Runs where nodes fall silent are no news: a worker's log would be full of these libraries' warnings.
 for library in ("can", "canopen"):
     logging.getLogger(library).addHandler(logging.NullHandler())
 

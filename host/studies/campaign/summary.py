@@ -84,8 +84,8 @@ class Summary:
         ended: how many runs ended in which way.
         all: the runs that passed, of all that were made.
         groups: the same for each robot, motion and scenario, by these words and by name.
-        invariants: of the runs that were asked for each invariant, those in which it held, by its name.
-        struck: of the runs with each scenario, those in which all its faults struck.
+        invariants: of the runs that were asked for each invariant, those where it held, by its name.
+        struck: of the runs with each scenario, those where all its faults struck.
         worst: the run nearest to each limit, by the name of the margin.
         causes: the failed runs, the most frequent cause first.
         refused: why runs were not made, with how many.

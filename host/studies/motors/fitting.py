@@ -25,7 +25,7 @@ from steptwin.host.twin.motors.torques import Curves, PullOutCurve
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
 TABLE_RPM: Final = (0.0, 60.0, 120.0, 240.0, 360.0, 480.0, 600.0, 900.0, 1200.0)
-"""Speeds at which a pull-out curve is told."""
+"""Speeds where a pull-out curve is told."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ L1_MM: Final = 250.0
 L2_MM: Final = 350.0
 D1_MM: Final = 300.0
 AT: Final = (30.0, 45.0, 50.0, 20.0)
-"""th1, th2, d3, th4 at which matrices are shown and formulas computed."""
+"""th1, th2, d3, th4 where matrices are shown and formulas computed."""
 POSITIONS: Final = (
     (0.0, 0.0, 0.0, 0.0),
     AT,

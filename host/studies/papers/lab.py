@@ -41,7 +41,7 @@ POINT_S: Final = 0.05
 """Time from point to point: assumed, the paper has none."""
 
 AT: Final = (150.0, 30.0, 45.0, 60.0)
-"""d1, th2, th3, th4 at which formulas are computed."""
+"""d1, th2, th3, th4 where formulas are computed."""
 
 
 def _sines(*angles_deg: float) -> tuple[float, ...]:

@@ -40,7 +40,7 @@ D4_MM: Final = -40.0
 DURATION_S: Final = 1.0
 STEP_S: Final = 0.015
 AT: Final = (30.0, 60.0, 20.0, 15.0)
-"""th1, th2, d3, th4 at which formulas are computed."""
+"""th1, th2, d3, th4 where formulas are computed."""
 _QA: Final = tuple(degrees(angle) for angle in START_RAD)
 _QB: Final = tuple(degrees(angle) for angle in GOAL_RAD)
 _TURNING: Final = ((0, "th1"), (1, "th2"), (3, "th4"))

@@ -187,7 +187,7 @@ class EmbeddedBoard:
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
-        """Every frame with the instant, in counts, at which it became valid."""
+        """Every frame with the instant, in counts, when it became valid."""
         bus = self._simulation.bus
         return list(zip(bus.log_counts, bus.log_frames, strict=True))
 

@@ -50,7 +50,7 @@ class RepeatedFrames:
         self._simulation = simulation
         self._repeated: list[_Repeated] = []
         self.due_counts: int | None = None
-        """Instant at which the next frame is due, even if it has been stopped meanwhile; None without frames."""
+        """Instant when the next frame is due, even if it has been stopped meanwhile; None without frames."""
 
     def send_periodic(self, message: can.Message, period_s: float) -> _Repeated:
         """Repeat a frame from now on, until `stop` of the object returned."""

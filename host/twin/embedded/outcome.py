@@ -53,7 +53,7 @@ class Outcome:
         plan: the motion that was run.
         comparison: the drivers' counts beside the plan.
         report: figures and verdict.
-        bus_log: every frame with the instant, in counts since power-up, at which it became valid.
+        bus_log: every frame with the instant, in counts since power-up, when it became valid.
         fault: the fault that ended the run; None if it came to its end.
         driver_profile: name of the drivers that the board had.
         waits: the waits for inputs on the way; the plan has their standstills in it, and ends with one that timed out.

@@ -1,4 +1,4 @@
-"""Listen at a TCP port of this machine at which programs operate the machine of a served board."""
+"""Listen at a TCP port of this machine where programs operate the machine of a served board."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""Open the place at which other programs reach a live board: a socketcand server, or a bus of python-can."""
+"""Open the place where other programs reach a live board: a socketcand server, or a bus of python-can."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar

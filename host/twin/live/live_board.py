@@ -96,7 +96,7 @@ _STRETCH_TICKS: Final = 80
 late: before that they follow in pieces, while the board has nothing else to do."""
 
 _OPEN_TICKS: Final = 4
-"""Servo ticks before now in which a driver's count may still be open: 1 ms, several times a driver's longest limit."""
+"""Servo ticks before now when a driver's count may still be open: 1 ms, several times a driver's longest limit."""
 
 
 class LiveBoard:
@@ -150,7 +150,7 @@ class LiveBoard:
             for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0
-        """Part of the time between the last two calls of `record` in which the bus was busy, in percent."""
+        """Part of the time between the last two calls of `record` when the bus was busy, in percent."""
         self._busy_bits, self._busy_until_s = 0, 0.0
         """Bits on the bus up to the last `record`, and its instant."""
         warm_up(kernel)
@@ -321,7 +321,7 @@ class LiveBoard:
 
     @property
     def bus_load_percent(self) -> float:
-        """Part of the time since power-up in which the bus was busy, in percent."""
+        """Part of the time since power-up when the bus was busy, in percent."""
         return load_percent(self.bus, self.simulated_s)
 
     def bus_figures(self) -> dict[str, Any]:

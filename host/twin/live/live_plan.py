@@ -114,7 +114,7 @@ class ReceivedPlan:
             self._lacking = reason
 
     def end(self, end_units: Sequence[int]) -> None:
-        """End the motion, at the positions at which the machine now stands."""
+        """End the motion, at the positions where the machine now stands."""
         self.going = False
         if any(self._pending):
             self.fail(_APART)
@@ -245,7 +245,7 @@ class RecordedMotion:
         no_plan: why it has no plan; None if it has one.
         in_motion: True if it has not come to its end.
         plan_number: number of its plan, as LivePlan counts them; 0 without one.
-        next_counts: instant at which a later motion began; 0 if there was none.
+        next_counts: instant when a later motion began; 0 if there was none.
     """
 
     start_counts: int | None
@@ -273,7 +273,7 @@ class FollowedMotion:
         self._complete: RecordedMotion | None = None
         """The last motion that has come to the end of its plan."""
         self._rest_counts = 0
-        """Last instant at which the axes were seen at rest."""
+        """Last instant when the axes were seen at rest."""
 
     def frame(self, frame: Frame, counts: int) -> None:
         """Note a frame that is about to reach its receivers."""

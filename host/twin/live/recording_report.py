@@ -137,7 +137,7 @@ def bus_figures(bus: Bus, now_s: float) -> dict[str, Any]:
 
 
 def load_percent(bus: Bus, now_s: float) -> float:
-    """Return the part of the time since power-up in which a bus was busy, in percent."""
+    """Return the part of the time since power-up when a bus was busy, in percent."""
     return 100 * bus.busy_bits / (bus.bitrate * max(now_s, 1e-3))
 
 
@@ -169,7 +169,7 @@ class UnplannedRun:
 
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
-        """Every frame with the instant, in counts, at which it became valid."""
+        """Every frame with the instant, in counts, when it became valid."""
         bus = self._simulation.bus
         return list(zip(bus.log_counts, bus.log_frames, strict=True))
 

@@ -30,8 +30,8 @@ class ServedBoard:
 
     Attributes:
         board: the board with its bus and everything recorded about it.
-        endpoint: the server or bus at which programs reach the board.
-        control: the port at which programs operate its machine; None unless it was asked for.
+        endpoint: the server or bus where programs reach the board.
+        control: the port where programs operate its machine; None unless it was asked for.
     """
 
     def __init__(
@@ -55,9 +55,9 @@ class ServedBoard:
 
         Args:
             robot: the machine.
-            host: address at which the socketcand server listens; by default 127.0.0.1.
+            host: address where the socketcand server listens; by default 127.0.0.1.
             port: TCP port of the server; by default 29536, socketcand's own; 0 takes a free one.
-            control_port: TCP port of this machine at which programs press its emergency stop, let its switches stick
+            control_port: TCP port of this machine where programs press its emergency stop, let its switches stick
                 and the like (docs/control-port.md); 0 takes a free one; None: there is none.
             allow_remote: allow an address that other machines reach.
             interface: python-can's name of an interface on which the board is put instead.

@@ -25,7 +25,7 @@ def board_configs(
 
     Args:
         robot: the machine.
-        joints: positions at which it stands, mm and degrees.
+        joints: positions where it stands, mm and degrees.
         axes_per_board: number of axes on each board, in the order of the joints.
         driver_profile_name: drivers other than the robot file's; the file's driver settings do not apply to them.
         dip_microsteps: microsteps other than the robot file's to which modules' switches are set, by joint.

@@ -128,7 +128,7 @@ def _violations(violations: Violations) -> DriverViolations:
 
 
 def _phases(outputs: Outputs, substeps: int) -> Phases:
-    """Sample the phases at each instant at which they may change; keep those at which they do, and power-up."""
+    """Sample the phases at each instant when they may change; keep those where they do, and power-up."""
     counts = outputs.instants()
     if not counts.size:
         return _NO_PHASES

@@ -34,7 +34,7 @@ def shelf_wiring(
 
     Args:
         robot: the machine.
-        start_joints: joint positions at which it stands at power-up, mm and degrees.
+        start_joints: joint positions where it stands at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
         stock: the boxes, by slot or spot; None: a box at each spot that does not clear boxes away, and empty slots.
         locked: slots whose drawers are locked.

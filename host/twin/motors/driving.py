@@ -78,7 +78,7 @@ class DriverRecord:
         return replace(self, a_amp=scale * self.a_amp, b_amp=scale * self.b_amp)
 
     def stretched(self, factor: float, from_counts: int) -> Self:
-        """Return the record in which everything after an instant takes `factor` times as long."""
+        """Return the record where everything after an instant takes `factor` times as long."""
         return replace(self, counts=stretched_counts(self.counts, factor, from_counts))
 
     def events(self, rotor_rad: float) -> DriverEvents:
@@ -161,7 +161,7 @@ class PayloadTimes:
 
     @classmethod
     def of(cls, robot: Robot, evidence: Evidence, name: str) -> Self:
-        """Return the times at which an output holds the payload; without a name it always hangs."""
+        """Return the times when an output holds the payload; without a name it always hangs."""
         if not name:
             return cls(np.empty(0, dtype=np.int64), np.array([True]))
         output = robot.outputs[name]

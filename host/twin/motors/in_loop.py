@@ -19,7 +19,7 @@ def motor_wiring(
 
     Args:
         robot: the machine.
-        start_joints: joint positions at which it stands at power-up, mm and degrees.
+        start_joints: joint positions where it stands at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
         stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
 

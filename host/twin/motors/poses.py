@@ -16,7 +16,7 @@ from steptwin.host.twin.motors.drives import check_described
 from steptwin.host.twin.motors.mechanism import arm_of
 
 _POSES: Final = 64
-"""Poses at which the arm is looked at, besides home."""
+"""Poses where the arm is looked at, besides home."""
 _PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19)
 """Bases of Halton's sequence, one for each axis that a board may drive."""
 

@@ -28,7 +28,7 @@ from steptwin.host.twin.motors.torques import Curves, PullOutCurve
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
 ALMOST_NONE: Final = 1e-6
-"""Part of the highest speed at which friction already opposes, but nothing else depends on speed."""
+"""Part of the highest speed where friction already opposes, but nothing else depends on speed."""
 _CLOSE: Final = 1e-3
 """Precision of an acceleration that motors manage, relative to it, and the least one in the joint's unit."""
 

@@ -17,7 +17,7 @@ from steptwin.host.verify import Comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _CURVE_SPEEDS: Final = 32
-"""Speeds at which a pull-out curve is computed."""
+"""Speeds where a pull-out curve is computed."""
 _FASTER: Final = 1.5
 """Part by which a curve goes beyond the motion's highest speed."""
 _SLOW_RPM: Final = 60.0

@@ -74,9 +74,9 @@ _SDO_BYTES: Final = 8
 _AT_REST: Final = 2
 """Equal status PDOs at the end of a recording by which an axis rests: they come every 100 ms."""
 _SETTLING_COUNTS: Final = 100 * COUNTS_PER_MS
-"""Time before the end of a recording in which what is said may have missed it."""
+"""Time before the end of a recording that what is said may have missed."""
 _PASSING_COUNTS: Final = 20 * COUNTS_PER_MS
-"""Time in which a state that is left again counts as passed."""
+"""Time within which a state that is left again counts as passed."""
 
 
 def first_difference_on_the_board_clock(

@@ -40,7 +40,7 @@ class MachineAtPowerUp:
         shelf_sensors: False if the shelf's sensors are not connected.
         operations: what was done to the machine, in order of time.
         bus_faults: the faults of the bus that were let loose, in words; they are not repeated.
-        until_counts: instant at which the recording ends; None if nothing tells it.
+        until_counts: instant when the recording ends; None if nothing tells it.
     """
 
     options: MachineOptions = AS_FILED

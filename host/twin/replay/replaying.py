@@ -1,6 +1,6 @@
 """Replay a recorded bus on emulated boards in virtual time, and compare what they do with what was recorded.
 
-On the board's clock the instant at which a frame became valid is exact, so its beginning on the wire is, too: a length
+On the board's clock the instant when a frame became valid is exact, so its beginning on the wire is, too: a length
 of the frame earlier. The frame takes part in the arbitration at that instant, as it did. A frame that began right after
 another one had waited for it, and waits again.
 
