@@ -8,7 +8,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.motors.pictures import resonance
+from steptwin.host.studies.motors import resonance
 from tests.end_to_end.command_line import refusal, run_json
 
 ROBOT = "teaching-scara"

@@ -85,7 +85,7 @@ def _print_own(fits: "tuple[JointFit, ...]") -> None:
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
     """Warn of each joint whose homing accelerates it harder than the motors manage."""
-    from steptwin.host.twin.motors.steep_homings import steep_homing
+    from steptwin.host.twin.motors.ramps import steep_homing
 
     for fit in fits:
         if fit.homing is not None and fit.homing.too_steep:

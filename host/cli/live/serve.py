@@ -142,7 +142,7 @@ def serve(
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
     """Warn of each joint whose motor stalls as it is homed: without encoders the board would not know."""
     from steptwin.host.twin.machine.drivers import driver_profile
-    from steptwin.host.twin.motors.steep_homings import steep_homings
+    from steptwin.host.twin.motors.ramps import steep_homings
 
     for line in steep_homings(robot, driver_profile(robot.board, other_drivers)):
         warn(line)

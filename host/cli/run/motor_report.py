@@ -104,7 +104,7 @@ def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":
 
 def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
     """Draw all pictures of a run's motors into a folder."""
-    from steptwin.host.studies.motors.pictures import PICTURES, write_motor_pictures
+    from steptwin.host.studies.motors.motor_pictures import PICTURES, write_motor_pictures
 
     write_motor_pictures(folder, ran, run, PICTURES)
 
@@ -113,7 +113,7 @@ def keep_pictures(folder: "Path", *, replace: bool) -> None:
     """Raise InputError if `write_pictures` would replace a picture unasked, or could draw none."""
     if not find_spec("matplotlib"):
         raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
-    from steptwin.host.studies.motors.pictures import PICTURES
+    from steptwin.host.studies.motors.motor_pictures import PICTURES
 
     keep_files((folder / f"{name}.png" for name in PICTURES), replace=replace)
 
@@ -122,7 +122,7 @@ def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bo
     """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
     write_whole(folder / MOTORS, json.dumps(ran.verdict.to_dict(), indent=2) + "\n")
     if pictures:
-        from steptwin.host.studies.motors.pictures import write_motor_pictures
+        from steptwin.host.studies.motors.motor_pictures import write_motor_pictures
 
         write_motor_pictures(folder, ran, run)
 

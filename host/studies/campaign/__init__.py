@@ -9,8 +9,7 @@ from steptwin.host.studies.campaign.row import Breach, Ended, Row
 from steptwin.host.studies.campaign.running import perform, row_of, run_seed
 from steptwin.host.studies.campaign.sources import Sources, sources_of_file, sources_of_results
 from steptwin.host.studies.campaign.summary import Summary, summarised
-from steptwin.host.studies.campaign.trial import Trial, draw
-from steptwin.host.studies.campaign.varied_file import with_varied_file
+from steptwin.host.studies.campaign.trial import Trial, draw, with_varied_file
 from steptwin.host.studies.campaign.workers import cluster, run_here, run_on
 
 __all__ = [

@@ -29,7 +29,7 @@ from steptwin.host.studies.papers.paper import (
     Value,
     WorkspacePicture,
 )
-from steptwin.host.studies.papers.run_results import run_listing, tool_values
+from steptwin.host.studies.papers.runs import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study
 from steptwin.host.twin.embedded.outcome import Outcome
 

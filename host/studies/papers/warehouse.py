@@ -30,7 +30,7 @@ from steptwin.host.studies.papers.paper import (
     RunPicture,
     Value,
 )
-from steptwin.host.studies.papers.run_results import run_listing, tool_values
+from steptwin.host.studies.papers.runs import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study, in_whole_steps, panels_over, pulses, tool_off_mm, transforms
 
 L2_MM: Final = 200.0

@@ -1,16 +1,21 @@
-"""Measure all methods on all motions; format the figures as a table or as a JSON document."""
+"""List all methods, measure them on all motions; format the figures as a table or as a JSON document."""
 
 import os
 import platform
 from collections.abc import Iterable
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
-from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.host.studies.step_methods.austin import austin
+from steptwin.host.studies.step_methods.bresenham import bresenham
 from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_figures
+from steptwin.host.studies.step_methods.dda import dda
 from steptwin.host.studies.step_methods.evaluation import MethodErrors, figures_of, ideal_of
-from steptwin.host.studies.step_methods.methods import methods
+from steptwin.host.studies.step_methods.kernel import kernel_method
 from steptwin.host.studies.step_methods.motions import PlannedMotion
+from steptwin.host.studies.step_methods.pulses import Method
 
 COLUMNS = (
     "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",
@@ -65,3 +70,16 @@ def table_rows(figures: list[MethodErrors]) -> list[list[str]]:
 
 def _us(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}" if value < 10 else f"{value:.1f}"
+
+
+DDA_HZ = (20_000, 40_000, 100_000)
+
+
+def methods(kernel: Kernel | None = None) -> list[Method]:
+    """Return the firmware's kernel (by default the fastest one installed) and the methods in common use."""
+    return [
+        Method("kernel", "the kernel", partial(kernel_method, kernel or fastest_kernel())),
+        *(Method(f"dda-{hz // 1000}k", f"DDA at {hz // 1000} kHz", partial(dda, hz)) for hz in DDA_HZ),
+        Method("bresenham", "Bresenham, 10 ms", bresenham),
+        Method("austin", "Austin's ramp", austin),
+    ]

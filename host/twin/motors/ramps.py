@@ -1,7 +1,8 @@
 """How hard each joint may accelerate: what its motor manages, and what the others hold against.
 
 A ramp begins at once, so that each rotor swings twice as far as the ramp's torque takes it: what is needed before, and
-twice what the ramp adds, must be within the pull-out torque.
+twice what the ramp adds, must be within the pull-out torque. In a homing that accelerates harder a motor slips, and the
+board does not know it.
 """
 
 from collections.abc import Callable, Mapping
@@ -274,3 +275,25 @@ def _gentler(joint: Joint, element: float, acceleration: float, homing_accelerat
         by_axis = nextafter((axis_acceleration_max or acceleration_max) / element, 0.0) if element > 1.0 else inf
         homing = replace(homing, acceleration=min(homing_acceleration, acceleration_max, by_axis))
     return replace(joint, acceleration_max=acceleration_max, axis_acceleration_max=axis_acceleration_max, homing=homing)
+
+
+def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
+    """Return a line for each homing of a robot that is too steep, with its drivers or others as they usually are set.
+
+    Raises:
+        InputError: the robot's file does not describe its motors and masses.
+    """
+    return [
+        steep_homing(joint.name, joint.unit, ramps.homing)
+        for joint, ramps in zip(robot.joints, ramps_of(robot, profile), strict=True)
+        if ramps.homing is not None and ramps.homing.too_steep
+    ]
+
+
+def steep_homing(joint: str, unit: str, ramp: JointRamp) -> str:
+    """Return what happens in a homing that is too steep, and what the motors manage; `unit` is mm or deg."""
+    what = "homing stalls" if ramp.weakest == joint else f"homing turns {ramp.weakest} out of step"
+    return (
+        f"{joint}: {what} at {ramp.asked:g} {unit}/s2 where the arm is hardest to turn: its motors manage"
+        f" {ramp.managed:.0f} (joints.{joint}.homing.acceleration in the robot's file)"
+    )

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from steptwin.host.studies.motors.pictures.load_angle import draw_load_angle
-from steptwin.host.studies.motors.pictures.tool import draw_tool
-from steptwin.host.studies.motors.pictures.torque import draw_torque
+from steptwin.host.studies.motors.motor_pictures import draw_load_angle, draw_tool, draw_torque
 from steptwin.host.twin.motors import MotorRun
 from steptwin.host.verify import BusReport, Comparison, RunInfo
 

@@ -8,9 +8,9 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.robots import load_robot
 from steptwin.host.studies.step_methods.austin import ramp
 from steptwin.host.studies.step_methods.evaluation import ideal_of, step_errors
-from steptwin.host.studies.step_methods.methods import DDA_HZ, methods
 from steptwin.host.studies.step_methods.motions import PlannedMotion, Sines, motion_of_job, sines
 from steptwin.host.studies.step_methods.pulses import Method
+from steptwin.host.studies.step_methods.table import DDA_HZ, methods
 from tests.host.studies.step_methods.lines import BOARD
 
 KEYS = ["kernel", *(f"dda-{hz // 1000}k" for hz in DDA_HZ), "bresenham", "austin"]

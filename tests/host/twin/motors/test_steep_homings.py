@@ -8,8 +8,7 @@ from steptwin import load_robot
 from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE, bare_chip
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driver_settings
-from steptwin.host.twin.motors.ramps import ramps_of
-from steptwin.host.twin.motors.steep_homings import steep_homings
+from steptwin.host.twin.motors.ramps import ramps_of, steep_homings
 
 LAB = load_robot("lab-scara")
 
