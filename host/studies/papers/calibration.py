@@ -30,8 +30,9 @@ from steptwin.host.studies.papers.paper import (
     Plot,
     RunPicture,
     Value,
+    run_listing,
+    tool_values,
 )
-from steptwin.host.studies.papers.runs import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study, transforms
 from steptwin.host.twin.embedded.outcome import Outcome
 

@@ -28,8 +28,9 @@ from steptwin.host.studies.papers.paper import (
     RunPicture,
     Value,
     WorkspacePicture,
+    run_listing,
+    tool_values,
 )
-from steptwin.host.studies.papers.runs import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study
 from steptwin.host.twin.embedded.outcome import Outcome
 

@@ -29,8 +29,9 @@ from steptwin.host.studies.papers.paper import (
     Plot,
     RunPicture,
     Value,
+    run_listing,
+    tool_values,
 )
-from steptwin.host.studies.papers.runs import run_listing, tool_values
 from steptwin.host.studies.papers.study import Study, in_whole_steps, panels_over, pulses, tool_off_mm, transforms
 
 L2_MM: Final = 200.0
