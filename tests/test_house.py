@@ -15,7 +15,7 @@ def test_a_class_name_exists_once(house: House) -> None:
 
 
 def test_a_folder_has_few_entries(house: House) -> None:
-    assert max(house.siblings().values()) <= 26
+    assert max(house.siblings().values()) <= 22
 
 
 def test_a_file_name_exists_at_most_twice(house: House) -> None:
