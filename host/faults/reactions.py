@@ -58,7 +58,6 @@ from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand
 
-
 # --- the host
 
 
