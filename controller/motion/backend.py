@@ -51,6 +51,7 @@ def compiled_kernel() -> Kernel:
     import numba
     import numpy as np
 
+    kernel.inline_kernel_functions()
     integer, cells, rows = numba.int64, numba.int64[::1], numba.int64[:, ::1]
 
     def compiled(function: Function, *arguments: Any) -> Function:

@@ -24,7 +24,7 @@ Q16 ticks, so that axes in step stay so to the last bit and keep to the planned 
 """
 
 from collections.abc import Callable
-from typing import Annotated, Any, Final, TypeAlias, TypeVar, cast
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 from steptwin.controller.motion.widths import (
     I32,
@@ -59,20 +59,27 @@ from steptwin.controller.motion.widths import (
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def _decorator() -> Callable[[Function], Function]:
-    """Return the decorator that lets numba (extra `fast`) compile a function into its callers; plain Python stays too.
+_INLINED: list[Callable[..., Any]] = []
+"""Functions of which numba does not know yet."""
 
-    The functions are inlined and compiled without numba's runtime, since they allocate nothing: counting references to
-    the arrays at every call would cost as much as evaluating a tick.
+
+def kernel_function(function: Function) -> Function:
+    """Mark a function that numba (extra `fast`) compiles into its callers; plain Python stays too."""
+    _INLINED.append(function)
+    return function
+
+
+def inline_kernel_functions() -> None:
+    """Tell numba of all functions that are marked by now; raise ModuleNotFoundError without the extra `fast`.
+
+    They are inlined and compiled without numba's runtime, since they allocate nothing: counting references to the
+    arrays at every call would cost as much as evaluating a tick.
     """
-    try:
-        from numba.extending import register_jitable
-    except ImportError:
-        return lambda function: function
-    return cast("Callable[[Function], Function]", register_jitable(forceinline=True, _nrt=False))
+    from numba.extending import register_jitable
 
-
-kernel_function = _decorator()
+    inlined = register_jitable(forceinline=True, _nrt=False)
+    while _INLINED:
+        inlined(_INLINED.pop())
 
 
 TICK_COUNTS: Final = 18_000

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from steptwin.controller.motion.kernel import Function
+from steptwin.controller.motion.kernel import Function, inline_kernel_functions
 from steptwin.emulator.board.edges import FloatArray
 from steptwin.emulator.drivers import power_supply
 from steptwin.emulator.motors import following, mechanics, rotor_kernel, rotor_run, sine
@@ -61,6 +61,7 @@ def compiled_rotors() -> RotorBackend:
     import numba
     import numpy as np
 
+    inline_kernel_functions()
     number, integer, numbers, indices = numba.float64, numba.int64, numba.float64[::1], numba.int64[::1]
 
     def record(kind: type, *fields: Any) -> Any:

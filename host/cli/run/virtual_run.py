@@ -28,6 +28,7 @@ from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.plan import Plan
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
@@ -70,7 +71,7 @@ class VirtualRunOptions:
         typer.Option(
             metavar="NAME",
             help="Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or"
-            " auto: the fastest.",
+            " auto: the one that ends soonest.",
         ),
     ] = "auto"
     motors: Annotated[
@@ -138,7 +139,7 @@ def _executed(
         outcome = execute(
             motion.plan,
             job,
-            _kernel(options.kernel),
+            _kernel(options, motion.plan),
             cut_stream_s=options.cut_stream,
             inputs=[_input_change(text) for text in options.inputs or ()],
             errand=errand.errand,
@@ -219,10 +220,12 @@ def _input_change(text: str) -> "InputChange":
     return InputChange(name, LEVELS[level], at_s)
 
 
-def _kernel(choice: KernelName) -> "Kernel":
-    from steptwin.host.twin.machine.kernels import fastest_kernel, kernel_named
+def _kernel(options: VirtualRunOptions, plan: "Plan") -> "Kernel":
+    from steptwin.host.twin.machine.kernels import fastest_kernel, kernel_named, soonest_kernel
 
-    return fastest_kernel() if choice == "auto" else kernel_named(choice)
+    if options.kernel != "auto":
+        return kernel_named(options.kernel)
+    return fastest_kernel() if options.motors else soonest_kernel(plan)  # motors load numba in any case
 
 
 def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:

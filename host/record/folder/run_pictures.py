@@ -1,26 +1,21 @@
-"""Draw the pictures of a run into its folder, here or in processes that get ready while the run goes on.
+"""Draw the pictures of a run into its folder, here or in a process that gets ready while the run goes on.
 
 They are drawn from the folder, so that `plot` draws the same: the stored motion differs slightly from the planned one
 (see `motion`).
 """
 
-import signal
+import os
+import sys
 from collections.abc import Callable, Iterable
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
 from typing import Final
 
 from steptwin.host.record.folder.reading import read_run
 
 DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
 """Pictures that are drawn into every run's folder."""
-
-_PROCESSES: Final = 2
-_NEEDED: Final = ("steptwin.host.record.folder.run_pictures", "steptwin.host.record.plots", "scipy.interpolate")
-"""What takes longer to import than a picture to draw."""
-
-_stored = cache(read_run)
 
 
 def can_draw() -> bool:
@@ -37,34 +32,36 @@ def draw_here(folder: Path, names: Iterable[str] = DEFAULT_PICTURES) -> None:
 
 
 def draw_apart() -> Callable[[Path], None]:
-    """Return a function that draws as `draw_here`, in two processes.
+    """Return a function that draws as `draw_here`, in a process that imports from now on what it needs.
 
-    Both are forked from a process that imports from now on what they need. Where the system cannot fork, the function
-    is `draw_here` itself.
+    Where that process fails, the function draws here, which tells why.
     """
-    from multiprocessing import forkserver, get_all_start_methods, get_context
-
-    if "forkserver" not in get_all_start_methods():
-        return draw_here
-    context = get_context("forkserver")
-    context.set_forkserver_preload(list(_NEEDED))
-    forkserver.ensure_running()
+    program = f"from {__name__} import draw_when_told; draw_when_told()"
+    ahead = Popen([sys.executable, "-P", "-c", program], stdin=PIPE, stdout=DEVNULL, stderr=DEVNULL)
 
     def draw(folder: Path) -> None:
-        with context.Pool(_PROCESSES, _leave_signals) as pool:
-            pool.starmap(_draw, [(folder, name) for name in DEFAULT_PICTURES], chunksize=1)
+        ahead.communicate(bytes(folder.absolute()))
+        if ahead.returncode:
+            draw_here(folder)
 
     return draw
 
 
-def _leave_signals() -> None:
-    """Leave Ctrl-C to the program that waits for the pictures."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def draw_when_told() -> None:
+    """Draw the pictures of the folder that standard input names, in two processes where the system can fork."""
+    import scipy.interpolate  # noqa: F401 - reading a run needs it; it takes as long as a picture
 
+    from steptwin.host.record import plots  # noqa: F401 - likewise
 
-def _draw(folder: Path, name: str) -> None:
-    """Draw one picture, in a process that reads its run once."""
-    from steptwin.host.record.plots import write_plots
-
-    stored = _stored(folder)
-    write_plots(folder, stored.comparison, stored.report.run, [name])
+    named = sys.stdin.buffer.read()
+    if not named:
+        return  # the run has failed
+    folder, middle = Path(os.fsdecode(named)), len(DEFAULT_PICTURES) // 2 + 1
+    if not hasattr(os, "fork"):
+        draw_here(folder)
+    elif forked := os.fork():
+        draw_here(folder, DEFAULT_PICTURES[:middle])
+        _, status = os.waitpid(forked, 0)
+        sys.exit(os.waitstatus_to_exitcode(status) != 0)
+    else:
+        draw_here(folder, DEFAULT_PICTURES[middle:])

@@ -1,13 +1,19 @@
 """Give host programs the forms of the firmware's kernel: plain Python, compiled, on an emulated Cortex-M3, and C."""
 
 from collections.abc import Callable
+from typing import Final
+
+import numpy as np
 
 from steptwin.controller.motion.backend import KERNELS as OWN_KERNELS
-from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.controller.motion.backend import Kernel, compiled_kernel, fastest_kernel, python_kernel
+from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.plan import Plan
+from steptwin.protocol.objects import UNITS_PER_FULL_STEP
 
-__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_files", "kernel_named"]
+__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_files", "kernel_named", "soonest_kernel"]
 
 
 def _cortex_m3() -> Kernel:
@@ -40,6 +46,27 @@ def kernel_named(name: str) -> Kernel:
         raise InputError(f"kernel {name}: {_MISSING[name]}") from error
     except CompilerMissingError as error:
         raise InputError(f"kernel {name}: {error}") from error
+
+
+_LOADING_S: Final = 0.4
+"""Time in which a process imports numba and loads the compiled kernel."""
+_PLAIN_TICK_S: Final = 0.7e-6
+"""Time that plain Python takes for a tick of an axis longer than the compiled kernel, on the same computer."""
+_PLAIN_STEP_S: Final = 1.5e-6
+"""Likewise for a step."""
+
+
+def soonest_kernel(plan: Plan) -> Kernel:
+    """Return the kernel with which the run of a plan ends soonest.
+
+    A short motion is over in plain Python before the compiled kernel would be loaded.
+    """
+    ticks = plan.points_units.shape[1] * int(plan.times_ms[-1]) * TICKS_PER_MS
+    microsteps = np.array([joint.transmission.microsteps for joint in plan.robot.joints])
+    steps = float((np.abs(np.diff(plan.points_units, axis=0)).sum(axis=0) * microsteps).sum()) / UNITS_PER_FULL_STEP
+    loaded = compiled_kernel.cache_info().currsize > 0
+    short = ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S < _LOADING_S
+    return python_kernel() if short and not loaded else fastest_kernel()
 
 
 def kernel_files() -> dict[str, str]:
