@@ -1,7 +1,7 @@
 """The pictures in the folders of runs: drawing them takes longer than most runs, so only tests of them want them."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.util import find_spec
 
 import pytest
@@ -20,7 +20,7 @@ def with_pictures() -> Iterator[None]:
 def with_pictures_drawn_here() -> Iterator[None]:
     """Let `run --out` draw its pictures in this process, where a test may have changed them."""
     with with_pictures(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_pictures, "draw_apart", lambda: run_pictures.draw_here)
+        patch.setattr(run_pictures, "drawing_apart", lambda: nullcontext(run_pictures.draw_here))
         yield
 
 

@@ -1,6 +1,7 @@
 """Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -105,14 +106,14 @@ def run_virtual(
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
-    from steptwin.host.record.folder.run_pictures import can_draw, draw_apart, draw_here
+    from steptwin.host.record.folder.run_pictures import can_draw, draw_here, drawing_apart
 
     if options.motors:
         check_motors(robot)
-    draw = draw_apart() if options.out and can_draw() else draw_here
-    outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
-    done = FinishedRun.of(outcome, turning=options.motors is not None)
-    pictures = folder is not None and done.save(folder, draw)
+    with drawing_apart() if options.out and can_draw() else nullcontext(draw_here) as draw:
+        outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
+        done = FinishedRun.of(outcome, turning=options.motors is not None)
+        pictures = folder is not None and done.save(folder, draw)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
     tell(done.document() | version, done.print, as_json=as_json)
     if folder is not None:

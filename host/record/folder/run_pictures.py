@@ -6,7 +6,8 @@ They are drawn from the folder, so that `plot` draws the same: the stored motion
 
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
@@ -31,20 +32,24 @@ def draw_here(folder: Path, names: Iterable[str] = DEFAULT_PICTURES) -> None:
     write_plots(folder, stored.comparison, stored.report.run, names)
 
 
-def draw_apart() -> Callable[[Path], None]:
-    """Return a function that draws as `draw_here`, in a process that imports from now on what it needs.
+@contextmanager
+def drawing_apart() -> Iterator[Callable[[Path], None]]:
+    """Yield a function that draws as `draw_here`, in a process that imports from now on what it needs.
 
     Where that process fails, the function draws here, which tells why.
     """
     program = f"from {__name__} import draw_when_told; draw_when_told()"
-    ahead = Popen([sys.executable, "-P", "-c", program], stdin=PIPE, stdout=DEVNULL, stderr=DEVNULL)
+    with Popen([sys.executable, "-P", "-c", program], stdin=PIPE, stdout=DEVNULL, stderr=DEVNULL) as ahead:
 
-    def draw(folder: Path) -> None:
-        ahead.communicate(bytes(folder.absolute()))
-        if ahead.returncode:
-            draw_here(folder)
+        def draw(folder: Path) -> None:
+            ahead.communicate(bytes(folder.absolute()))
+            if ahead.returncode:
+                draw_here(folder)
 
-    return draw
+        try:
+            yield draw
+        finally:
+            ahead.kill()  # it has ended, unless nothing was drawn
 
 
 def draw_when_told() -> None:
