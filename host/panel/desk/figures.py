@@ -60,7 +60,7 @@ class ClockWatch:
         """The instant of each answer in seconds, and for how long the clock had stood by then in ms."""
 
     def percent(self, now_s: float, stood: ClockStood) -> float:
-        """Return the part of the last seconds in which the clock has stood, 0 at the first answer."""
+        """Return in percent for how much of the last seconds the clock has stood, 0 at the first answer."""
         if self._recent and stood.total_ms < self._recent[-1][1]:  # another board
             self._recent.clear()
             self._slowness = Slowness()

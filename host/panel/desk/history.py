@@ -18,7 +18,7 @@ EVENTS_MAX: Final = 2000
 
 
 class Severity(StrEnum):
-    """How much an event matters."""
+    """Weight of an event."""
 
     INFO = "info"
     WARNING = "warning"
@@ -104,7 +104,7 @@ class Drawing:
 
     @property
     def version(self) -> tuple[int, int]:
-        """How often the path was changed and the trace was cleared: pages draw anew what has another number."""
+        """Number of changes of the path and of clearings of the trace: pages draw anew what has another number."""
         return self._paths, self._traces
 
     @property
@@ -114,7 +114,7 @@ class Drawing:
 
     @property
     def trace_mm(self) -> FloatArray:
-        """Where the tool was since the trace was cleared, shape (n, 3)."""
+        """Places of the tool since the trace was cleared, shape (n, 3)."""
         with self._lock:
             return np.array(self._trace_mm) if self._trace_mm else _NOTHING
 

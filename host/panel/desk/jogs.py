@@ -21,7 +21,7 @@ from steptwin.host.robots.robot import Robot
 BEAT_S: Final = 0.08
 """Time after which a page repeats its beat."""
 LEASE_S: Final = 0.25
-"""Time after the last beat at which a press ends: two beats may be lost and the third late."""
+"""Time from the last beat to a press' end: two beats may be lost and the third late."""
 EXPIRED: Final = "the page has fallen silent: press the button again"
 RELEASED: Final = "the button was released"
 _MISSED_MAX: Final = 16

@@ -155,7 +155,7 @@ class MoveJoints(Command):
 
 @dataclass(frozen=True, slots=True)
 class MoveTool(Command):
-    """Move the tool to a pose, of which coordinates may be left out, on the branch that the position names."""
+    """Move the tool to a pose, on the branch that the position names; coordinates may be left out."""
 
     title = "move"
     needs_homed = True

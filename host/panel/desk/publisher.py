@@ -77,7 +77,7 @@ class Publisher:
         self._told: dict[str, str] = {}
         """The states that the events tell of, by joint."""
         self._stopped = self._faulty = False
-        """Whether a drive was stopped or in fault, as last seen."""
+        """True if a drive was stopped or in fault, as last seen."""
 
     @property
     def snapshot(self) -> Snapshot:

@@ -153,12 +153,12 @@ class Reports:
 
     @property
     def heard_s(self) -> float:
-        """When the axis that has been silent for the longest time was heard, on the clock of `time.monotonic`."""
+        """Time when the axis that has been silent for longest was heard, on the clock of `time.monotonic`."""
         return min(report.heard_s for report in self.axes)
 
     @property
     def news_s(self) -> float:
-        """When the last report came, on the same clock."""
+        """Time when the last report came, on the same clock."""
         return max(report.heard_s for report in self.axes)
 
     @property
@@ -246,7 +246,7 @@ def _start_in_turn(session: Session, period_ms: int) -> None:
 
 
 def _objects(node_id: int, period_ms: int) -> Objects:
-    """Return the parameters of an axis' reports, in the order in which a node takes them.
+    """Return the parameters of an axis' reports, in the order that a node takes them.
 
     TPDO2, which exists no sooner than a master defines it, carries the following error and the velocity.
     """

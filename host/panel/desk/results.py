@@ -1,4 +1,4 @@
-"""What runs have come to, and what their pictures show.
+"""Results of runs, and the data of their pictures.
 
 A position is reported without a time of the motion, and a pause or a computer that is too slow delays it by any amount.
 But the axis also reports which record it executes, and both frames have the time when they were on the bus. The
@@ -28,15 +28,15 @@ _QUEUED_S: Final = 0.005
 _RATE_MAX: Final = 1.0005
 """Seconds of the motion in a second of the bus' clock, at most: two quartz crystals differ by less."""
 _LOOKS: Final = 33
-"""Number of instants between the bounds at which a report is compared with the plan."""
+"""Number of instants between the bounds where a report is compared with the plan."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """Where an axis was during a motion; the last place is where it stood after the end.
+    """Positions of an axis during a motion; the last place is where it stood after the end.
 
     Attributes:
-        t_s: the motion's time of each report: of those that are possible the one at which the plan is nearest.
+        t_s: the motion's time of each report: of those that are possible the one where the plan is nearest.
         units: the positions reported, in wire units.
         error_steps: how far each is from the plan at every time that is possible, in steps; 0 if the plan passes there.
     """
@@ -78,7 +78,7 @@ def _planned(plan: Plan, axis: int) -> CubicHermiteSpline:
 
 
 def time_bounds(plan: Plan, reports: AxisReports) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the greatest time of the motion, in seconds, at which each position can have been taken."""
+    """Return the least and the greatest time of the motion, in seconds, when each position can have been taken."""
     begins_s = plan.times_ms / 1000
     place_s, _ = _columns(reports.places)
     record_s, numbers = _columns(reports.records)

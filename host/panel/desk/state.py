@@ -46,7 +46,7 @@ class JointView:
 
 @dataclass(frozen=True, slots=True)
 class Activity:
-    """What the machine is doing.
+    """The present work of the machine.
 
     Attributes:
         name: such as `home`, `jog th2` or the job's name.
@@ -90,7 +90,7 @@ class Snapshot:
         bus_load_percent: of a served board; None if the bus does not tell.
         queue_fill: least part of a drive's queue of motion that is full, 0 to 1; None while no trajectory runs.
         late_ms: how late a served board is at the 99th percentile; None if it does not tell.
-        stood_percent: part of the last five seconds in which a served board's clock has stood since the computer was
+        stood_percent: part of the last five seconds for which a served board's clock has stood since the computer was
             too slow; None if it does not tell.
     """
 

@@ -17,7 +17,7 @@ from steptwin.host.panel.desk.words import RefusedError
 AGE_MAX_S: Final = 1.0
 """Age of the state that a page had shown beyond which its commands are refused: its operator saw another machine."""
 _KEPT: Final = 4096
-"""Number of states of which the time is kept: a minute, at 66 a second."""
+"""Number of states whose time is kept: a minute, at 66 a second."""
 
 
 class ShownStates:
@@ -75,7 +75,7 @@ _PRESSES: Final = 1000
 
 
 class Stop(IntEnum):
-    """How to stop; the greater one prevails."""
+    """Way to stop; the greater one prevails."""
 
     NONE = 0
     VOID = 1
@@ -87,7 +87,7 @@ class Stop(IntEnum):
 
     @property
     def words(self) -> str:
-        """What ends by it is told so."""
+        """The words for what ends by it."""
         return "stopped" if self is Stop.STOP else "emergency stop"
 
 

@@ -1,4 +1,4 @@
-"""What the desk says of an error: nothing of the bus, and what a page offers in place of a program's parameters."""
+"""Words of the desk for an error: nothing of the bus, and what a page offers in place of a program's parameters."""
 
 import re
 from typing import Final

@@ -69,7 +69,7 @@ _SLOWLY_S: Final = 1.0
 _HELD_S: Final = 0.5
 """Longest wait for the reports that drives are held, once they are."""
 _SIMULATED: Final = "SIMULATED"
-"""What an emulated board's device name (1008h) says."""
+"""Word in an emulated board's device name (1008h)."""
 
 
 class ConnectedMachine:
@@ -82,7 +82,7 @@ class ConnectedMachine:
         self._requests = requests
         self._slow_questions_s = float("-inf")
         self._often = self._read = False
-        """Whether the nodes report often, and whether settings and the like have been read."""
+        """True once the nodes report often, and once settings and the like have been read."""
 
     def turn(self) -> None:
         """Stop if that is asked for; then carry out a command, or jog, or wait.

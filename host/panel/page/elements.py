@@ -1,4 +1,4 @@
-"""The small parts of which every view is made: cards, headings, buttons, chips, tables and live numbers."""
+"""The small parts of every view: cards, headings, buttons, chips, tables and live numbers."""
 
 import json
 import re
@@ -9,6 +9,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from steptwin.host.panel.desk import Snapshot
+from steptwin.host.planning.jobs.options import OptionRange
 
 
 class View(Protocol):
@@ -21,7 +22,7 @@ class View(Protocol):
 
 Handler = Callable[[], Any]
 Tone = Literal["", "good", "warn", "bad"]
-"""How a text is meant; the words say it too, so that colour is never alone."""
+"""Meaning of a text; the words say it too, so that colour is never alone."""
 
 
 def card(title: str = "", classes: str = "") -> ui.element:
@@ -105,7 +106,7 @@ def note(text: str, tone: Tone = "") -> ui.label:
 
 
 def choice(label: str, options: Mapping[Any, str], value: Any, on_change: Callable[[Any], Any]) -> ui.toggle:
-    """Return a row of buttons, of which one is chosen; `on_change` gets the chosen key."""
+    """Return a row of buttons with one chosen; `on_change` gets the chosen key."""
     toggle = ui.toggle(dict(options), value=value, on_change=lambda event: on_change(event.value))
     toggle.props("unelevated no-caps dense toggle-color=primary").classes("choice")
     toggle.props["aria-label"] = label
@@ -134,24 +135,22 @@ class NumberField(ui.number):
 def number_field(
     label: str,
     value: float | None,
-    lower: float,
-    upper: float,
-    unit: str,
+    allowed: OptionRange,
     on_change: Callable[[], Any] | None = None,
     *,
     whole: bool = False,
 ) -> NumberField:
-    """Return a field for a number from `lower` to `upper`, which says its range and unit."""
-    wrong = f"{lower:g} to {upper:g} {unit}".rstrip()
+    """Return a field for a number, which says its range and unit."""
+    wrong = f"{allowed.lower:g} to {allowed.upper:g} {allowed.unit}".rstrip()
 
     def fits(given: float | None) -> bool:
-        return given is not None and lower <= given <= upper and not (whole and given % 1)
+        return given is not None and allowed.lower <= given <= allowed.upper and not (whole and given % 1)
 
     field = NumberField(
         label,
         value=value,
         format="%d" if whole else None,
-        suffix=unit or None,
+        suffix=allowed.unit or None,
         validation={wrong: fits},
         on_change=None if on_change is None else lambda _: on_change(),
     )

@@ -23,7 +23,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 SOCKET_PATH: Final = "/_nicegui_ws/"
-"""Where the packets come: as messages of a web socket, or as bodies of requests, several in one."""
+"""Path of the packets: they come as messages of a web socket, or as bodies of requests, several in one."""
 _BETWEEN_PACKETS: Final = "\x1e"
 _CONTROL: Final = frozenset(("1", "2", "2probe", "3", "3probe", "5", "6", "40", "40{}", "41"))
 """Packets without an event: close, ping, pong, upgrade, no operation; connect and disconnect."""
@@ -184,7 +184,7 @@ class _TooLargeError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class PageAccess:
-    """Who may use the page.
+    """Access to the page.
 
     Attributes:
         hosts: values of the Host header that are ours, such as "127.0.0.1:8090"; None accepts any, which needs a token.

@@ -22,7 +22,7 @@ Request = Callable[[], ControlState]
 
 
 class HardwareTab:
-    """What can be operated, each with its present state."""
+    """Buttons for everything that can be operated, each with its present state."""
 
     def __init__(self, visitor: Visitor, control: ControlClient) -> None:
         self._visitor, self._control = visitor, control

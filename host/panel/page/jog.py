@@ -12,7 +12,7 @@ from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS, tool_speed_max
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
-"""What a press moves: mm and degrees of a step, or for as long as it is held."""
+"""Ways of a press: mm and degrees of a step, or for as long as it is held."""
 _PERCENTS: Final = {5: "5 %", 20: "20 %", 50: "50 %", 100: "100 %"}
 
 
@@ -97,7 +97,7 @@ class JogTab:
         return ToolJog(name, part * tool_speed_max(name))
 
     def _beat(self, event: events.GenericEventArguments) -> None:
-        """Pass a beat of a held button on; say a refusal once, not with each beat. One that is no beat is dropped."""
+        """Pass a beat of a held button on; say a refusal once, not with each beat. Anything else is dropped."""
         match event.args:
             case {"press": int(press), "what": str(name), "sign": int(sign)}:
                 pass

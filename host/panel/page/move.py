@@ -25,6 +25,7 @@ from steptwin.host.panel.page.elements import (
 )
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.planning.jobs.options import OptionRange
 from steptwin.host.planning.programs.positions import (
     JointPosition,
     Position,
@@ -139,7 +140,7 @@ class MoveTab:
         self._visitor = visitor
         with line("between"):
             choice("kind of move", _KINDS, "joints", self._choose)
-            self.speed = number_field("speed", 30.0, 1.0, 100.0, "%").classes("w-narrow")
+            self.speed = number_field("speed", 30.0, OptionRange(1.0, 100.0, "%")).classes("w-narrow")
         self._joints = JointsForm(visitor, scene, self._percent)
         self._tool = ToolForm(visitor, scene, self._percent)
         self._saved = SavedPositions(visitor, scene, positions_file, self._percent)
@@ -179,7 +180,7 @@ class JointsForm:
             with ui.element("div").classes("form-grid"):
                 self._fields = {
                     joint.name: number_field(
-                        joint.name, None, joint.lower, joint.upper, str(joint.unit), self._show_ghost
+                        joint.name, None, OptionRange(joint.lower, joint.upper, str(joint.unit)), self._show_ghost
                     )
                     for joint in robot.joints
                 }
@@ -197,7 +198,7 @@ class JointsForm:
         self._known = known or (self._known and snapshot.homed)
 
     def fill(self) -> None:
-        """Show where the machine stands; nothing for a joint of which that is unknown."""
+        """Show where the machine stands; nothing for a joint whose position is unknown."""
         joints = self._visitor.desk.snapshot.joints
         self._filled = bool(joints)
         self._set({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
@@ -252,7 +253,9 @@ class ToolForm:
         with ui.element("div").classes("stack") as self.root:
             with ui.element("div").classes("form-grid"):
                 self._fields = {
-                    name: number_field(name, None, -_FAR_MM, _FAR_MM, unit, self._look_for_branches).props('hint=""')
+                    name: number_field(name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), self._look_for_branches).props(
+                        'hint=""'
+                    )
                     for name, unit in COORDINATE_UNITS.items()
                     if not (follows and name == "phi")
                 }

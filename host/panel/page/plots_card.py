@@ -53,7 +53,7 @@ _QUANTITIES: Final = {"position": "position", "rate": "rate", "error": "followin
 
 
 class PlotsCard:
-    """One plot, of which the quantity is chosen."""
+    """One plot, with a choice of its quantity."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor

@@ -36,7 +36,7 @@ from steptwin.host.panel.page.motions import (
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
-from steptwin.host.planning.jobs.options import OptionField
+from steptwin.host.planning.jobs.options import OptionField, OptionRange
 from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.plan import Plan
 
@@ -103,7 +103,7 @@ _REPETITIONS_MAX: Final = 1000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What a Run tab shows.
+    """The contents of a Run tab.
 
     Attributes:
         fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
@@ -134,7 +134,7 @@ class RunTab:
         self._name = ""
         self._planning: asyncio.Task[Planned] | None = None
         self._ran = False
-        """Whether the plan was run: then its path stays until the next preview."""
+        """True if the plan was run: then its path stays until the next preview."""
         visitor.page.on_delete(self._end_planning)
         jobs = job_names(visitor.desk.robot)
         self._form: OptionForm | None = None
@@ -155,7 +155,9 @@ class RunTab:
             ui.label("Its units").classes("muted")
             self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
         with line():
-            self._repeat = number_field("repetitions", 1, 1, _REPETITIONS_MAX, "", whole=True).classes("w-narrow")
+            self._repeat = number_field("repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True).classes(
+                "w-narrow"
+            )
             self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
         self._choose()
 
@@ -339,9 +341,7 @@ def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | 
     if field.allowed is None:
         select = ui.select(list(field.choices), value=field.default, label=label, on_change=lambda _: changed())
         return select.props("outlined dense").classes("w-field")
-    allowed = field.allowed
-    default = round(float(field.default), 6)
-    return number_field(label, default, allowed.lower, allowed.upper, allowed.unit, changed, whole=field.whole)
+    return number_field(label, round(float(field.default), 6), field.allowed, changed, whole=field.whole)
 
 
 def _text(value: Any) -> str:

@@ -27,7 +27,7 @@ _NEAR: Final = 0.06
 
 
 class JointLabel(TypedDict):
-    """Names, and the point at which they stand: its part, in the order of `Kinematics.links`, and its number there."""
+    """Names and their point: its part, in the order of `Kinematics.links`, and its number there."""
 
     text: str
     part: int
@@ -78,7 +78,7 @@ Arm = Literal["arm", "ghost", "other"]
 Line = Literal["plan", "trace"]
 """The lines that the view can show: the planned path and the tool's trace."""
 View = Literal["top", "front", "side", "iso", "path"]
-"""Where the camera looks from; `path` looks at the lines alone, from where it is."""
+"""Place that the camera looks from; `path` looks at the lines alone, from where it is."""
 
 _DECIMALS: Final = 2
 """Hundredths of a mm are far below a pixel."""
@@ -148,7 +148,7 @@ class ArmScene(
 
 
 def _reached_mm(robot: Robot) -> FloatArray:
-    """Return points of the space in which the arm moves and its boxes stand, shape (n, 3)."""
+    """Return points of the space that the arm and its boxes take, shape (n, 3)."""
     lower, upper = ([getattr(joint, end) for joint in robot.joints] for end in ("lower", "upper"))
     places = np.vstack([robot.home, np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(lower)))])
     links = make_kinematics(robot).links(places)

@@ -22,7 +22,7 @@ from steptwin.host.panel.page.guard import TOKEN, Guard, local_access, remote_ac
 from steptwin.host.panel.page.visitor import FAVICON
 
 PORT: Final = 8090
-"""Port at which the page is, unless another one is asked for or it is in use."""
+"""Port of the page, unless another one is asked for or it is in use."""
 
 _RECONNECT_S: Final = 20.0
 """Time for which a page that has lost its connection is kept: a laptop's radio may take that long to come back."""
@@ -33,7 +33,7 @@ _GRACE_S: Final = 1
 
 
 class OneLine(logging.Formatter):
-    """What an event of a page has raised, as a line that says where: a browser may send any value in an event."""
+    """An error of a page's event as a line that says where it was raised: a browser may send any value in an event."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line of a record."""
@@ -47,7 +47,7 @@ class OneLine(logging.Formatter):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where the page listens; `port` None takes PORT, or a free one if it is in use.
+    """Address of the page; `port` None takes PORT, or a free one if it is in use.
 
     Attributes:
         host: address of this machine.

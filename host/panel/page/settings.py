@@ -7,6 +7,7 @@ from nicegui import ui
 from steptwin.host.panel.desk import Setting, Snapshot, WriteSettings
 from steptwin.host.panel.page.elements import act, heading, line, moving, note, number_field, plain, wrong_field
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.planning.jobs.options import OptionRange
 
 
 class SettingsTab:
@@ -67,4 +68,4 @@ def _field(setting: Setting, changed: Callable[[], None]) -> ui.number | ui.sele
         texts = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
         select = ui.select(texts, value=setting.value, label=label, on_change=lambda _: changed())
         return select.props("outlined dense").classes("w-field")
-    return number_field(label, setting.value, setting.lower, setting.upper, setting.unit, changed)
+    return number_field(label, setting.value, OptionRange(setting.lower, setting.upper, setting.unit), changed)

@@ -24,7 +24,7 @@ from steptwin.host.panel.page.elements import Tone
 _STATIC: Final = Path(__file__).parent / "static"
 
 _PRIMARY: Final = "#1257a8"
-"""What is chosen: white text on it can be read in light and dark."""
+"""Colour of a chosen button: white text on it can be read in light and dark."""
 
 FAVICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
@@ -83,7 +83,7 @@ class Visitor:
 
     @property
     def operates(self) -> bool:
-        """Whether this tab may move the machine."""
+        """True if this tab may move the machine."""
         return self.desk.operators.is_operator(self.tab)
 
     def ask(self, command: Command) -> bool:
@@ -128,7 +128,7 @@ _PRESS_MAX: Final = 64
 """Most characters of the name of a press."""
 
 Answer = dict[str, bool]
-"""What a page is told of its stop: `told` says whether the machine was."""
+"""Answer to a page's stop: `told` says whether the machine was told of it."""
 
 
 def note_shown() -> None:

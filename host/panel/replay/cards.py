@@ -1,4 +1,4 @@
-"""What a page shows of stored runs: the bar that moves the cursor, the arms in three dimensions, pins and currents."""
+"""Cards of stored runs: the bar that moves the cursor, the arms in three dimensions, pins and currents."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -110,56 +110,34 @@ class PinsCard:
     """The windows of one run; `changed` is called when the user chooses another one."""
 
     def __init__(self, replays: tuple[Replay, ...], changed: Callable[[], None]) -> None:
-        self._replays, self._changed = replays, changed
-        self._run, self._span_ms, self._axis = 0, 20.0, _ALL
+        self._replays = replays
         names = replays[0].run.robot.joint_names
-        self._currents_axis = replays[0].busiest_axis
         with card("Pins"):
             with line("between"):
-                choice("width of the window", {ms: f"{ms:g} ms" for ms in SPANS_MS}, self._span_ms, self._choose_span)
+                spans = {ms: f"{ms:g} ms" for ms in SPANS_MS}
+                self._span_ms = choice("width of the window", spans, 20.0, lambda _: changed())
+                self._run: ui.toggle | None = None
                 if len(replays) == 2:
-                    choice("run", {0: "first", 1: "second"}, 0, self._choose_run)
-                axes = ui.select({_ALL: "all axes"} | dict.fromkeys(names), value=_ALL, label="pins of")
-                axes.props("outlined dense").classes("w-narrow").on_value_change(
-                    lambda event: self._choose_axis(event.value)
-                )
+                    self._run = choice("run", {0: "first", 1: "second"}, 0, lambda _: changed())
+                self._axis = ui.select({_ALL: "all axes"} | dict.fromkeys(names), value=_ALL, label="pins of")
+                self._axis.props("outlined dense").classes("w-narrow").on_value_change(lambda _: changed())
             self._pins = ui.html("", sanitize=False)
         with card():
             with line("between"):
                 heading("Phase currents")
-                choice(
-                    "axis of the currents",
-                    dict(zip(names, names, strict=True)),
-                    self._currents_axis,
-                    self._choose_currents,
-                )
+                axes, busiest = {name: name for name in names}, replays[0].busiest_axis
+                self._currents_of = choice("axis of the currents", axes, busiest, lambda _: changed())
             self._currents = ui.html("", sanitize=False)
 
     def show(self, t_s: float) -> None:
         """Show the windows around a time."""
-        replay = self._replays[self._run]
+        replay = self._replays[self._run.value if self._run else 0]
         counts = replay.counts_at(t_s)
-        half = int(self._span_ms * COUNTS_PER_SECOND / 2000)
+        half = int(self._span_ms.value * COUNTS_PER_SECOND / 2000)
         span = Span(counts - half, counts + half)
-        axes = None if self._axis == _ALL else [self._axis]
+        axes = None if self._axis.value == _ALL else [self._axis.value]
         self._pins.set_content(pins_picture(replay.lanes(span, axes), span, counts))
-        self._currents.set_content(currents_picture(replay.currents(span, self._currents_axis), span, counts))
-
-    def _choose_span(self, span_ms: float) -> None:
-        self._span_ms = span_ms
-        self._changed()
-
-    def _choose_run(self, run: int) -> None:
-        self._run = run
-        self._changed()
-
-    def _choose_axis(self, axis: str) -> None:
-        self._axis = axis
-        self._changed()
-
-    def _choose_currents(self, axis: str) -> None:
-        self._currents_axis = axis
-        self._changed()
+        self._currents.set_content(currents_picture(replay.currents(span, self._currents_of.value), span, counts))
 
 
 _ARMS: Final[tuple[Arm, ...]] = ("arm", "other")

@@ -1,4 +1,4 @@
-"""What has happened in a run, as marks on its time: broken limits of drivers, outputs, drives' states and errors."""
+"""Marks on a run's time for what has happened: broken limits of drivers, outputs, drives' states and errors."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ _STATUS_BYTES: Final = sum(ENTRIES[address].data_type.size for address in TPDO_D
 
 
 class MarkKind(StrEnum):
-    """What a mark is about."""
+    """Subject of a mark."""
 
     VIOLATION = "violation"
     ERROR = "error"

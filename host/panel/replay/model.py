@@ -308,7 +308,7 @@ class Course:
 
     @property
     def largest_at_s(self) -> float:
-        """When the tools are furthest apart."""
+        """Time when the tools are furthest apart."""
         return float(self.t_s[self.tool_mm.argmax()])
 
 
