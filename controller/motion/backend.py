@@ -45,13 +45,26 @@ def python_kernel() -> Kernel:
     )
 
 
+def inline_kernel_functions() -> None:
+    """Tell numba of all functions that are marked by now; raise ModuleNotFoundError without the extra `fast`.
+
+    They are inlined and compiled without numba's runtime, since they allocate nothing: counting references to the
+    arrays at every call would cost as much as evaluating a tick.
+    """
+    from numba.extending import register_jitable
+
+    inlined = register_jitable(forceinline=True, _nrt=False)
+    while kernel.kernel_functions:
+        inlined(kernel.kernel_functions.pop())
+
+
 @cache
 def compiled_kernel() -> Kernel:
     """Return the same functions compiled for int64 arrays; raise ModuleNotFoundError without the extra `fast`."""
     import numba
     import numpy as np
 
-    kernel.inline_kernel_functions()
+    inline_kernel_functions()
     integer, cells, rows = numba.int64, numba.int64[::1], numba.int64[:, ::1]
 
     def compiled(function: Function, *arguments: Any) -> Function:

@@ -59,27 +59,17 @@ from steptwin.controller.motion.widths import (
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-_INLINED: list[Callable[..., Any]] = []
-"""Functions of which numba does not know yet."""
+kernel_functions: list[Callable[..., Any]] = []
+"""Functions that are marked and of which numba does not know yet (see `backend`)."""
 
 
-def kernel_function(function: Function) -> Function:
+def _marked(function: Function) -> Function:
     """Mark a function that numba (extra `fast`) compiles into its callers; plain Python stays too."""
-    _INLINED.append(function)
+    kernel_functions.append(function)
     return function
 
 
-def inline_kernel_functions() -> None:
-    """Tell numba of all functions that are marked by now; raise ModuleNotFoundError without the extra `fast`.
-
-    They are inlined and compiled without numba's runtime, since they allocate nothing: counting references to the
-    arrays at every call would cost as much as evaluating a tick.
-    """
-    from numba.extending import register_jitable
-
-    inlined = register_jitable(forceinline=True, _nrt=False)
-    while _INLINED:
-        inlined(_INLINED.pop())
+kernel_function = _marked
 
 
 TICK_COUNTS: Final = 18_000

@@ -8,7 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from steptwin.controller.motion.kernel import Function, inline_kernel_functions
+from steptwin.controller.motion.backend import inline_kernel_functions
+from steptwin.controller.motion.kernel import Function
 from steptwin.emulator.board.edges import FloatArray
 from steptwin.emulator.drivers import power_supply
 from steptwin.emulator.motors import following, mechanics, rotor_kernel, rotor_run, sine
