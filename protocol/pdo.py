@@ -254,7 +254,7 @@ class ProcessData:
         self._changed = True
 
     def check_cob_id_at(self, address: int, value: int) -> None:
-        """Refuse what is no COB-ID of a PDO, and another one for a PDO that exists."""
+        """Refuse a value that is not a COB-ID of a PDO, and a new one for a PDO that exists."""
         self.check_configurable(value)
         check_cob_id(self._dictionary.get(address), value, COB_ID_NO_RTR)
 

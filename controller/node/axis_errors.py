@@ -24,7 +24,7 @@ class AxisErrors(EmergencyProducer):
         dictionary.bind(self)
 
     def check_new_cob_id(self, cob_id: int) -> None:
-        """Refuse what is no COB-ID of an EMCY, and another one while the present one is valid."""
+        """Refuse a value that is not a COB-ID of an EMCY, and a new one while the present one is valid."""
         check_cob_id(self._dictionary.get(od.EMCY_COB_ID), cob_id)
 
     def report(self, code: ErrorCode, detail: int) -> None:

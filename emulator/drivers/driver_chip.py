@@ -185,7 +185,7 @@ class DriverChip(Protocol):
         """Let a part at the chip, named as in `ChipKind.parts`, have another value for the edges that are fed next.
 
         Raises:
-            ValueError: it has no such part, or none of this value.
+            ValueError: the chip has no such part, or the part cannot have this value.
         """
 
     def forget(self) -> None:

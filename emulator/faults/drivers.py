@@ -35,7 +35,7 @@ class DriverProtect(AxisOperation):
 
 @dataclass(frozen=True, slots=True)
 class DriverMode(AxisOperation):
-    """Somebody sets a driver to another microstep mode: its switches, or the chip's pins M1 and M2.
+    """A driver gets another microstep mode, by its switches or by the chip's pins M1 and M2.
 
     Attributes:
         microsteps: microsteps per full step; None: as the board has it, or the switches had it at power-up.

@@ -18,7 +18,7 @@ class Scheduled(NamedTuple):
 
 
 class Consequence(Scheduled):
-    """An operation that follows from an earlier one, so that nobody has asked for it."""
+    """An operation that follows from an earlier one, not from a request."""
 
 
 class Schedule:

@@ -164,7 +164,7 @@ class NotBegunError(StepTwinError):
 
 
 class SilentStartError(NotBegunError, BusError):
-    """Nobody answered the host."""
+    """No node answered the host."""
 
 
 class FaultyStartError(NotBegunError, DeviceFaultError):

@@ -148,7 +148,7 @@ class Session:
     def charge(self, what: str, *, needs: Collection[str] | None = None) -> Iterator["MachineCharge"]:
         """Go through the gate: take charge of the machine, and by `MachineCharge.enable` set it up to move it.
 
-        Whoever is inside asks nothing again. Leaving by an error or by Ctrl-C stops all axes first, once they are set
+        The block asks nothing again. Leaving by an error or by Ctrl-C stops all axes first, once they are set
         up, and takes back their targets. Afterwards the drives stay enabled and hold their positions.
 
         The gate asks each axis:
@@ -231,7 +231,7 @@ class RestingDrive(NamedTuple):
 
 
 class MachineAtRest(NamedTuple):
-    """A machine at rest, as its axes said at the gate: whoever moves it need not ask them again.
+    """A machine at rest, as its axes said at the gate: a function that moves it need not ask them again.
 
     Attributes:
         drives: the drive of each axis.

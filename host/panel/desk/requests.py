@@ -114,7 +114,7 @@ class Operators:
             self._events.info(f"{name} operates the machine")
 
     def take_over(self, client: str, name: str) -> None:
-        """Operate the machine, whoever does; a jog of the former operator ends."""
+        """Operate the machine, even if another client does; a jog of the former operator ends."""
         with self._lock:
             former, self._holder = self._holder, Operator(client, name)
         if former is None:

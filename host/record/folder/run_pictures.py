@@ -13,7 +13,7 @@ from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from typing import Final
 
-from steptwin.host.record.folder.reading import read_run
+from steptwin.host.record.folder.reading import StoredRun, read_run
 
 DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing")
 """Pictures that are drawn into every run's folder."""
@@ -24,12 +24,9 @@ def can_draw() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def draw_here(folder: Path, names: Iterable[str] = DEFAULT_PICTURES) -> None:
-    """Draw pictures of the run in a folder; raise OSError if one cannot be written."""
-    from steptwin.host.record.plots import write_plots
-
-    stored = read_run(folder)
-    write_plots(folder, stored.comparison, stored.report.run, names)
+def draw_here(folder: Path) -> None:
+    """Draw the pictures of the run in a folder; raise OSError if one cannot be written."""
+    _draw(read_run(folder), folder, DEFAULT_PICTURES)
 
 
 @contextmanager
@@ -62,11 +59,18 @@ def draw_when_told() -> None:
     if not named:
         return  # the run has failed
     folder, middle = Path(os.fsdecode(named)), len(DEFAULT_PICTURES) // 2 + 1
+    stored = read_run(folder)
     if not hasattr(os, "fork"):
-        draw_here(folder)
+        _draw(stored, folder, DEFAULT_PICTURES)
     elif forked := os.fork():
-        draw_here(folder, DEFAULT_PICTURES[:middle])
+        _draw(stored, folder, DEFAULT_PICTURES[:middle])
         _, status = os.waitpid(forked, 0)
         sys.exit(os.waitstatus_to_exitcode(status) != 0)
     else:
-        draw_here(folder, DEFAULT_PICTURES[middle:])
+        _draw(stored, folder, DEFAULT_PICTURES[middle:])
+
+
+def _draw(stored: StoredRun, folder: Path, names: Iterable[str]) -> None:
+    from steptwin.host.record.plots import write_plots
+
+    write_plots(folder, stored.comparison, stored.report.run, names)
