@@ -150,7 +150,7 @@ class _Arm:
 
 def ways_around(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> str:
     """Return which joints to move first so that the way is clear, as in `sx sz first`; empty if neither order is."""
-    slides = {column for column, _ in _slides(robot)}
+    slides = {column for column, _ in make_kinematics(robot).slides}
     if not slides:
         return ""
     arm = set(range(len(robot.joints))) - slides
@@ -159,8 +159,3 @@ def ways_around(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> 
         if first_contact(robot, start, between) is None and first_contact(robot, between, goal) is None:
             return " ".join(robot.joint_names[i] for i in sorted(first))
     return ""
-
-
-def _slides(robot: Robot) -> tuple[tuple[int, int], ...]:
-    kinematics = make_kinematics(robot)
-    return kinematics.slides if isinstance(kinematics, Scara) else ()

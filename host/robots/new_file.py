@@ -218,6 +218,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
         _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
         "[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **geometry}, meanings),
+        _BASE,
         "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
         _JOINTS,
         *(_joint_text(joint) for joint in joints),
@@ -235,6 +236,13 @@ _HEAD: Final = """\
 #
 # `steptwin check` reads this file and says everything that is wrong. Lengths are in mm, angles in degrees. In poses of
 # the tool x and y are horizontal and z is upwards: a tool below the height 0 is at a negative z.
+"""
+_BASE: Final = """\
+# [base] # where the base stands in the station, and how far it is turned: poses of the tool are in the station's frame
+# x_mm = 0.0
+# y_mm = 0.0
+# z_mm = 0.0
+# phi_deg = 0.0
 """
 _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file

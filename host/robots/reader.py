@@ -15,6 +15,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
+from steptwin.host.robots.base_frame import BaseFrame
 from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings, Input, Output
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
@@ -333,6 +334,7 @@ _ROBOT: Final[dict[str, Reading]] = {
     ),
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
+    "base": _settings(BaseFrame, {}, dict.fromkeys(("x_mm", "y_mm", "z_mm", "phi_deg"), Table.number)),
     "paper": _paper,
     "outputs": partial(_each, _output),
     "inputs": partial(_each, _input),

@@ -12,6 +12,7 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_most, nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
+from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
@@ -48,6 +49,7 @@ class Robot:
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
+        base: where the base stands in the station, the frame of all poses, boxes and the shelf.
         paper: paper that describes the machine, as a citation in one line; may be empty.
         dynamics: supply and payload, for the model of motors and mechanics; None: unknown.
         toml: text of the robot file; empty for a robot that was not read from a file.
@@ -72,6 +74,7 @@ class Robot:
     shelf: Shelf | None = field(default=None, hash=False)
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict, hash=False)
+    base: BaseFrame = STATION
     paper: str = ""
     dynamics: Dynamics | None = None
     toml: str = field(default="", repr=False, compare=False)
@@ -126,6 +129,11 @@ class Robot:
         findings.raise_first()
 
     def _check_shelf(self) -> None:
+        if self.shelf and self.base.phi_deg % 360.0:
+            raise InputError(
+                f"base.phi_deg: {self.base.phi_deg:g} deg is for a robot without a shelf, whose drawers open along y;"
+                " 0 is right here"
+            )
         if self.shelf:
             with prefixed("shelf."):
                 self.shelf.check_names(self.outputs, self.inputs, self.places, self.boxes)

@@ -1,5 +1,6 @@
 """`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -19,6 +20,7 @@ _COLUMNS: Final = ("n", "o", "a", "p")
 
 def matrices_document(kinematics: "Kinematics", joints: "FloatArray") -> dict[str, Any]:
     """Return the DH table with its values and matrices at joints of shape (1, joints); matrices are lists of rows."""
+    from steptwin.host.robots.base_frame import STATION
     from steptwin.host.robots.kinematics.base import link_frames, tool_frames
 
     variables = kinematics.dh_variables(joints)
@@ -36,7 +38,9 @@ def matrices_document(kinematics: "Kinematics", joints: "FloatArray") -> dict[st
     ]
     product = tool_frames(kinematics, joints)[0]
     axes = {name: _plain(product[:3, column]) for column, name in enumerate(_COLUMNS)}
+    base = kinematics.dh.base
     return {
+        **({} if base == STATION else {"base": {**asdict(base), "matrix": _plain(base.matrix)}}),
         "convention": kinematics.dh.convention.value,
         "links": links,
         "product": {"matrix": _plain(product), **axes},
@@ -47,7 +51,8 @@ def print_matrices(document: dict[str, Any]) -> None:
     """Print the table, then three rows for each matrix, whose fourth is always 0 0 0 1."""
     links = document["links"]
     modified = document["convention"] == "modified"
-    say(f"DH table, {'modified (Craig, proximal)' if modified else 'standard (distal)'}, from the world to the tool:")
+    start = "base" if "base" in document else "world"
+    say(f"DH table, {'modified (Craig, proximal)' if modified else 'standard (distal)'}, from the {start} to the tool:")
     place = "i-1" if modified else "i"
     names = [f"alpha_{place} deg", f"a_{place} mm", "d_i mm", "theta_i deg"]
     keys = ("alpha_deg", "a_mm", "d_mm", "theta_deg")
@@ -55,8 +60,12 @@ def print_matrices(document: dict[str, Any]) -> None:
         [str(i), link["d"], link["theta"], *(fixed(link[key]) for key in keys)] for i, link in enumerate(links, start=1)
     ]
     print_table(["i", "d_i", "theta_i", *names], rows, text_columns=3)
-    say("", "matrix of each link, and T, their product from the world to the tool; each has a fourth row 0 0 0 1:")
-    matrices = {f"T{i}": link["matrix"] for i, link in enumerate(links, start=1)} | {"T": document["product"]["matrix"]}
+    of_base = "S_0T, the base in the station, " if "base" in document else ""
+    whole = f"their product from the {'station' if of_base else 'world'} to the tool"
+    say("", f"{of_base}matrix of each link, and T, {whole}; each has a fourth row 0 0 0 1:")
+    base = {"S_0T": document["base"]["matrix"]} if "base" in document else {}
+    of_links = {f"T{i}": link["matrix"] for i, link in enumerate(links, start=1)}
+    matrices = base | of_links | {"T": document["product"]["matrix"]}
     rows = [
         [name if axis == 0 else "", "xyz"[axis], *(fixed(element, 6) for element in matrix[axis])]
         for name, matrix in matrices.items()

@@ -44,20 +44,23 @@ def workspace(
     cloud = monte_carlo(loaded, samples, seed)
     folder = out_folder(out, _FILES)
     scanned = scan(loaded, attitude_deg, z_mm)
-    document = _document(loaded.name, cloud, scanned)
+    document = _document(loaded, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
     tell(document, lambda: _print_figures(document), as_json=which.as_json)
     if folder is not None:
         _say_where(folder, pictures=pictures, to_stderr=which.as_json)
 
 
-def _document(robot: str, cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
+def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
+    from steptwin.host.robots.base_frame import STATION
+
     plan, profile = scanned.plan, scanned.profile
-    section = {
-        "attitude_deg": scanned.attitude_deg, "slides": dict(scanned.slides), "axis_x_mm": scanned.axis_x_mm
-    }  # fmt: skip
+    axis_x_mm, axis_y_mm = scanned.axis_mm
+    section = {"attitude_deg": scanned.attitude_deg, "slides": dict(scanned.slides), "axis_x_mm": axis_x_mm}
+    if robot.base != STATION:
+        section["axis_y_mm"] = axis_y_mm
     return {
-        "robot": robot,
+        "robot": robot.name,
         "monte_carlo": {
             "samples": cloud.samples,
             "seed": cloud.seed,

@@ -17,7 +17,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs.job import Job, hybrid_scale
+from steptwin.host.planning.jobs.job import Job, hybrid_scale, in_station
 from steptwin.host.planning.jobs.options import number, parse_options
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.sampled import Sampled
@@ -50,6 +50,14 @@ def _bottom_mm(robot: Robot) -> float:
     return CENTRE_MM[2] + rise_mm + (1.0 - vertical) * RISE_MM_PER_TURN * TURNS / 2.0
 
 
+_CENTRE: Final = (
+    lambda robot: CENTRE_MM[0] * hybrid_scale(robot)[0],
+    lambda robot: CENTRE_MM[1] * hybrid_scale(robot)[0],
+    _bottom_mm,
+)
+"""The centre of the helix from the robot's base: x, y and the height of its start."""
+
+
 @dataclass(frozen=True, slots=True)
 class HelixCurve:
     """The helix itself: centre, height of its start, radius, pitch and number of turns.
@@ -57,9 +65,9 @@ class HelixCurve:
     By default its place and size grow and move with the arm's dimensions.
     """
 
-    x_mm: float = number(CENTRE_MM[0], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[0] * hybrid_scale(robot)[0])
-    y_mm: float = number(CENTRE_MM[1], -5000.0, 5000.0, "mm", lambda robot: CENTRE_MM[1] * hybrid_scale(robot)[0])
-    z_mm: float = number(CENTRE_MM[2], -5000.0, 5000.0, "mm", _bottom_mm)
+    x_mm: float = number(CENTRE_MM[0], -5000.0, 5000.0, "mm", in_station(0, *_CENTRE))
+    y_mm: float = number(CENTRE_MM[1], -5000.0, 5000.0, "mm", in_station(1, *_CENTRE))
+    z_mm: float = number(CENTRE_MM[2], -5000.0, 5000.0, "mm", in_station(2, *_CENTRE))
     radius_mm: float = number(RADIUS_MM, 1.0, 1000.0, "mm", _radius_mm)
     rise_mm: float = number(RISE_MM_PER_TURN, 0.0, 500.0, "mm per turn", _rise_mm)
     turns: int = number(TURNS, 1, 100, "turns")

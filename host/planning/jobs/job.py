@@ -41,6 +41,11 @@ def in_reach_at_most(length_mm: float, paper_reach_mm: float) -> Callable[[Robot
     return lambda robot: length_mm * min(scara_reach_mm(robot) / paper_reach_mm, 1.0)
 
 
+def in_station(axis: int, *place: Callable[[Robot], float]) -> Callable[[Robot], float]:
+    """Return x, y or z, by its number, in the station's frame of a place whose x, y and z are given from the base."""
+    return lambda robot: float(robot.base.in_station(np.array([each(robot) for each in place]))[axis])
+
+
 def fitted(robot: Robot, joints: FloatArray) -> FloatArray:
     """Return joints of shape (joints,), each at the nearest position within its limits."""
     lower, upper = ([getattr(joint, bound) for joint in robot.joints] for bound in ("lower", "upper"))

@@ -15,7 +15,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
-from steptwin.host.planning.jobs.job import Job, in_reach
+from steptwin.host.planning.jobs.job import Job, in_reach, in_station
 from steptwin.host.planning.jobs.options import number
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.motions.tool_move import follow
@@ -37,6 +37,10 @@ _START_PART: Final = 0.6
 def _start_mm(robot: Robot) -> float:
     lift = robot.joint("d1")
     return lift.lower + _START_PART * (lift.upper - lift.lower) - float(robot.geometry["d5_mm"])
+
+
+_START: Final = (in_reach(-300.0, _REACH_MM), in_reach(400.0, _REACH_MM), _start_mm)
+"""The spiral's start from the robot's base, x, y and z."""
 
 
 class ZLaw(Enum):
@@ -62,9 +66,9 @@ class SpiralOptions:
     psi_deg: float = number(0.0, -180.0, 180.0, "deg")
     elbow: Elbow = Elbow.RIGHT
     point_s: float = number(0.05, 0.001, 10.0, "s")
-    x_mm: float = number(-300.0, -2000.0, 2000.0, "mm", in_reach(-300.0, _REACH_MM))
-    y_mm: float = number(400.0, -2000.0, 2000.0, "mm", in_reach(400.0, _REACH_MM))
-    z_mm: float = number(0.0, -2000.0, 2000.0, "mm", _start_mm)
+    x_mm: float = number(-300.0, -2000.0, 2000.0, "mm", in_station(0, *_START))
+    y_mm: float = number(400.0, -2000.0, 2000.0, "mm", in_station(1, *_START))
+    z_mm: float = number(0.0, -2000.0, 2000.0, "mm", in_station(2, *_START))
     mm_per_rad: float = number(MM_PER_RAD, 0.01, 100.0, "mm/rad", in_reach(MM_PER_RAD, _REACH_MM))
 
 

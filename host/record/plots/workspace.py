@@ -48,7 +48,7 @@ def write_workspace_3d(path: Path, robot: Robot, cloud: MonteCarlo) -> None:
 
 def draw_workspace(robot: Robot, cloud: MonteCarlo, scanned: Scan) -> Figure:
     """Return a figure with both views, true to scale, with the arm at home."""
-    radius_mm = np.hypot(cloud.cloud_mm[:, 0] - scanned.axis_x_mm, cloud.cloud_mm[:, 1])
+    radius_mm = np.hypot(*(cloud.cloud_mm[:, :2] - np.array(scanned.axis_mm)).T)
     views = (cloud.cloud_mm[:, :2], np.column_stack([radius_mm, cloud.cloud_mm[:, 2]]))
     boundaries = (scanned.plan.boundary_mm, scanned.profile.boundary_mm)
     aspects = [_aspect(np.vstack(points)) for points in zip(views, boundaries, strict=True)]
@@ -97,7 +97,7 @@ def _draw_home(above: Axes, beside: Axes, robot: Robot, scanned: Scan) -> None:
     draw_arm(above, links, 0, plane_of(0, 1), Pen(AT_ENDS), _HOME)
     azimuth_rad = np.deg2rad(scanned.profile.azimuth_deg)
     upright = np.array([[np.cos(azimuth_rad), 0.0], [np.sin(azimuth_rad), 0.0], [0.0, 1.0]])
-    axis_mm = np.array([scanned.axis_x_mm, 0.0, 0.0])
+    axis_mm = np.array([*scanned.axis_mm, 0.0])
     draw_arm(beside, [replace(link, points_mm=link.points_mm - axis_mm) for link in links], 0, upright, Pen(AT_ENDS))
     for axes in (above, beside):
         axes.autoscale_view()

@@ -2,12 +2,11 @@
 
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, pose_words, within_limits
 from steptwin.host.robots.kinematics.hybrid import HybridArm
-from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
-from steptwin.host.robots.robot import Robot
 
 __all__ = [
     "ArmPart",
@@ -25,8 +24,3 @@ __all__ = [
     "pose_words",
     "within_limits",
 ]
-
-
-def make_kinematics(robot: Robot) -> Kinematics:
-    """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
-    return kind_named(robot.kinematics).make(robot)

@@ -1,7 +1,7 @@
 """The interface of every kinematics, its inverse solutions and the constraints that they keep or break.
 
 Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Poses are arrays of shape (n, 4) in the
-world frame: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
+station's frame, where the robot's base stands: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -135,7 +135,12 @@ class Kinematics(Protocol):
 
     @property
     def dh(self) -> DhTable:
-        """The mechanism as a DH table from the world frame to the tool."""
+        """The mechanism as a DH table from the base to the tool, and the base's place in the station."""
+        ...
+
+    @property
+    def slides(self) -> tuple[tuple[int, int], ...]:
+        """The column of each joint that shifts the whole arm, and along which coordinate of its base: 0 or 2."""
         ...
 
     @property
@@ -160,6 +165,10 @@ class Kinematics(Protocol):
 
     def forward(self, joints: FloatArray) -> FloatArray:
         """Return poses of shape (n, 4) for joints of shape (n, joints); the joints' limits are not checked."""
+        ...
+
+    def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
+        """Return x and y of the arm's own axis, about which its radii count, at joints of shape (joints,)."""
         ...
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
@@ -298,7 +307,7 @@ def check_unit(unit: Unit, expected: Unit) -> None:
 
 
 def tool_frames(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
-    """Return the tool's homogeneous transforms in the world frame for joints of shape (n, joints), shape (n, 4, 4).
+    """Return the tool's homogeneous transforms in the station's frame for joints of shape (n, joints), shape (n, 4, 4).
 
     Its columns are n, o and a, the tool's x, y and z axes, and p, its position. They are the product of the DH table's
     links (`dh`), and NaN where the mechanism cannot be assembled.

@@ -5,7 +5,7 @@ the errors that the robot's file states, so that lengths may be wrong and axes c
 
 A row of the table is two screws: a and alpha along and about x, d and theta along and about z. An error of a parameter
 shifts all that follows along the axis of its screw, or turns it about this axis. So the derivatives of the tool's
-position p and attitude are geometric; u is the direction of the axis and o a point on it, both in the world frame:
+position p and attitude are geometric; u is the direction of the axis and o a point on it, both in the station's frame:
 
     by a length    dp = u                 no turning
     by an angle    dp = u x (p - o)       turning about u
@@ -27,13 +27,13 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
-from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.robot import Robot
 
 MOVES: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
-"""Effects of a parameter on the tool: shifts along the world's axes and turns about them. A turn rz adds to the
+"""Effects of a parameter on the tool: shifts along the station's axes and turns about them. A turn rz adds to the
 attitude."""
 
 
@@ -54,7 +54,7 @@ class Chain:
     @classmethod
     def of(cls, robot: Robot) -> Self:
         """Return the chain with the errors in the robot's file; raise InputError for a robot that is no DH chain."""
-        table = kind_named(robot.kinematics).make(robot).dh
+        table = make_kinematics(robot).dh
         with prefixed(f"{robot.name}: "):
             check_links(robot.kinematics, table, robot.joint_names, robot.dh_errors)
         errors = (robot.dh_errors.get(name, LinkErrors()) for name in table.link_names)
@@ -76,7 +76,7 @@ class Chain:
         return replace(self, errors=np.reshape(errors, self.errors.shape))
 
     def transforms(self, joints: FloatArray) -> FloatArray:
-        """Return the tool's homogeneous transforms in the world frame, (n, 4, 4), for joints of shape (n, joints)."""
+        """Return the tool's homogeneous transforms in the station, (n, 4, 4), for joints of shape (n, joints)."""
         tool: FloatArray = self._frames(joints)[-1]
         return tool
 

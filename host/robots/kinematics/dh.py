@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.base_frame import STATION, BaseFrame
 
 Variables = Mapping[str, FloatArray]
 """The variables of a table by name, in mm and degrees, each of shape (n,)."""
@@ -73,14 +74,15 @@ class DhRow:
 
 @dataclass(frozen=True, slots=True)
 class DhTable:
-    """The rows of a table from the world frame to the tool, in one convention."""
+    """The rows of a table from the base to the tool, in one convention, and the base's place in the station."""
 
     convention: Convention
     rows: tuple[DhRow, ...]
+    base: BaseFrame = STATION
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """The names of the variables, from the world frame to the tool."""
+        """The names of the variables, from the base to the tool."""
         parameters = (parameter for row in self.rows for parameter in (row.d_mm, row.theta_deg))
         return tuple(parameter.variable for parameter in parameters if parameter.variable)
 
@@ -90,15 +92,15 @@ class DhTable:
         return tuple(f"link{number}" for number in range(1, len(self.rows) + 1))
 
     def transforms(self, variables: Variables) -> FloatArray:
-        """Return the tool's homogeneous transforms in the world frame, of shape (n, 4, 4), lengths in mm."""
+        """Return the tool's homogeneous transforms in the station's frame, of shape (n, 4, 4), lengths in mm."""
         tool: FloatArray = self.frames(variables)[-1]
         return tool
 
     def frames(self, variables: Variables) -> FloatArray:
-        """Return the frames of the world and behind each row, in the world frame, of shape (rows + 1, n, 4, 4)."""
+        """Return the frames of the base and behind each row, in the station's frame, of shape (rows + 1, n, 4, 4)."""
         count = max((len(values) for values in variables.values()), default=1)
         frames = np.empty((len(self.rows) + 1, count, 4, 4))
-        frames[0] = np.eye(4)
+        frames[0] = self.base.matrix
         for i, row in enumerate(self.rows):
             np.matmul(frames[i], self._link(row, variables, count), out=frames[i + 1])
         return frames

@@ -28,6 +28,7 @@ from steptwin.host.robots.kinematics.base import (
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point, slide, tool
+from steptwin.host.robots.kinematics.on_base import OnBase
 from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 from steptwin.host.robots.robot import Robot
@@ -90,7 +91,7 @@ class HybridGeometry:
 
 
 @dataclass(frozen=True, slots=True)
-class HybridArm:
+class HybridArm(OnBase):
     """The kinematics of the hybrid arm; implements Kinematics.
 
     Attributes:
@@ -146,12 +147,15 @@ class HybridArm:
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         return {"th1": joints[:, TH1], "z2": z2_mm, "z3": z3_mm, "th4": joints[:, TH4]}
 
-    def forward(self, joints: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4) for joints of shape (n, 4), with the platform assembled above the sliders."""
-        return self.forward_as(joints, AssemblyMode.ABOVE)
+    def forward_from_base(self, joints: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4) in the base's frame, with the platform assembled above the sliders."""
+        return self._assembled(joints, AssemblyMode.ABOVE)
 
     def forward_as(self, joints: FloatArray, assembly: AssemblyMode) -> FloatArray:
-        """Return the same for either assembly mode; NaN where the sliders are further apart than the links allow."""
+        """Return poses for either assembly mode; NaN where the sliders are further apart than the links allow."""
+        return self.in_station(self._assembled(joints, assembly))
+
+    def _assembled(self, joints: FloatArray, assembly: AssemblyMode) -> FloatArray:
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], assembly)
         th1_rad = np.deg2rad(joints[:, TH1])
         rho_mm = self.radius_mm + z2_mm
@@ -164,9 +168,9 @@ class HybridArm:
             ]
         )
 
-    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+    def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return waist, screws, sliders with their links, arm and tool, for joints of shape (n, 4)."""
-        geometry, poses = self.geometry, self.forward(joints)
+        geometry, poses = self.geometry, self.forward_from_base(joints)
         th1_rad = np.deg2rad(joints[:, TH1])
         outwards = point(np.cos(th1_rad), np.sin(th1_rad), 0.0)
         reach_mm = self.radius_mm + self.z2_max_mm
@@ -195,15 +199,11 @@ class HybridArm:
             *tool(wrist_mm, poses, reach_mm),
         )
 
-    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return the four working modes for poses of shape (n, 4).
+    def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
+        """Return one working mode; th4 takes the turn within its limits that is nearest to `near`.
 
         A mode of the other assembly is solved, but is not reachable: the machine would have to be reassembled.
         """
-        return tuple(self.solve(poses, branch, near) for branch in self.branches)
-
-    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """Return one working mode; th4 takes the turn within its limits that is nearest to `near`."""
         mode = WorkingMode(branch)
         z2_mm = np.hypot(poses[:, 0], poses[:, 1]) - self.radius_mm
         joints = np.empty((len(poses), 4))
@@ -225,7 +225,7 @@ class HybridArm:
             for name, sine in zip((*names, between), sines, strict=True)
         )
 
-    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+    def velocities_from_base(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities for joints and pose derivatives; all three have the shape (n, 4)."""
         z2_mm, z3_mm = self.sliders.forward(joints[:, Z5], joints[:, Z6], AssemblyMode.ABOVE)
         th1_rad = np.deg2rad(joints[:, TH1])

@@ -1,7 +1,7 @@
 """The kinds of mechanisms as data: what each is, its dimensions and what makes its kinematics."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
@@ -17,6 +17,7 @@ from steptwin.host.robots.kinematics.paper_scaras import (
     teaching_scara,
     warehouse_scara,
 )
+from steptwin.host.robots.kinematics.scara import Scara
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
 from steptwin.host.robots.robot import Robot
 
@@ -28,12 +29,13 @@ class Kind:
     Attributes:
         summary: what it is, in a few words.
         geometry: dataclass of its options and dimensions, the keys of [kinematics].
-        make: function that returns a robot's kinematics; it raises InputError if dimensions or joints do not fit.
+        make: function that returns a robot's kinematics, its base at the station's origin; it raises InputError if
+            dimensions or joints do not fit.
     """
 
     summary: str
     geometry: type[Any]
-    make: Callable[[Robot], Kinematics]
+    make: Callable[[Robot], Scara | HybridArm]
 
 
 KINDS: Final[dict[str, Kind]] = {
@@ -57,3 +59,9 @@ def kind_named(name: str) -> Kind:
     if name not in KINDS:
         raise unknown("kinematics.kind:", name, KINDS)
     return KINDS[name]
+
+
+def make_kinematics(robot: Robot) -> Kinematics:
+    """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
+    made = kind_named(robot.kinematics).make(robot)
+    return replace(made, base=robot.base, dh=replace(made.dh, base=robot.base))

@@ -39,7 +39,7 @@ class ArmPart:
     Attributes:
         name: what it is, in a few words.
         role: what it does.
-        points_mm: shape (n, points, 3), the ends of its straight pieces in the world frame.
+        points_mm: shape (n, points, 3), the ends of its straight pieces.
     """
 
     name: str
@@ -89,8 +89,7 @@ def solid_parts(scara: "Scara", joints: FloatArray) -> tuple[ArmPart, ...]:
 
     Joints have the shape (n, joints).
     """
-    parts = scara_links(scara, joints)
-    return tuple(part for part in parts if part.name in _SOLID or part.name.startswith(_COLUMN))
+    return tuple(part for part in scara.links(joints) if part.name in _SOLID or part.name.startswith(_COLUMN))
 
 
 _COLUMN: Final = "column"
@@ -113,7 +112,7 @@ def scara_links(scara: "Scara", joints: FloatArray) -> tuple[ArmPart, ...]:
         *_column(scara, foot_mm, shoulder_mm),
         line("first link", Role.LINK, shoulder_mm, elbow_mm),
         line("second link", Role.LINK, *([elbow_mm] * bool(scara.offset_mm)), raised_mm, wrist_mm),
-        *tool(wrist_mm, scara.forward(joints), scara.arm.reach_mm[1]),
+        *tool(wrist_mm, scara.forward_from_base(joints), scara.arm.reach_mm[1]),
     )
 
 

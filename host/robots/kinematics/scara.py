@@ -21,6 +21,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, scara_links
+from steptwin.host.robots.kinematics.on_base import OnBase
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R, wrapped_deg
 
 SINGULAR: Final = 0.005
@@ -32,7 +33,7 @@ a microstep, so that a pose can be given in as many digits as poses are printed.
 
 
 @dataclass(frozen=True, slots=True)
-class Scara:
+class Scara(OnBase):
     """The kinematics of one mechanism of the family; implements Kinematics.
 
     Attributes:
@@ -45,7 +46,6 @@ class Scara:
         lift_sign: -1 if the lift pushes the tool down, otherwise 1.
         wrist_sign: w, -1 if the tool points down, otherwise 1.
         tool_mm: l_tool, the tool's distance from the wrist's axis, in the direction of the attitude.
-        slides: pairs of a joint's column and the coordinate of the pose that it shifts, 0 for x or 2 for z.
         base_mm: height of the first link with the lift at 0, only for drawing.
         offset_mm: height of the second link above the first, likewise.
     """
@@ -62,7 +62,6 @@ class Scara:
     lift_sign: int = 1
     wrist_sign: int = 1
     tool_mm: float = 0.0
-    slides: tuple[tuple[int, int], ...] = ()
     base_mm: float = 0.0
     offset_mm: float = 0.0
 
@@ -101,8 +100,8 @@ class Scara:
         """Return the joints by their names."""
         return {joint.name: joints[:, axis] for axis, joint in enumerate(self.limits)}
 
-    def forward(self, joints: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4) for joints of shape (n, joints)."""
+    def forward_from_base(self, joints: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4) in the base's frame for joints of shape (n, joints)."""
         shoulder_deg = joints[:, self.shoulder] + self.heading_deg
         attitude_deg = self._attitude_deg(joints)
         poses = np.empty((len(joints), 4))
@@ -116,16 +115,15 @@ class Scara:
             poses[:, coordinate] += joints[:, column]
         return poses
 
-    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+    def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return the slides' guides, the column, both links and the tool, for joints of shape (n, joints)."""
         return scara_links(self, joints)
 
-    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return the branches `right` and `left` for poses of shape (n, 4); the slides are as in `near`, or at 0."""
-        return tuple(self.solve(poses, branch, near) for branch in self.branches)
+    def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
+        """Return one branch for poses of shape (n, 4) in the base's frame; the slides are as in `near`, or at 0.
 
-    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
-        """Return one branch; angles are in (-180, 180], or at the turn within the limits that is nearest to `near`."""
+        Angles are in (-180, 180], or at the turn within the limits that is nearest to `near`.
+        """
         joints = np.zeros((len(poses), len(self.limits)))
         for column, _ in self.slides:
             joints[:, column] = 0.0 if near is None else near[..., column]
@@ -143,10 +141,11 @@ class Scara:
         nearest_turns(self.limits, joints, near)
         mechanism = [self._reach(np.hypot(x_mm, y_mm), kept=~np.isnan(elbow_rad))]
         if self.lift is None:
-            mechanism.append(_followed("z", "mm", poses[:, 2], lifted_mm))
+            mechanism.append(_followed("z", "mm", poses[:, 2] + self.base.z_mm, lifted_mm))
         if self.wrist is None:
             attitude_deg = np.where(np.isnan(poses[:, 3]), arm_deg, poses[:, 3])
-            mechanism.append(_followed("phi", "deg", attitude_deg, wrapped_deg(attitude_deg - arm_deg)))
+            deviations_deg = wrapped_deg(attitude_deg - arm_deg)
+            mechanism.append(_followed("phi", "deg", attitude_deg + self.base.phi_deg, deviations_deg))
         return Branch(branch, joints, tuple(mechanism), joint_constraints(self.limits, joints))
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
@@ -155,7 +154,7 @@ class Scara:
         name = self.limits[self.elbow].name
         return (Constraint(f"{name}: near singular, |sin {name}|", "", values, SINGULAR, 1.0, values >= SINGULAR),)
 
-    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+    def velocities_from_base(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
         shoulder_rad = np.deg2rad(joints[:, self.shoulder] + self.heading_deg)
         elbow_rad = np.deg2rad(joints[:, self.elbow])

@@ -29,7 +29,7 @@ class MonteCarlo:
         samples: number of joint positions drawn.
         seed: seed of the generator.
         counted: number of them that the mechanism can take; only they count for what follows.
-        radius_mm: least and greatest distance from the base's axis x = y = 0; None if `counted` is 0.
+        radius_mm: least and greatest distance from the base's own z axis; None if `counted` is 0.
         z_mm: least and greatest height; None if `counted` is 0.
         cloud_mm: shape (n, 3), the first tool positions, at most `CLOUD_MAX`.
     """
@@ -61,7 +61,9 @@ def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
     radius_mm, z_mm = _NOTHING, _NOTHING
     for joints in _drawn(robot, samples, seed):
         positions_mm = _positions(kinematics, joints)
-        radius_mm = _widened(radius_mm, np.hypot(positions_mm[:, 0], positions_mm[:, 1]))
+        radius_mm = _widened(
+            radius_mm, np.hypot(positions_mm[:, 0] - robot.base.x_mm, positions_mm[:, 1] - robot.base.y_mm)
+        )
         z_mm = _widened(z_mm, positions_mm[:, 2])
         clouds.append(positions_mm[: max(CLOUD_MAX - counted, 0)])
         counted += len(positions_mm)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
@@ -69,7 +69,7 @@ class _Search:
         near: shape (joints,), its position.
         branches: branches that may be taken.
         on_path: true if poses near a singularity do not count.
-        axis_x_mm: x of the arm's own axis, which is at y = 0.
+        axis_mm: shape (2,), x and y of the arm's own axis.
         radius_mm: a distance from that axis beyond which the robot reaches nothing.
         heights_mm: least and greatest height that it reaches.
     """
@@ -78,24 +78,23 @@ class _Search:
     near: FloatArray
     branches: tuple[str, ...]
     on_path: bool
-    axis_x_mm: float
+    axis_mm: FloatArray
     radius_mm: float
     heights_mm: tuple[float, float]
 
     @classmethod
     def of(cls, robot: Robot, near: FloatArray, branch: str | None, *, on_path: bool) -> "_Search":
         kinematics = make_kinematics(robot)
-        slides = dict(kinematics.slides) if isinstance(kinematics, Scara) else {}
-        axis_x_mm = sum((float(near[column]) for column, coordinate in slides.items() if coordinate == 0), 0.0)
+        slides, axis_mm = dict(kinematics.slides), np.array(kinematics.axis_mm(near))
         places = [
             (float(near[i]),) if i in slides else (joint.lower, (joint.lower + joint.upper) / 2.0, joint.upper)
             for i, joint in enumerate(robot.joints)
         ]
         poses = kinematics.forward(np.array([*product(*places)]))
-        radius_mm = 1.5 * float(np.nanmax(np.hypot(poses[:, 0] - axis_x_mm, poses[:, 1])))
+        radius_mm = 1.5 * float(np.nanmax(np.hypot(*(poses[:, :2] - axis_mm).T)))
         heights_mm = float(np.nanmin(poses[:, 2])), float(np.nanmax(poses[:, 2]))
         branches = (branch,) if branch else kinematics.branches
-        return cls(kinematics, near, branches, on_path, axis_x_mm, radius_mm, heights_mm)
+        return cls(kinematics, near, branches, on_path, axis_mm, radius_mm, heights_mm)
 
     def nearest(self, pose: Pose) -> Pose | None:
         wanted = self._cylindrical(pose)
@@ -167,15 +166,15 @@ class _Search:
         return tuple(tenths[np.argmax(passing)].tolist()) if passing.any() else None
 
     def _cylindrical(self, pose: Pose) -> FloatArray:
-        x_mm, y_mm, z_mm, phi_deg = pose
-        radius_mm, azimuth_rad = np.hypot(x_mm - self.axis_x_mm, y_mm), np.arctan2(y_mm, x_mm - self.axis_x_mm)
+        (x_mm, y_mm), (z_mm, phi_deg) = np.array(pose[:2]) - self.axis_mm, pose[2:]
+        radius_mm, azimuth_rad = np.hypot(x_mm, y_mm), np.arctan2(y_mm, x_mm)
         attitude_deg = np.nan if self.kinematics.attitude_follows else phi_deg
         return np.array([radius_mm, np.rad2deg(azimuth_rad), z_mm, attitude_deg])
 
     def _poses(self, places: FloatArray) -> FloatArray:
         azimuth_rad = np.deg2rad(places[:, _AZIMUTH])
-        x_mm = self.axis_x_mm + places[:, _RADIUS] * np.cos(azimuth_rad)
-        y_mm = places[:, _RADIUS] * np.sin(azimuth_rad)
+        x_mm = self.axis_mm[0] + places[:, _RADIUS] * np.cos(azimuth_rad)
+        y_mm = self.axis_mm[1] + places[:, _RADIUS] * np.sin(azimuth_rad)
         return np.column_stack([x_mm, y_mm, places[:, _Z], wrapped_deg(places[:, _PHI])])
 
     def _pass(self, places: FloatArray) -> BoolArray:

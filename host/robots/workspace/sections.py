@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 
 ATTITUDES: Final = 36
@@ -50,34 +50,32 @@ class ArmReach:
         robot: the whole machine.
         kinematics: the kinematics of the whole machine.
         home: shape (joints,), the home position, where the slides stay.
-        axis_x_mm: x of the arm's own axis, which is at y = 0.
+        axis_mm: x and y of the arm's own axis.
         attitude_deg: attitude of the tool; None if any attitude is allowed.
     """
 
     robot: Robot
     kinematics: Kinematics
     home: FloatArray
-    axis_x_mm: float
+    axis_mm: tuple[float, float]
     attitude_deg: float | None
 
     @classmethod
     def of(cls, robot: Robot, attitude_deg: float | None) -> Self:
         """Return a robot's arm; raise InputError if its dimensions or joints are not its mechanism's."""
-        kinematics = make_kinematics(robot)
-        shifts = _shifts(kinematics)
-        axis_x_mm = sum((robot.home[column] for column, coordinate in shifts if coordinate == 0), 0.0)
-        return cls(robot, kinematics, np.array(robot.home), axis_x_mm, attitude_deg)
+        kinematics, home = make_kinematics(robot), np.array(robot.home)
+        return cls(robot, kinematics, home, kinematics.axis_mm(home), attitude_deg)
 
     @property
     def slides(self) -> dict[str, float]:
         """The positions of the slides, which shift the whole arm, by name, in mm."""
-        return {self.robot.joint_names[column]: self.robot.home[column] for column, _ in _shifts(self.kinematics)}
+        return {self.robot.joint_names[column]: self.robot.home[column] for column, _ in self.kinematics.slides}
 
     @property
     def home_azimuth_deg(self) -> float:
         """The direction from the arm's axis to the tool in the home position."""
-        x_mm, y_mm, _, _ = self._home_pose
-        return float(np.rad2deg(np.arctan2(y_mm, x_mm - self.axis_x_mm)))
+        x_mm, y_mm = self._home_pose[:2] - np.array(self.axis_mm)
+        return float(np.rad2deg(np.arctan2(y_mm, x_mm)))
 
     @property
     def home_z_mm(self) -> float:
@@ -86,8 +84,7 @@ class ArmReach:
 
     def reachable(self, radius_mm: FloatArray, azimuth_deg: FloatArray, z_mm: FloatArray) -> BoolArray:
         """Return, of shape (n,), whether a branch reaches positions in cylindrical coordinates, each of shape (n,)."""
-        azimuth_rad = np.deg2rad(azimuth_deg)
-        x_mm, y_mm = self.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)
+        x_mm, y_mm = self.points_mm(radius_mm, azimuth_deg).T
         if self.attitude_deg is not None:
             return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), self.attitude_deg)]))
         if self.kinematics.attitude_follows:
@@ -100,14 +97,19 @@ class ArmReach:
             reached[part] = self._reached_turned(outwards[part])
         return reached
 
+    def points_mm(self, radius_mm: FloatArray, azimuth_deg: FloatArray) -> FloatArray:
+        """Return x and y, of shape (n, 2), of positions in cylindrical coordinates, each of shape (n,)."""
+        (x_mm, y_mm), azimuth_rad = self.axis_mm, np.deg2rad(azimuth_deg)
+        return np.column_stack([x_mm + radius_mm * np.cos(azimuth_rad), y_mm + radius_mm * np.sin(azimuth_rad)])
+
     def box_mm(self) -> tuple[float, float, float]:
         """Return the greatest radius, the least and the greatest height of a box that holds the workspace."""
         lower, upper = ([getattr(joint, bound) for joint in self.robot.joints] for bound in ("lower", "upper"))
         joints = np.random.default_rng(0).uniform(lower, upper, (_PROBES, len(lower)))
-        for column, _ in _shifts(self.kinematics):
+        for column, _ in self.kinematics.slides:
             joints[:, column] = self.home[column]
         poses = self.kinematics.forward(np.vstack([self.home, joints]))
-        radius_mm = np.nanmax(np.hypot(poses[:, 0] - self.axis_x_mm, poses[:, 1]))
+        radius_mm = np.nanmax(np.hypot(*(poses[:, :2] - np.array(self.axis_mm)).T))
         lowest_mm, highest_mm = np.nanmin(poses[:, 2]), np.nanmax(poses[:, 2])
         margin_mm = _MARGIN * (highest_mm - lowest_mm)
         return float((1.0 + _MARGIN) * radius_mm), float(lowest_mm - margin_mm), float(highest_mm + margin_mm)
@@ -147,11 +149,6 @@ class ArmReach:
             if turning is not None:
                 turnable[part] = np.logical_or.reduce([branch.reachable_but_for(turning) for branch in branches])
         return reached, turnable
-
-
-def _shifts(kinematics: Kinematics) -> tuple[tuple[int, int], ...]:
-    """Return the column of each slide and the coordinate of the pose that it shifts, 0 for x or 2 for z."""
-    return kinematics.slides if isinstance(kinematics, Scara) else ()
 
 
 Region = Callable[[FloatArray, FloatArray], BoolArray]
@@ -262,7 +259,7 @@ _NODES: Final = 257
 _RADII: Final = 129
 _HEIGHTS: Final = 129
 _AZIMUTHS_DEG: Final = np.linspace(-180.0, 180.0, 361)
-"""The grid contains the directions of the axes, where symmetric arms have dead sectors, however narrow."""
+"""The grid contains the directions of the base's axes, where symmetric arms have dead sectors, however narrow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -316,14 +313,14 @@ class Scan:
     Attributes:
         attitude_deg: attitude of the tool; None if any attitude is allowed.
         slides: positions of the slides, which shift the whole arm, by name, in mm.
-        axis_x_mm: x of the arm's axis, which is at y = 0.
+        axis_mm: x and y of the arm's axis.
         plan: the section from above.
         profile: the section from the side.
     """
 
     attitude_deg: float | None
     slides: Mapping[str, float]
-    axis_x_mm: float
+    axis_mm: tuple[float, float]
     plan: PlanSection
     profile: ProfileSection
 
@@ -335,22 +332,21 @@ def scan(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = N
     radii_mm = np.linspace(0.0, radius_mm, _RADII)
     plan = _plan(arm, arm.home_z_mm if z_mm is None else z_mm, radii_mm)
     profile = _profile(arm, radii_mm, np.linspace(lowest_mm, highest_mm, _HEIGHTS))
-    return Scan(attitude_deg, arm.slides, arm.axis_x_mm, plan, profile)
+    return Scan(attitude_deg, arm.slides, arm.axis_mm, plan, profile)
 
 
 def _plan(arm: ArmReach, z_mm: float, radii_mm: FloatArray) -> PlanSection:
     def region(radius_mm: FloatArray, azimuth_deg: FloatArray) -> BoolArray:
         return arm.reachable(radius_mm, azimuth_deg, np.full(len(radius_mm), z_mm))
 
-    rows = _scanned(region, radii_mm, _AZIMUTHS_DEG)
-    radius_mm, azimuth_rad = rows.edges[:, 0], np.deg2rad(rows.edges[:, 1])
+    rows = _scanned(region, radii_mm, _AZIMUTHS_DEG + arm.robot.base.phi_deg)
     return PlanSection(
         z_mm=z_mm,
         radius_mm=rows.radius_mm,
         area_mm2=float(rows.weights_mm @ (rows.radii_mm * np.deg2rad(rows.widths))),
         radii_mm=rows.radii_mm,
         reachable_deg=rows.widths,
-        boundary_mm=np.column_stack([arm.axis_x_mm + radius_mm * np.cos(azimuth_rad), radius_mm * np.sin(azimuth_rad)]),
+        boundary_mm=arm.points_mm(*rows.edges.T),
     )
 
 

@@ -203,8 +203,8 @@ class TestSections:
         robot = load_robot("warehouse-scara")
         there = dataclasses.replace(robot, home=(700.0, 400.0, *robot.home[2:]))
         moved, still = scan(there, 17.25), scanned("warehouse-scara", 17.25)
-        assert (moved.axis_x_mm, moved.slides) == (700.0, {"sx": 700.0, "sz": 400.0})
-        assert (still.axis_x_mm, still.slides) == (0.0, {"sx": 0.0, "sz": 0.0})
+        assert (moved.axis_mm, moved.slides) == ((700.0, 0.0), {"sx": 700.0, "sz": 400.0})
+        assert (still.axis_mm, still.slides) == ((0.0, 0.0), {"sx": 0.0, "sz": 0.0})
         assert moved.plan.z_mm == still.plan.z_mm + 400.0
         assert moved.plan.area_mm2 == pytest.approx(still.plan.area_mm2, rel=1e-9)
         assert moved.profile.azimuth_deg == pytest.approx(still.profile.azimuth_deg, abs=1e-9)

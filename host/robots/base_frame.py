@@ -1,0 +1,63 @@
+"""Where a robot's base stands in its station, the frame of all poses that a user gives and gets."""
+
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import nearest_within, outside
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import check_all
+
+PLACE_MAX_MM: Final = 100_000.0
+"""Farthest place of a base along each axis: 100 m."""
+
+TURN_MAX_DEG: Final = 360.0
+"""Largest turn of a base, to either side."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaseFrame:
+    """The base's place x, y, z and its turn phi about the vertical, in the station's frame; by default they are one.
+
+    Source: the transform S_0T of H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4-dof
+    SCARA robot system", J. Mechanical & Electrical Engineering 36(12), 2019, equation 6.
+
+    Raises:
+        InputError: the place is beyond PLACE_MAX_MM, the turn beyond TURN_MAX_DEG, or either is not a number.
+    """
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
+    phi_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_all(*(partial(self._check, field.name) for field in fields(self)))
+
+    def _check(self, key: str) -> None:
+        value, (limit, unit) = getattr(self, key), (TURN_MAX_DEG, "deg") if key == "phi_deg" else (PLACE_MAX_MM, "mm")
+        if not abs(value) <= limit:
+            raise InputError(
+                f"{key}: {outside(value, -limit, limit, unit)}{nearest_within(value, -limit, limit, unit)}"
+            )
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Shape (4, 4): the homogeneous transform S_0T from the base's frame to the station's, lengths in mm."""
+        c, s = np.cos(np.deg2rad(self.phi_deg)), np.sin(np.deg2rad(self.phi_deg))
+        return np.array(
+            [[c, -s, 0.0, self.x_mm], [s, c, 0.0, self.y_mm], [0.0, 0.0, 1.0, self.z_mm], [0.0, 0.0, 0.0, 1.0]]
+        )
+
+    def in_station(self, points_mm: FloatArray) -> FloatArray:
+        """Return points of shape (..., 3), given in the base's frame, in the station's."""
+        if self == STATION:
+            return points_mm
+        return np.asarray(points_mm @ self.matrix[:3, :3].T + self.matrix[:3, 3])
+
+
+STATION: Final = BaseFrame()
+"""The base at the station's own origin, not turned."""

@@ -1,0 +1,95 @@
+"""A mechanism on its base: the one place where poses change between the station's frame and the base's.
+
+A mechanism's own formulas are in the frame of its base. A user gives and gets poses in the station's frame:
+
+    S_T T = S_0T 0_T T        S_0T = Trans(x, y, z) Rz(phi)
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.base_frame import STATION, BaseFrame
+from steptwin.host.robots.kinematics.base import Branch
+from steptwin.host.robots.kinematics.links import ArmPart
+from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnBase(ABC):
+    """A mechanism's kinematics in the station's frame, from its formulas in the base's frame.
+
+    Attributes:
+        base: where the base stands in the station.
+        slides: pairs of a joint's column and the coordinate of the base's frame along which it shifts the whole arm, 0
+            for x or 2 for z.
+    """
+
+    base: BaseFrame = STATION
+    slides: tuple[tuple[int, int], ...] = ()
+
+    @property
+    @abstractmethod
+    def branches(self) -> tuple[str, ...]:
+        """The names of the branches of the inverse, the usual one first."""
+
+    @abstractmethod
+    def forward_from_base(self, joints: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4) in the base's frame for joints of shape (n, joints)."""
+
+    @abstractmethod
+    def solve_from_base(self, poses: FloatArray, branch: str, near: FloatArray | None) -> Branch:
+        """Return one branch for poses of shape (n, 4) in the base's frame, else like `solve`."""
+
+    @abstractmethod
+    def velocities_from_base(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Return joint velocities for the derivatives of poses in the base's frame, else like `joint_velocities`."""
+
+    @abstractmethod
+    def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return the parts to draw, in the base's frame, for joints of shape (n, joints)."""
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4) for joints of shape (n, joints)."""
+        return self.in_station(self.forward_from_base(joints))
+
+    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
+        """Return every branch for poses of shape (n, 4)."""
+        return tuple(self.solve(poses, branch, near) for branch in self.branches)
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """Return one branch, by its name, for poses of shape (n, 4)."""
+        if self.base != STATION:
+            turned = self._turned_back(poses - np.array([self.base.x_mm, self.base.y_mm, self.base.z_mm, 0.0]))
+            turned[:, 3] -= self.base.phi_deg
+            poses = turned
+        return self.solve_from_base(poses, branch, near)
+
+    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""
+        return self.velocities_from_base(joints, self._turned_back(tool_velocities))
+
+    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return the parts to draw for joints of shape (n, joints), from the base to the tool."""
+        parts = self.links_from_base(joints)
+        return tuple(replace(part, points_mm=self.base.in_station(part.points_mm)) for part in parts)
+
+    def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
+        """Return x and y of the arm's own axis, about which its radii count, at joints of shape (joints,)."""
+        along_mm = sum((float(joints[column]) for column, coordinate in self.slides if coordinate == 0), 0.0)
+        x_mm, y_mm, _ = self.base.in_station(np.array([along_mm, 0.0, 0.0])).tolist()
+        return x_mm, y_mm
+
+    def in_station(self, poses: FloatArray) -> FloatArray:
+        """Return poses of shape (n, 4), given in the base's frame, in the station's."""
+        if self.base == STATION:
+            return poses
+        return np.column_stack([self.base.in_station(poses[:, :3]), wrapped_deg(poses[:, 3] + self.base.phi_deg)])
+
+    def _turned_back(self, vectors: FloatArray) -> FloatArray:
+        """Return vectors of shape (n, 4), whose first three coordinates are the station's, along the base's axes."""
+        if self.base == STATION:
+            return vectors
+        return np.column_stack([vectors[:, :3] @ self.base.matrix[:3, :3], vectors[:, 3]])
