@@ -49,7 +49,7 @@ class BaseFrame:
         """Shape (4, 4): the homogeneous transform S_0T from the base's frame to the station's, lengths in mm."""
         c, s = np.cos(np.deg2rad(self.phi_deg)), np.sin(np.deg2rad(self.phi_deg))
         return np.array(
-            [[c, -s, 0.0, self.x_mm], [s, c, 0.0, self.y_mm], [0.0, 0.0, 1.0, self.z_mm], [0.0, 0.0, 0.0, 1.0]]
+            [[c, 0.0 - s, 0.0, self.x_mm], [s, c, 0.0, self.y_mm], [0.0, 0.0, 1.0, self.z_mm], [0.0, 0.0, 0.0, 1.0]]
         )
 
     def in_station(self, points_mm: FloatArray) -> FloatArray:
