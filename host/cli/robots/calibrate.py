@@ -27,6 +27,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.whole_file import write_whole
 
 if TYPE_CHECKING:
+    from steptwin.host.common.arrays import FloatArray
+    from steptwin.host.robots.kinematics.chain import Chain
     from steptwin.host.robots.robot import Robot
     from steptwin.host.studies.calibration import Identification, Parameter
 
@@ -43,8 +45,10 @@ def sensitivity(
     """Compute how far an error of each DH parameter takes the tool: the error transfer coefficients at a position.
 
     A row has the derivatives of the tool's position and of its turns about the world's axes, per mm of a length and per
-    degree of an angle. A turn rz adds to the attitude. For robots that are chains of DH links, with the errors that
-    their files state.
+    degree of an angle. A turn rz adds to the attitude. For robots that are chains of DH links, at the nominal arm.
+
+    If the robot's file states errors, also how they act together: each error times its coefficients, the sum, the exact
+    difference between the actual and the nominal tool, and what the sum leaves out.
     """
     import numpy as np
 
@@ -53,10 +57,13 @@ def sensitivity(
 
     loaded, values = robot_and_joints(words or [], robot_file)
     chain = Chain.of(loaded)
-    moves = chain.sensitivities(np.array([values]))[0].T.tolist()
+    joints = np.array([values])
+    moves = chain.with_errors(np.zeros_like(chain.errors)).sensitivities(joints)[0].T.tolist()
+    together = _together(chain, joints) if loaded.dh_errors else {}
     if as_json:
         rows = {name: dict(zip(MOVES, row, strict=True)) for name, row in zip(chain.parameters, moves, strict=True)}
-        print_json({"robot": loaded.name, "joints": dict(zip(loaded.joint_names, values, strict=True)), "per": rows})
+        at = dict(zip(loaded.joint_names, values, strict=True))
+        print_json({"robot": loaded.name, "joints": at, "per": rows, **together})
         return
     columns = ["parameter", "per", *(move.replace("_", " ") for move in MOVES)]
     cells = [[name, unit_of(name), *map(fixed, row)] for name, row in zip(chain.parameters, moves, strict=True)]
@@ -64,6 +71,39 @@ def sensitivity(
     say(
         f"{chain.table.convention.value} DH parameters; link1 is at the world, {chain.table.link_names[-1]} at the tool"
     )
+    if together:
+        _print_together(together, columns[2:])
+
+
+def _together(chain: "Chain", joints: "FloatArray") -> dict[str, Any]:
+    """Return how the errors of a chain act together at joints of shape (1, joints)."""
+    from steptwin.host.robots.kinematics.chain import MOVES
+
+    found, errors = chain.synthesis(joints), zip(chain.parameters, chain.errors.ravel().tolist(), strict=True)
+    return {
+        "parts": {
+            name: {"error": error, **dict(zip(MOVES, part, strict=True))}
+            for (name, error), part in zip(errors, found.parts[0].T.tolist(), strict=True)
+            if error
+        },
+        **{
+            name: dict(zip(MOVES, moves[0].tolist(), strict=True))
+            for name, moves in (("sum", found.linear), ("exact", found.exact), ("remainder", found.remainder))
+        },
+    }
+
+
+def _print_together(document: dict[str, Any], columns: list[str]) -> None:
+    from steptwin.host.robots.link_errors import unit_of
+
+    parts = [
+        [name, f"{part['error']:g} {unit_of(name)}", *(fixed(part[key]) for key in part if key != "error")]
+        for name, part in document["parts"].items()
+    ]
+    sums = [[name, "", *map(fixed, document[name].values())] for name in ("sum", "exact", "remainder")]
+    say("", "the file's errors together, each times its coefficients:")
+    print_table(["parameter", "error", *columns], [*parts, *sums], text_columns=2)
+    say("exact is the actual tool minus the nominal one, remainder what the sum leaves out")
 
 
 @command("my-arm.toml measured.csv", "my-arm.toml measured.csv --poses 20 --noise-mm 0.05")

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from steptwin.host.cli.app import run
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
 from tests.end_to_end.command_line import refusal, run_json
 
@@ -37,6 +39,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def product(errors: dict[str, dict[str, float]]) -> FloatArray:
+    """Return the tool's matrix at Q: standard DH links of the paper's table, with errors, multiplied out."""
+    th1, th2, d3, th4 = map(float, Q)
+    rows = [(250.0, 0.0, 300.0, th1), (350.0, 0.0, 0.0, th2), (0.0, 180.0, -d3, 0.0), (0.0, 0.0, 0.0, th4)]
+    tool = np.eye(4)
+    for link, row in enumerate(rows, start=1):
+        off = [errors.get(f"link{link}", {}).get(key, 0.0) for key in ("a_mm", "alpha_deg", "d_mm", "theta_deg")]
+        a_mm, alpha_deg, d_mm, theta_deg = np.add(row, off)
+        screws = Rotation.from_euler("z", theta_deg, degrees=True), Rotation.from_euler("x", alpha_deg, degrees=True)
+        for screw, shift in zip(screws, ([0.0, 0.0, d_mm], [a_mm, 0.0, 0.0]), strict=True):
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = screw.as_matrix(), shift
+            tool = tool @ step
+    return tool
+
+
 def position(document: dict[str, Any], which: str) -> list[float]:
     return [document[which][key] for key in ("x_mm", "y_mm", "z_mm")]
 
@@ -56,6 +74,44 @@ class TestSensitivity:
             by_difference = (np.array(poses[1]) - np.array(poses[0])) / 2e-3
             keys = ("x_mm", "y_mm", "z_mm", "rz_deg")
             assert [derivatives[parameter][key] for key in keys] == pytest.approx(by_difference, abs=1e-6)
+
+    def test_the_errors_of_a_file_add_up(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """The arm of docs/calibration.md: parts, sum and exact difference, computed here from the DH products alone."""
+        errors = {
+            "link1": {"a_mm": 0.4, "alpha_deg": 0.08, "theta_deg": -0.25},
+            "link2": {"a_mm": -0.3, "theta_deg": 0.15},
+            "link4": {"a_mm": 0.2, "d_mm": -0.5},
+        }
+        file = tmp_path / "real.toml"
+        file.write_text(f"{load_robot(NAME).toml}{tables(errors)}", encoding="utf-8")
+        document = run_json(capsys, "sensitivity", str(file), *Q)
+        assert document["per"] == run_json(capsys, "sensitivity", NAME, *Q)["per"]
+        nominal, actual = product({}), product(errors)
+        exact_mm = (actual - nominal)[:3, 3]
+        assert exact_mm.round(3).tolist() == [1.483, -0.972, 0.846]
+        linear_mm = np.zeros(3)
+        for link, each in errors.items():
+            for quantity, error in each.items():
+                less, more = (product({link: {quantity: sign * 1e-4}}) for sign in (-1.0, 1.0))
+                part_mm = error * (more - less)[:3, 3] / 2e-4
+                told = document["parts"].pop(f"{link}.{quantity}")
+                assert told["error"] == error
+                assert [told[key] for key in ("x_mm", "y_mm", "z_mm")] == pytest.approx(part_mm, abs=1e-6)
+                linear_mm += part_mm
+        assert document["parts"] == {}
+        assert linear_mm.round(3).tolist() == [1.484, -0.968, 0.846]
+        for name, expected_mm in (("sum", linear_mm), ("exact", exact_mm), ("remainder", exact_mm - linear_mm)):
+            assert [document[name][key] for key in ("x_mm", "y_mm", "z_mm")] == pytest.approx(expected_mm, abs=1e-6)
+        turned = Rotation.from_matrix(actual[:3, :3] @ nominal[:3, :3].T).as_rotvec(degrees=True)
+        assert [document["exact"][key] for key in ("rx_deg", "ry_deg", "rz_deg")] == pytest.approx(turned, abs=1e-9)
+        assert run(["sensitivity", str(file), *Q]) == 0
+        rows = {line.split()[0]: line.split()[-6:] for line in capsys.readouterr().out.splitlines()[-12:-1]}
+        assert rows["sum"][:3] == ["1.4840", "-0.9683", "0.8456"]
+        assert rows["remainder"][:3] == ["-0.0008", "-0.0039", "0.0008"]
+        assert rows["link1.theta_deg"] == ["2.0205", "-1.3399", "0.0000", "0.0000", "0.0000", "-0.2500"]
+
+    def test_without_errors_nothing_adds_up(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run_json(capsys, "sensitivity", NAME, *Q).keys() == {"robot", "joints", "per"}
 
     def test_the_table_has_the_same_figures(self, capsys: pytest.CaptureFixture[str]) -> None:
         derivatives = run_json(capsys, "sensitivity", NAME, *Q)["per"]

@@ -137,3 +137,16 @@ def test_only_the_hybrid_arm_is_no_chain(mechanism: Mechanism) -> None:
 def test_a_link_that_the_chain_does_not_have() -> None:
     robot = dataclasses.replace(TEACHING.robot, dh_errors={"link5": LinkErrors(a_mm=1.0)})
     assert "link 'link5' is unknown: did you mean link" in complaint_of(lambda: Chain.of(robot))
+
+
+@each_scara
+def test_what_the_sum_leaves_out_is_of_second_order(mechanism: Mechanism) -> None:
+    """Errors half as large leave out a quarter; without any, nothing is left, and nothing turns."""
+    chain, joints = disturbed(mechanism), mechanism.random_joints(50, seed=11)
+    whole, half = (chain.with_errors(chain.errors * part).synthesis(joints) for part in (1.0, 0.5))
+    sizes = [np.linalg.norm(each.remainder[:, :3], axis=1).mean() for each in (whole, half)]
+    assert sizes[0] / sizes[1] == pytest.approx(4.0, rel=0.05)
+    assert whole.linear + whole.remainder == pytest.approx(whole.exact)
+    none = chain.with_errors(chain.errors * 0.0).synthesis(joints)
+    assert not none.exact.any()
+    assert not none.parts.any()
