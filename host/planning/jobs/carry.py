@@ -3,8 +3,8 @@
 The points are the paper's presets, qa and qb, or ones that the user enters as x and y.
 
 Source: X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Control Algorithm in Experimental
-Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points and the duration. Its text uses the cubic, its
-figures probably show the quintic.
+Teaching", 2017, DOI 10.3969/j.issn.1000-386x.2017.06.019: the points, the duration and the cubic of its simulation. In
+its test of the real arm the acceleration is zero at both ends as well, which the quintic gives.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,8 @@ class Polynomial(Enum):
 class CarryOptions:
     """The options: both points, the elbow's side, the time law, the depth of the grip and the number of repetitions.
 
-    A point that is given is reached with the lift as at the presets and the attitude 0, as it is at both of them. With
+    The cubic is the law of the paper's simulation; the quintic has zero acceleration at both ends, as its test has. A
+    point that is given is reached with the lift as at the presets and the attitude 0, as it is at both of them. With
     a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the gripper at
     the start and closes it, and opens it at the goal.
     """

@@ -2,11 +2,9 @@
 
     X = 350 + 80 cos w        Y = 150 + 80 sin w        Z = 500 + 60 w / (2 pi)        w from 0 to 8 pi
 
-Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is lost;
-this one is assumed.
-
-Source: H. Zhou, four-DOF hybrid handling robot. Its five poses are lost; since it compares them with the simulation of
-the helix, they lie on the helix here: after every fifth of its way.
+Source: H. Zhou, four-DOF hybrid handling robot: duration, steps and Akima's splines are the paper's. The size is lost
+in the copy used; this one is assumed. So are the five poses, which the paper takes arbitrarily in the workspace, and
+then compares with the simulation along the helix: here they lie on the helix, after every fifth of its way.
 """
 
 from dataclasses import dataclass

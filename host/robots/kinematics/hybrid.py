@@ -4,8 +4,8 @@ The sliders' mechanism (`slider_pair`) moves its platform radially by z2 and ver
 
     rho = l2 + l3 + z2       X = rho cos th1       Y = rho sin th1       Z = l1 + z3 - l4       phi = th1 + th4
 
-Source: H. Zhou, four-DOF hybrid handling robot. Its display equations and all of its numbers are lost; the radial
-layout is assumed (docs/robots.md).
+Source: H. Zhou, four-DOF hybrid handling robot. The copy used has lost its display equations and dimensions;
+the radial layout is assumed (docs/robots.md).
 """
 
 from dataclasses import dataclass

@@ -78,9 +78,10 @@ class WarehouseGeometry:
 
     The slide sx shifts the arm along x, the slide sz along z.
 
-    Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
-    DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: the paper takes the wrist's direction
-    from an arc cosine, which loses the sign of y, and has only one elbow.
+    Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019(05),
+    from p. 62, DOI 10.3969/j.issn.1009-9492.2019.05.018, with its inverse corrected: the paper takes the wrist's
+    direction from an arc cosine, which loses the sign of y, and has only one elbow. Its table 1 has a = L4 in row 4 for
+    what its equation 1 calls L5.
     """
 
     L2_mm: float = dimension("first link, from shoulder to elbow", 200.0)
