@@ -1,4 +1,4 @@
-"""`steptwin paper ROBOT --out DIR`: go through a robot's paper, figure by figure, with our numbers beside its own."""
+"""`steptwin paper ROBOT --out DIR`: go through a robot's paper, item by item, with our numbers beside its own."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,7 +26,7 @@ def paper(
     replace: Replace = False,
     as_json: AsJson = False,
 ) -> None:
-    """Go through the paper of a robot, figure by figure: its numbers, ours, and its mistakes as printed and corrected.
+    """Go through the paper of a robot, item by item: its numbers, ours, and its misprints as printed and corrected.
 
     The robot's jobs are run for it. The exit code is 1 if a number does not agree.
     """
@@ -55,13 +55,13 @@ def _print_page(page: "EvaluatedPaper") -> None:
 
     say(page.paper.citation)
     values = [
-        [item.item.place, one.value.what, f"{one.value.paper:g}", number_text(one.ours, one.value.decimals),
-         one.value.unit, "yes" if one.agrees else "NO"]
-        for item in page.items
-        for one in item.values
-        if one.value.paper is not None
+        [one.value.place or "-", one.value.kind, one.value.what, f"{one.value.expected:g}",
+         number_text(one.ours, one.value.decimals), one.value.unit, "yes" if one.agrees else "NO"]
+        for one in page.values
+        if one.value.expected is not None
     ]  # fmt: skip
-    print_table(["place", "quantity", "paper", "ours", "unit", "agrees"], values, text_columns=2)
+    columns = ["the paper's place", "kind", "quantity", "paper", "ours", "unit", "agrees"]
+    print_table(columns, values, text_columns=3)
     formulas = [
         [erratum.erratum.place, one.formula.what,
          *(number_text(number, one.formula.decimals) for number in (one.printed, one.corrected, one.truth)),
@@ -70,7 +70,7 @@ def _print_page(page: "EvaluatedPaper") -> None:
         for erratum in item.errata
         for one in erratum.formulas
     ]  # fmt: skip
-    columns = ["mistake", "computed", "as printed", "corrected", "has to be", "unit"]
+    columns = ["misprint", "computed", "as printed", "corrected", "has to be", "unit"]
     print_table(columns, formulas, text_columns=2)
     say(*summary(page))
 

@@ -17,10 +17,11 @@ from steptwin.host.record.plots.workspace import draw_workspace, draw_workspace_
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import link_frames, tool_frames
+from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper
-from steptwin.host.studies.papers.paper import Curve, Panel, Picture, Plot, RunPicture, WorkspacePicture
+from steptwin.host.studies.papers.paper import Curve, Drawing, Listing, Panel, Picture, Plot, RunPicture
 from steptwin.host.studies.papers.paper_page import picture_name
 from steptwin.host.studies.papers.runs import Runs
 
@@ -43,6 +44,23 @@ def link_rows(robot: Robot, joints: Sequence[float]) -> list[list[str]]:
     links = [link[0] for link in link_frames(kinematics, position)]
     names = [f"T{i}" for i in range(1, len(links) + 1)]
     return matrix_rows([*names, f"0T{len(links)}"], [*links, tool_frames(kinematics, position)[0]])
+
+
+_DH_COLUMNS: Final = {
+    Convention.MODIFIED: ("i", "alpha_i-1 deg", "a_i-1 mm", "d_i mm", "theta_i deg"),
+    Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),
+}
+"""The columns of a DH table, in the usual order of each convention."""
+
+
+def dh_listing(robot_name: str, title: str) -> Listing[Any]:
+    """Return the DH table of a robot as the kinematics has it, in the columns of its convention."""
+    dh = make_kinematics(load_robot(robot_name)).dh
+    rows = []
+    for i, row in enumerate(dh.rows, start=1):
+        cells = [f"{row.alpha_deg:g}", f"{row.a_mm:g}", str(row.d_mm), str(row.theta_deg)]
+        rows.append([str(i), *(cells if dh.convention is Convention.MODIFIED else reversed(cells))])
+    return Listing(f"{title}, {dh.convention.value} convention", _DH_COLUMNS[dh.convention], lambda _: rows)
 
 
 ROW_INCHES: Final = 2.6
@@ -71,26 +89,33 @@ def draw_pictures(paper: EvaluatedPaper, runs: Runs) -> dict[str, bytes]:
 
 
 def _figure(picture: "Picture[Any]", paper: EvaluatedPaper, runs: Runs) -> Figure:
+    """Return a picture's figure; its title begins with the robot and the paper's own place, to be found from there."""
     robot = paper.paper.robot
-    if isinstance(picture, RunPicture):
+    if isinstance(picture, Plot):
+        figure = _plot(picture, picture.panels(paper.study))
+        said = f"{picture.caption} (COMPUTED)"
+    elif isinstance(picture, Drawing):
+        figure, said = picture.draw(paper.study), picture.caption
+    elif isinstance(picture, RunPicture):
         outcome = runs.outcome(robot, picture.job)
         figure = PICTURES[picture.kind](outcome.comparison, outcome.report.run, DEFAULT_VIEW)
         figure.align_ylabels()
-        return figure
-    if isinstance(picture, WorkspacePicture):
+        said = figure.get_suptitle().removeprefix(f"{robot} ")
+    else:
         loaded = load_robot(robot)
         cloud = monte_carlo(loaded, 100_000, 1)
-        return draw_workspace_3d(loaded, cloud) if picture.in_space else draw_workspace(loaded, cloud, scan(loaded))
-    return _plot(picture, picture.panels(paper.study), robot)
+        figure = draw_workspace_3d(loaded, cloud) if picture.in_space else draw_workspace(loaded, cloud, scan(loaded))
+        said = figure.get_suptitle().removeprefix(f"{robot} · ")
+    figure.suptitle(f"{robot} · {picture.place}: {said}", x=0.01, ha="left", weight="bold")
+    return figure
 
 
-def _plot(picture: "Plot[Any]", panels: tuple[Panel, ...], robot: str) -> Figure:
+def _plot(picture: "Plot[Any]", panels: tuple[Panel, ...]) -> Figure:
     columns = min(picture.columns, len(panels))
     rows = -(-len(panels) // columns)
     scaled = any(panel.true_to_scale for panel in panels)
     height_inches = rows * (TRUE_TO_SCALE_INCHES if scaled else ROW_INCHES) + 0.5
     figure = Figure(figsize=(WIDTH_INCHES, height_inches), layout="constrained")
-    figure.suptitle(f"{robot} · {picture.caption} (COMPUTED)", x=0.01, ha="left", weight="bold")
     grid = figure.subplots(rows, columns, squeeze=False)
     named: set[tuple[str, ...]] = set()
     for axes, panel in zip(grid.flat, panels, strict=False):

@@ -5,25 +5,25 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from steptwin.host.studies.papers.paper import Erratum, Formula, Item, Paper, Value
+from steptwin.host.studies.papers.paper import Erratum, Formula, Gap, Item, Kind, Paper, Value
 from steptwin.host.studies.papers.runs import Runs
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A value with ours computed; `agrees` is None if the paper has no number to compare with."""
+    """A value with ours computed; `agrees` is None if it stands alone."""
 
     value: Value[Any]
     ours: float
 
     @property
     def difference(self) -> float | None:
-        """Ours minus the paper's; None if the paper has none."""
-        return None if self.value.paper is None else self.ours - self.value.paper
+        """Ours minus what it has to be; None if it stands alone."""
+        return None if self.value.expected is None else self.ours - self.value.expected
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the difference is within the tolerance; None if the paper has no number."""
+        """Whether the difference is within the tolerance; None if the number stands alone."""
         return None if self.difference is None else abs(self.difference) <= self.value.tolerance
 
 
@@ -91,7 +91,8 @@ class EvaluatedPaper:
             for value in item.values:
                 if value.agrees is False:
                     what = f"{item.item.place}: {value.value.what}"
-                    yield f"{what}: {value.ours:.9g}, the paper has {value.value.paper:g}"
+                    has = "has to be" if value.value.kind is Kind.CHECK else "the paper has"
+                    yield f"{what}: {value.ours:.9g}, {has} {value.value.expected:g}"
             for erratum in item.errata:
                 for one in erratum.formulas:
                     if not one.proven:
@@ -137,13 +138,19 @@ def _item_document(item: EvaluatedItem) -> dict[str, Any]:
     return {
         "place": item.item.place,
         "title": item.item.title,
-        "not_comparable": item.item.not_comparable or None,
+        "parts": [
+            {"place": part.place, "what": part.what, "how": part.how, "answer": part.answer, "why": part.why or None}
+            for part in item.item.parts
+        ],
         "values": [
             {
+                "kind": one.value.kind,
                 "what": one.value.what,
                 "unit": one.value.unit,
-                "paper": one.value.paper,
-                "source": None if one.value.paper is None else one.value.source,
+                "place": one.value.place or None,
+                "paper": one.value.expected if one.value.place else None,
+                "expected": one.value.expected,
+                "source": one.value.source or None,
                 "ours": _finite(one.ours),
                 "difference": _finite(one.difference),
                 "tolerance": one.value.tolerance,
@@ -161,7 +168,13 @@ def _item_document(item: EvaluatedItem) -> dict[str, Any]:
             }
             for one in item.errata
         ],
+        "left_open": [_gap_document(gap) for gap in item.item.left_open],
+        "lost": [_gap_document(gap) for gap in item.item.lost],
     }
+
+
+def _gap_document(gap: Gap) -> dict[str, str]:
+    return {"place": gap.place, "what": gap.what, "instead": gap.instead}
 
 
 def _formula_document(one: Computed) -> dict[str, Any]:

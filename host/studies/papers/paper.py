@@ -6,40 +6,84 @@ them.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Generic, TypeVar
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.studies.papers.runs import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 S = TypeVar("S")
 
 READ_OFF: Final = "read off"
 STATED: Final = "stated"
-DERIVED: Final = "derived"
+FOLLOWS: Final = "follows"
+"""How a number of the paper is known: stated in it, following from what it states, or read off a figure."""
+
+
+class Kind(StrEnum):
+    """What a number of ours is compared with: the three are counted apart, since only results prove anything new."""
+
+    DIMENSION = "dimension"
+    RESULT = "result"
+    CHECK = "self-check"
+    ALONE = "alone"
 
 
 @dataclass(frozen=True, slots=True)
 class Value(Generic[S]):
-    """A number of the paper beside ours.
+    """A number of ours, and what it has to be; made by `dimension`, `result`, `self_check` and `alone`.
 
     Attributes:
+        kind: a dimension that the robot's file takes over from the paper, a result of the paper beside the twin's, a
+            check of ours against ourselves, or a number that stands alone.
         what: quantity in a few words.
         unit: its unit; empty for a plain number.
-        paper: the paper's value; None if it has none that could be compared.
+        expected: the paper's number, or what a self-check has to give; None for a number that stands alone.
         ours: function that computes ours.
         tolerance: largest difference with which the two agree.
         decimals: digits behind the point that are shown; the tolerance is not below their last one.
-        source: how the paper's value is known: stated, derived from statements, or read off a figure.
+        place: where the paper has its number; empty for self-checks and numbers that stand alone.
+        source: how the paper's number is known: STATED, FOLLOWS or READ_OFF; empty as `place` is.
     """
 
+    kind: Kind
     what: str
     unit: str
-    paper: float | None
+    expected: float | None
     ours: Callable[[S], float]
     tolerance: float = 0.0
     decimals: int = 0
-    source: str = STATED
+    place: str = ""
+    source: str = ""
+
+
+def dimension(place: str, what: str, unit: str, paper: float, ours: Callable[[S], float]) -> Value[S]:
+    """Return a number that the robot's file takes over from the paper, which has to be the same."""
+    return Value(Kind.DIMENSION, what, unit, paper, ours, place=place, source=STATED)
+
+
+def result(
+    place: str, what: str, unit: str, paper: float, ours: Callable[[S], float], tolerance: float = 0.0,
+    decimals: int = 0, source: str = STATED,
+) -> Value[S]:  # fmt: skip
+    """Return a result of the paper beside the twin's own; never computed by us on the paper's side."""
+    return Value(Kind.RESULT, what, unit, paper, ours, tolerance, decimals, place, source)
+
+
+def self_check(
+    what: str, unit: str, expected: float, ours: Callable[[S], float], tolerance: float = 0.0, decimals: int = 0
+) -> Value[S]:
+    """Return a number of ours with what it has to be, of which the paper says nothing: a round trip, an identity."""
+    return Value(Kind.CHECK, what, unit, expected, ours, tolerance, decimals)
+
+
+def alone(what: str, unit: str, ours: Callable[[S], float], decimals: int = 0) -> Value[S]:
+    """Return a number of ours with nothing to compare it with."""
+    return Value(Kind.ALONE, what, unit, None, ours, decimals=decimals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +113,52 @@ class Formula(Generic[S]):
 
 @dataclass(frozen=True, slots=True)
 class Erratum(Generic[S]):
-    """A mistake in the paper: where it is, what is printed, what is right, how it was found, and both computed."""
+    """A misprint or a contradiction: its place, what is printed, what is right, how it was found, and both computed."""
 
     place: str
     printed: str
     right: str
     found: str
     formulas: tuple[Formula[S], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """What is not there: where it belongs, what it is, and what is done here instead.
+
+    It is no mistake of the paper, but either left open by it or lost in our copy of it.
+    """
+
+    place: str
+    what: str
+    instead: str
+
+
+class Answer(StrEnum):
+    """Whether an item of the paper is here."""
+
+    YES = "yes"
+    PARTLY = "partly"
+    NO = "no"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An item of the paper that a reader may look for: a section, table, equation, figure or statement.
+
+    Attributes:
+        place: where the paper has it, with the paper's own number.
+        what: what it is.
+        how: where the twin has it: a command, a table, a picture.
+        answer: whether it is here.
+        why: what is missing, and why; empty if nothing is.
+    """
+
+    place: str
+    what: str
+    how: str
+    answer: Answer = Answer.YES
+    why: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +197,14 @@ class Plot(Generic[S]):
     """A picture of curves that the paper's figure shows.
 
     Attributes:
+        place: the paper's figure, or section, with its number: it begins the picture's title.
         name: last part of its file's name.
         caption: what it shows.
         panels: function that computes its panels, drawn in rows of `columns`.
         columns: number of panels in a row.
     """
 
+    place: str
     name: str
     caption: str
     panels: Callable[[S], tuple[Panel, ...]]
@@ -128,8 +213,9 @@ class Plot(Generic[S]):
 
 @dataclass(frozen=True, slots=True)
 class RunPicture:
-    """A picture of the run of a job, as `steptwin plot` draws it: the job, the kind of picture, and its caption."""
+    """A picture of a job's run, as `steptwin plot` draws it: the paper's place, the job, the kind, the caption."""
 
+    place: str
     job: str
     kind: str
     caption: str
@@ -144,37 +230,59 @@ class RunPicture:
 class WorkspacePicture:
     """A picture of the robot's workspace, as `steptwin workspace` draws it: in sections, or as a cloud in space."""
 
+    place: str
     name: str
     caption: str
     in_space: bool = False
 
 
-Picture = Plot[S] | RunPicture | WorkspacePicture
+@dataclass(frozen=True, slots=True)
+class Drawing(Generic[S]):
+    """A picture that is drawn by a function of the study, from the robot's own frames and bodies.
+
+    Attributes:
+        place: the paper's figure with its number: it begins the picture's title.
+        name: last part of its file's name.
+        caption: what it shows.
+        draw: function that draws it, given the study; its figure has no title of its own.
+    """
+
+    place: str
+    name: str
+    caption: str
+    draw: Callable[[S], "Figure"]
+
+
+Picture = Plot[S] | RunPicture | WorkspacePicture | Drawing[S]
 
 
 @dataclass(frozen=True, slots=True)
 class Item(Generic[S]):
-    """A figure, table, equation or statement of the paper, or several that belong together.
+    """A section of the page: parts of the paper that belong together.
 
     Attributes:
-        place: where it is in the paper.
-        title: what it is about.
+        place: where they are in the paper, with its numbers: the section's title begins with it.
+        title: what they are about.
         text: what is done here, in Markdown.
-        values: the paper's numbers beside ours.
-        errata: its mistakes.
+        parts: the parts of the paper, each of which the list at the page's beginning answers.
+        values: numbers of ours, beside the paper's.
+        errata: the paper's misprints and contradictions.
+        left_open: what the paper leaves open.
+        lost: what our copy lacks.
         listings: our tables.
         pictures: our pictures.
-        not_comparable: why the paper's part cannot be compared, or not all of it; empty if it can.
     """
 
     place: str
     title: str
     text: str = ""
+    parts: tuple[Part, ...] = ()
     values: tuple[Value[S], ...] = ()
     errata: tuple[Erratum[S], ...] = ()
+    left_open: tuple[Gap, ...] = ()
+    lost: tuple[Gap, ...] = ()
     listings: tuple[Listing[S], ...] = ()
     pictures: tuple[Picture[S], ...] = ()
-    not_comparable: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,13 +303,23 @@ class Paper(Generic[S]):
 
     @property
     def errata(self) -> tuple[Erratum[S], ...]:
-        """The mistakes of all items."""
+        """The misprints and contradictions of all items."""
         return tuple(erratum for item in self.items for erratum in item.errata)
 
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of all items."""
+        return tuple(part for item in self.items for part in item.parts)
 
-def pulses_of(outcome: Outcome, joint: str) -> int:
-    """Return the pulses of a joint's axis; raise KeyError for an unknown joint."""
-    return {axis.name: axis.pulses for axis in outcome.report.axes}[joint]
+    @property
+    def left_open(self) -> tuple[Gap, ...]:
+        """What the paper leaves open."""
+        return tuple(gap for item in self.items for gap in item.left_open)
+
+    @property
+    def lost(self) -> tuple[Gap, ...]:
+        """What our copy lacks."""
+        return tuple(gap for item in self.items for gap in item.lost)
 
 
 def run_listing(job: str, outcome: Callable[[S], Outcome]) -> Listing[S]:
@@ -216,12 +334,14 @@ def run_listing(job: str, outcome: Callable[[S], Outcome]) -> Listing[S]:
 def tool_values(outcome: Callable[[S], Outcome]) -> tuple[Value[S], ...]:
     """Return the largest error of the tool by the driver's counts, and the verdict; no paper has them."""
     return (
-        Value(
-            "tool off the plan by the counted steps, max", "mm", None,
-            lambda study: outcome(study).report.tool.position_error_mm_max, decimals=4,
+        alone(
+            "tool off the plan by the counted steps, max",
+            "mm",
+            lambda study: outcome(study).report.tool.position_error_mm_max,
+            4,
         ),
-        Value("checks of the run that failed", "", None, lambda study: len(outcome(study).report.reasons)),
-    )  # fmt: skip
+        self_check("checks of the run that failed", "", 0.0, lambda study: len(outcome(study).report.reasons)),
+    )
 
 
 def _rows(outcome: Outcome) -> list[list[str]]:

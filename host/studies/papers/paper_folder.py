@@ -13,7 +13,7 @@ from markdown_it.token import Token
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper
 from steptwin.host.studies.papers.paper import Paper
-from steptwin.host.studies.papers.paper_page import html_name, page_name, picture_name, render_page
+from steptwin.host.studies.papers.paper_page import anchor, html_name, page_name, picture_name, render_page
 from steptwin.host.studies.papers.runs import Runs
 
 _STYLE: Final = """\
@@ -50,8 +50,10 @@ def to_html(markdown: str, title: str, pictures: Mapping[str, bytes]) -> str:
     """Return the page as HTML, with each PNG, by its name in the Markdown, inside; raise KeyError for one not given."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(_without_notice(markdown))
-    for token in tokens:
+    for token, after in zip(tokens, [*tokens[1:], None], strict=True):
         _embed(token, pictures)
+        if token.type == "heading_open" and after is not None:
+            token.attrs["id"] = anchor(after.content)
     body = parser.renderer.render(tokens, parser.options, {})
     return _PAGE.format(title=escape(title), style=_STYLE, body=body)
 
@@ -86,7 +88,7 @@ def write_paper(folder: Path, paper: EvaluatedPaper, runs: Runs) -> bool:
     robot = paper.paper.robot
     write_page(folder, robot, markdown, pictures or {})
     with whole_file(folder / html_name(robot)) as file:
-        file.write(to_html(markdown, f"The paper of {robot}, figure by figure", pictures or {}).encode())
+        file.write(to_html(markdown, f"The paper of {robot}, item by item", pictures or {}).encode())
     return pictures is not None
 
 

@@ -5,7 +5,7 @@ from math import isfinite, nan
 from typing import Any, Final
 
 from steptwin.host.studies.papers.evaluation import Compared, Computed, EvaluatedErratum, EvaluatedItem, EvaluatedPaper
-from steptwin.host.studies.papers.paper import Erratum, Paper, Picture
+from steptwin.host.studies.papers.paper import STATED, Answer, Erratum, Gap, Item, Kind, Paper, Picture
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int = 1) -> str:
@@ -25,13 +25,15 @@ def _line(cells: Sequence[str]) -> str:
 
 
 _HOW_TO_READ: Final = (
-    "Each number of ours is computed when the page is made. A difference is ours minus the paper's. The paper's number"
-    " is stated in it, derived from what it states, or read off a figure. The page was written from notes of what"
-    " the paper states, without its text at hand: where it says that the paper has no number, the notes have none, and"
-    " parts of the paper whose number the notes lack are named by what they are about."
+    "Each number of ours is computed when the page is made; a difference is ours minus the paper's. The paper's numbers"
+    " carry their place in it, and are stated there unless the place says that they follow from what it states or are"
+    " read off a figure. Only results compare the paper with the twin: dimensions are taken over, and self-checks hold"
+    " the twin against itself."
 )
 
-_COMPARED: Final = ("quantity", "the paper's is", "paper", "ours", "difference", "tolerance", "agrees")
+_DIMENSIONS: Final = ("dimension taken over", "place", "paper", "ours", "agrees")
+_RESULTS: Final = ("result", "place", "paper", "ours", "difference", "tolerance", "agrees")
+_CHECKS: Final = ("self-check", "has to be", "ours", "tolerance", "holds")
 
 
 def page_name(robot: str) -> str:
@@ -54,17 +56,49 @@ def render_page(paper: EvaluatedPaper, *, with_pictures: bool = True) -> str:
     robot = paper.paper.robot
     blocks = [
         f"<!-- Made by `steptwin paper {robot}`. -->",
-        f"# The paper of {robot}, figure by figure",
+        f"# The paper of {robot}, item by item",
         f"> {paper.paper.citation}",
-        " ".join(summary(paper)),
+        "\n".join(f"- {line}" for line in summary(paper)),
         _HOW_TO_READ,
+        "## What of the paper is here",
+        contents_table(paper.paper),
         *(block for item in paper.items for block in _item(item, robot, with_pictures=with_pictures)),
+        *_gaps("What the paper leaves open", "what is open", "here", paper.paper.left_open),
+        *_gaps("What our copy of the paper lacks", "what is lost", "here instead", paper.paper.lost),
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
+def contents_table(paper: Paper[Any]) -> str:
+    """Return the list of the paper's parts, each with the section of the page that has it, and the answer."""
+    rows = [
+        [part.place, part.what, f"[{item.place}](#{anchor(heading(item))}): {part.how}", part.answer, part.why]
+        for item in paper.items
+        for part in item.parts
+    ]
+    return table(["the paper's", "what", "here", "is it here", "what is missing, and why"], rows, text_columns=5)
+
+
+def heading(item: Item[Any]) -> str:
+    """Return the title of an item's section."""
+    return f"{item.place}: {item.title}"
+
+
+def anchor(title: str) -> str:
+    """Return the name by which links find a section's title, as GitHub makes it."""
+    kept = (character for character in title.lower() if character.isalnum() or character in " -_")
+    return "".join(kept).replace(" ", "-")
+
+
+def _gaps(title: str, what: str, instead: str, gaps: tuple[Gap, ...]) -> Iterator[str]:
+    if gaps:
+        yield f"## {title}"
+        rows = [[gap.place, gap.what, gap.instead] for gap in gaps]
+        yield table(["place", what, instead], rows, text_columns=3)
+
+
 def errata_table(paper: Paper[Any]) -> str:
-    """Return a table of a paper's mistakes in words."""
+    """Return a table of a paper's misprints and contradictions in words."""
     return _errata_table(paper.errata)
 
 
@@ -73,53 +107,67 @@ def _errata_table(errata: tuple[Erratum[Any], ...]) -> str:
     return table(["place", "printed", "right", "how it was found"], rows, text_columns=4)
 
 
-def summary(paper: EvaluatedPaper) -> tuple[str, str]:
-    """Return a sentence about the numbers compared and one about the mistakes."""
-    compared = [value for value in paper.values if value.agrees is not None]
-    agree = sum(value.agrees is True for value in compared)
+def summary(paper: EvaluatedPaper) -> tuple[str, ...]:
+    """Return lines that count: parts, numbers by their kinds, and misprints beside what is open and lost."""
+    parts = paper.paper.parts
+    answers = ", ".join(f"{sum(part.answer is answer for part in parts)} {answer}" for answer in Answer)
+    counts = {kind: [one.agrees for one in paper.values if one.value.kind is kind] for kind in Kind}
     proven = sum(formula.proven for formula in paper.formulas)
     return (
-        f"Numbers of the paper compared with ours: {len(compared)}; that agree: {agree}.",
-        f"Mistakes in the paper: {len(paper.paper.errata)}; quantities computed as printed and as corrected:"
-        f" {len(paper.formulas)}; where only the corrected one is right: {proven}.",
+        f"Items of the paper: {len(parts)}; found here: {answers}.",
+        f"Results of the paper that the twin reproduces: {sum(map(bool, counts[Kind.RESULT]))} of"
+        f" {len(counts[Kind.RESULT])}. Dimensions taken over: {len(counts[Kind.DIMENSION])}. Self-checks that hold:"
+        f" {sum(map(bool, counts[Kind.CHECK]))} of {len(counts[Kind.CHECK])}.",
+        f"Misprints and contradictions of the paper: {len(paper.paper.errata)}; quantities computed as printed and as"
+        f" corrected: {len(paper.formulas)}; where only the corrected one is right: {proven}. Left open by the paper:"
+        f" {len(paper.paper.left_open)}. Lost in our copy: {len(paper.paper.lost)}.",
     )
 
 
 def _item(item: EvaluatedItem, robot: str, *, with_pictures: bool) -> Iterator[str]:
-    yield f"## {item.item.place}: {item.item.title}"
+    yield f"## {heading(item.item)}"
     yield item.item.text
-    if item.item.not_comparable:
-        yield f"**Not comparable:** {item.item.not_comparable}"
-    compared = [value for value in item.values if value.agrees is not None]
-    if compared:
-        yield table(_COMPARED, [_compared(value) for value in compared], text_columns=2)
-    alone = [value for value in item.values if value.agrees is None]
-    if alone:
-        yield table(["quantity without a number in the paper", "ours"], [[one.value.what, _ours(one)] for one in alone])
+    yield from _values(item)
     for listing, rows in zip(item.item.listings, item.listings, strict=True):
         yield f"{listing.title}:"
         yield table(listing.columns, rows, text_columns=listing.text_columns)
     if item.errata:
-        yield "Mistakes of the paper here:"
+        yield "Misprints and contradictions of the paper here:"
         yield _errata_table(item.item.errata)
         yield from _formulas(item.errata)
     if with_pictures:
         for picture in item.item.pictures:
-            yield f"![{picture.caption}]({picture_name(robot, picture)})"
+            yield f"![{picture.place}: {picture.caption}]({picture_name(robot, picture)})"
 
 
-def _compared(one: Compared) -> list[str]:
+def _values(item: EvaluatedItem) -> Iterator[str]:
+    """Yield a table for each kind of value that the item has."""
+    of_kind = {kind: [one for one in item.values if one.value.kind is kind] for kind in Kind}
+    if found := of_kind[Kind.DIMENSION]:
+        rows = [[one.value.what, one.value.place, _expected(one), _ours(one), _agrees(one)] for one in found]
+        yield table(_DIMENSIONS, rows, text_columns=2)
+    if found := of_kind[Kind.RESULT]:
+        yield table(_RESULTS, [_result(one) for one in found], text_columns=2)
+    if found := of_kind[Kind.CHECK]:
+        rows = [[one.value.what, _expected(one), _ours(one), f"{one.value.tolerance:g}", _agrees(one)] for one in found]
+        yield table(_CHECKS, rows)
+    if found := of_kind[Kind.ALONE]:
+        yield table(["quantity without a number in the paper", "ours"], [[one.value.what, _ours(one)] for one in found])
+
+
+def _result(one: Compared) -> list[str]:
     value = one.value
-    paper, difference = (nan if number is None else number for number in (value.paper, one.difference))
-    return [
-        value.what,
-        value.source,
-        f"{paper:.12g}{_unit(value.unit)}",
-        _ours(one),
-        number_text(difference, value.decimals),
-        f"{value.tolerance:g}",
-        "yes" if one.agrees else "NO",
-    ]
+    place = value.place if value.source == STATED else f"{value.place} ({value.source})"
+    difference = number_text(nan if one.difference is None else one.difference, value.decimals)
+    return [value.what, place, _expected(one), _ours(one), difference, f"{value.tolerance:g}", _agrees(one)]
+
+
+def _expected(one: Compared) -> str:
+    return f"{nan if one.value.expected is None else one.value.expected:.12g}{_unit(one.value.unit)}"
+
+
+def _agrees(one: Compared) -> str:
+    return "yes" if one.agrees else "NO"
 
 
 def _ours(one: Compared) -> str:

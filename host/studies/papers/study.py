@@ -1,9 +1,9 @@
 """What the items of one paper share; each value is computed when an item first asks for it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper import Curve, Panel
 from steptwin.host.studies.papers.runs import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def whole_steps(robot: Robot, joints: FloatArray) -> FloatArray:
@@ -70,3 +73,21 @@ class Study:
     def run_of(self, job: str) -> Outcome:
         """Return the outcome of one of its jobs, run with the job's default options."""
         return self.runs.outcome(self.robot_name, job)
+
+
+def arm_picture(study: Study) -> "Figure":
+    """Draw the arm at home in space."""
+    from steptwin.host.record.plots.in_space import draw_arm_in_space
+
+    return draw_arm_in_space(study.robot)
+
+
+def frames_picture(joints: tuple[float, ...]) -> "Callable[[Study], Figure]":
+    """Return the function that draws the frames of a study's DH table at a joint position."""
+
+    def draw(study: Study) -> "Figure":
+        from steptwin.host.record.plots.in_space import draw_link_frames
+
+        return draw_link_frames(study.robot, joints)
+
+    return draw

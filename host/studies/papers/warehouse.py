@@ -1,4 +1,4 @@
-"""The warehouse robot's paper, figure by figure.
+"""The warehouse robot's paper, item by item.
 
 A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
 DOI 10.3969/j.issn.1009-9492.2019.05.018.
@@ -7,7 +7,7 @@ DOI 10.3969/j.issn.1009-9492.2019.05.018.
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, hypot, nan, radians, sin
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -15,24 +15,42 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.studies.papers.drawing import COLUMNS, matrix_rows
+from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, matrix_rows
 from steptwin.host.studies.papers.paper import (
-    DERIVED,
-    READ_OFF,
+    Answer,
     Curve,
+    Drawing,
     Erratum,
     Formula,
+    Gap,
     Item,
     Listing,
     Panel,
     Paper,
+    Part,
     Plot,
     RunPicture,
     Value,
+    alone,
+    dimension,
+    result,
     run_listing,
+    self_check,
     tool_values,
 )
-from steptwin.host.studies.papers.study import Study, in_whole_steps, panels_over, pulses, tool_off_mm, transforms
+from steptwin.host.studies.papers.study import (
+    Study,
+    arm_picture,
+    frames_picture,
+    in_whole_steps,
+    panels_over,
+    pulses,
+    tool_off_mm,
+    transforms,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 L2_MM: Final = 200.0
 L3_MM: Final = 150.0
@@ -42,12 +60,15 @@ TRAVEL_MM: Final = 180.0
 DURATION_S: Final = 10.0
 RAMP_S: Final = 2.0
 """t1: assumed, the paper has none."""
-COMPARTMENT_MM: Final = 60.0
-"""Length of a compartment: a third of the drawer."""
+CELL_MM: Final = 60.0
+"""Length of a cell: a third of the drawer."""
 _SAMPLES: Final = 1001
-_READ_MM: Final = 0.5
-_READ_DEG: Final = 0.5
-"""How exactly whole millimetres and degrees can be read off an axis."""
+_ROUND_MM: Final = 0.5
+"""The error of a number that is stated in whole millimetres."""
+PULL: Final = "drawer-pull"
+SHOWN: Final = (0.0, 0.0, 100.0, 0.0, 60.0, -20.0)
+"""Joints at which frames can be told apart in a picture."""
+DRAWER_MISSING: Final = "the arm moves as in the experiment, but no drawer is opened"
 
 X_MM: Final = L2_MM * cos(radians(0)) + L3_MM * cos(radians(60)) + L4_MM * cos(radians(90))
 Y_MM: Final = L2_MM * sin(radians(0)) + L3_MM * sin(radians(60)) + L4_MM * sin(radians(90))
@@ -68,7 +89,7 @@ class WarehouseStudy(Study):
     @cached_property
     def joints(self) -> FloatArray:
         """Joints at the samples, of shape (1001, 6)."""
-        return make_job(self.robot, "drawer-pull").positions(self.t_s)
+        return make_job(self.robot, PULL).positions(self.t_s)
 
     @cached_property
     def poses(self) -> FloatArray:
@@ -137,10 +158,10 @@ def _off_line_mm(study: WarehouseStudy) -> float:
     return hypot(x_mm - X_MM, y_mm - (Y_MM - TRAVEL_MM))
 
 
-def _time_out_s(study: WarehouseStudy, compartments: int) -> float:
-    """Return when so many compartments are out, by the tool's own way, linear between the samples."""
+def _time_out_s(study: WarehouseStudy, cells: int) -> float:
+    """Return when so many cells are out, by the tool's own way, linear between the samples."""
     out_mm = study.poses[0, 1] - study.poses[:, 1]
-    return float(np.interp(COMPARTMENT_MM * compartments, out_mm, study.t_s))
+    return float(np.interp(CELL_MM * cells, out_mm, study.t_s))
 
 
 def _peak(study: WarehouseStudy, axis: int) -> float:
@@ -177,26 +198,30 @@ def _law_panels(study: WarehouseStudy) -> tuple[Panel, ...]:
 
 
 def _joint_panels(study: WarehouseStudy) -> tuple[Panel, ...]:
-    left = make_job(study.robot, "drawer-pull", {"elbow": "left"}).positions(study.t_s)
-    columns = [
-        (f"{name} [deg]", [("elbow right", study.joints[:, axis], "line"), ("elbow left", left[:, axis], "broken"),
-                           ("alpha by arc cosine", study.printed_joints[:, axis], "broken")])
-        for axis, name in ((3, "th1"), (4, "th2"), (5, "th3"))
-    ]  # fmt: skip
+    columns = [(f"{name} [deg]", [(name, study.joints[:, axis], "line")])
+               for axis, name in ((3, "th1"), (4, "th2"), (5, "th3"))]  # fmt: skip
     return panels_over(study.t_s, "time [s]", columns)
 
 
-def _arm_panels(study: WarehouseStudy) -> tuple[Panel, ...]:
-    """Return the arm from above as the drawer is shut and after each of its compartments."""
+def draw_planar_arm(_: WarehouseStudy) -> "Figure":
+    """Draw fig. 4: the planar arm at a position that shows all angles of eq. 2."""
+    from steptwin.host.studies.papers.warehouse_figures import planar_arm
+
+    return planar_arm((L2_MM, L3_MM, L4_MM), (20.0, 50.0, -25.0))
+
+
+def draw_drawer(study: WarehouseStudy) -> "Figure":
+    """Draw fig. 7: the arm from above as the drawer is connected, and with one, two and three cells out."""
+    from steptwin.host.studies.papers.warehouse_figures import OpenDrawer, open_drawers
+
     k = [0, *(round(_time_out_s(study, n) * 100) for n in (1, 2, 3))]
     joints_rad = np.deg2rad(study.joints[k][:, 3:].cumsum(axis=1))
-    ends = (L2_MM, L3_MM, L4_MM) * np.exp(1j * joints_rad)
-    points = np.column_stack([np.zeros(len(k)), ends.cumsum(axis=1)])
-    curves = tuple(
-        Curve("shut" if n == 0 else f"{COMPARTMENT_MM * n:g} mm out", arm.real, arm.imag)
-        for n, arm in enumerate(points)
+    ends = ((L2_MM, L3_MM, L4_MM) * np.exp(1j * joints_rad)).cumsum(axis=1)
+    arms_mm = [np.column_stack([[0.0, *arm.real], [0.0, *arm.imag]]) for arm in ends]
+    names = ("(a) connected", "(b) one cell out", "(c) two cells out", "three cells out")
+    return open_drawers(
+        [OpenDrawer(name, arm, CELL_MM * n) for n, (name, arm) in enumerate(zip(names, arms_mm, strict=True))]
     )
-    return (Panel("the arm from above, joints to the tool's tip", "x [mm]", "y [mm]", curves, true_to_scale=True),)
 
 
 def _switch_rows(study: WarehouseStudy) -> list[list[str]]:
@@ -207,64 +232,92 @@ def _switch_rows(study: WarehouseStudy) -> list[list[str]]:
     ]
 
 
-def _dimension(key: str, what: str, paper: float) -> Value[WarehouseStudy]:
-    return Value(what, "mm", paper, lambda study: float(study.robot.geometry[key]))
+def _length(key: str, paper: float) -> Value[WarehouseStudy]:
+    name = key.removesuffix("_mm")
+    return dimension("sect. 2.1", name, "mm", paper, lambda study: float(study.robot.geometry[key]))
 
 
 MECHANISM: Final[Item[WarehouseStudy]] = Item(
-    "Mechanism",
-    "lengths and the lift's range",
-    values=(
-        _dimension("L2_mm", "L2", L2_MM),
-        _dimension("L3_mm", "L3", L3_MM),
-        _dimension("L4_mm", "L4", L4_MM),
-        Value("L1, least", "mm", 50.0, lambda study: study.robot.joint("L1").lower),
-        Value("L1, greatest", "mm", 200.0, lambda study: study.robot.joint("L1").upper),
-        Value("joints of the arm, with its lift", "", 4, lambda study: len(study.robot.joints) - 2),
+    "Sects. 1.1, 1.2: figs. 1, 2",
+    "two slides, a SCARA with its lift at the base, a hand with magnet and lock",
+    parts=(
+        Part("sect. 1.1", "slides X and Z, arm, hand, control", "robot `warehouse-scara` with six axes"),
+        Part("fig. 1", "the whole robot", "picture below: the mechanism in space, without the bodies' shapes"),
+        Part("sect. 1.2", "electromagnet and electric lock", "outputs `magnet` and `lock`; the emulated shelf"),
+        Part("fig. 2", "the hand, and its working state: box at the magnet and drawer docked",
+             "the state occurs in `store`, see sect. 1.1 below", Answer.PARTLY,
+             "no drawing: the twin knows the hand only as a point with two outputs"),
     ),
-    not_comparable="the slides' strokes and speeds, the rotary joints' ranges and the motors are not given; ours are"
-    " assumed and marked [A] in the robot's file.",
-)
+    values=(
+        dimension("sect. 1.1", "joints of the arm, with its lift", "", 4, lambda study: len(study.robot.joints) - 2),
+    ),
+    left_open=(
+        Gap("sect. 1.1", "the slides' strokes and speeds, motors, ratios", "assumed, marked [A] in the robot's file"),
+    ),
+    pictures=(Drawing("fig. 1", "fig-1-robot", "the arm on its slides at home", arm_picture),),
+)  # fmt: skip
 
 FORWARD: Final[Item[WarehouseStudy]] = Item(
-    "Forward kinematics",
-    "DH parameters and the tool's transform",
-    "At the start of the experiment, th1 = 0, th2 = 60, th3 = 30 deg, with the lift at 100 mm and the slides at 0:",
+    "Sects. 2.1, 2.2: fig. 3, table 1, eq. 1",
+    "frames, DH parameters and the tool's transform",
+    "At the start of the experiment, th1 = 0, th2 = 60, th3 = 30 deg, with the lift at 100 mm and the slides at 0; the"
+    " slides are the first two rows. `steptwin fk warehouse-scara 0 0 100 0 60 30 --matrices` prints each matrix.",
+    parts=(
+        Part("sect. 2.1", "lengths L1 to L4", "dimensions below"),
+        Part("fig. 3", "link frames", "picture below, from table 1, with the slides before it"),
+        Part("table 1", "DH parameters", "table below"),
+        Part("eq. 1", "the tool's transform", "matrix and self-checks below"),
+    ),
+    values=(
+        _length("L2_mm", 200.0),
+        _length("L3_mm", 150.0),
+        _length("L4_mm", 40.0),
+        dimension("sect. 2.1", "L1, least", "mm", 50.0, lambda study: study.robot.joint("L1").lower),
+        dimension("sect. 2.1", "L1, greatest", "mm", 200.0, lambda study: study.robot.joint("L1").upper),
+        self_check("P_x of eq. 1 with L5 = 40", "mm", X_MM, lambda study: float(study.poses[0, 0]), 1e-9, 6),
+        self_check("P_y of eq. 1 with L5 = 40", "mm", Y_MM, lambda study: float(study.poses[0, 1]), 1e-9, 6),
+        self_check("P_z = L1 - L4", "mm", 60.0, lambda study: float(study.poses[0, 2]), 1e-9, 6),
+    ),
     listings=(
-        Listing("The tool's transform", COLUMNS,
+        dh_listing("warehouse-scara", "Table 1, with the slides as its first two rows: DH parameters"),
+        Listing("Eq. 1: the tool's transform", COLUMNS,
                 lambda study: matrix_rows(["tool"], [transforms(study.robot, study.joints[:1])[0]])),
     ),
     errata=(
         Erratum(
-            "forward kinematics",
-            "L5, never defined",
-            "L5 = L4 = 40",
-            "the motion starts at y = 129.904 + L5, and the figure shows 170 there and -10 at the end",
-            (
-                Formula("y at the start, without L5 and with it", "mm", lambda _: Y_MM - L4_MM, lambda _: Y_MM,
-                        lambda _: 170.0, "the figure's 170, read off to 0.5 mm", 3, _READ_MM),
-            ),
+            "table 1, row 4, and eq. 1",
+            "the length L4 in table 1, L5 in P_x and P_y of eq. 1; the offset -L4 in both",
+            "L5 is table 1's length L4 = 40 mm",
+            "one symbol is both length and offset in table 1; with 40 mm the pull starts at y = 169.904, and sect. 2.4"
+            " says 170",
         ),
+    ),
+    pictures=(
+        Drawing("fig. 3", "fig-3-frames", "link frames of table 1, after the slides' two", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
 INVERSE: Final[Item[WarehouseStudy]] = Item(
-    "Inverse kinematics",
+    "Sect. 2.3: fig. 4, eq. 2",
     "the joints of a pose",
     "The inverse as printed has no value at the start. With y in place of its second x it is right until the wrist"
     " crosses y = 0; from there the arc cosine takes it to the wrong side.",
+    parts=(
+        Part("fig. 4", "planar arm with l1, l2, l3, alpha, beta", "picture below"),
+        Part("eq. 2", "closed form of the inverse", "self-checks below; misprints computed"),
+    ),
     values=(
-        Value("th1 of the start", "deg", START_DEG[0], lambda study: float(study.joints[0, 3]), 1e-9, 9),
-        Value("th2 of the start", "deg", START_DEG[1], lambda study: float(study.joints[0, 4]), 1e-9, 9),
-        Value("th3 of the start", "deg", START_DEG[2], lambda study: float(study.joints[0, 5]), 1e-9, 9),
-        Value("time at which the wrist crosses y = 0", "s", None,
-              lambda study: float(np.interp(0.0, L4_MM - study.poses[:, 1], study.t_s)), decimals=3),
+        self_check("th1 of the start", "deg", START_DEG[0], lambda study: float(study.joints[0, 3]), 1e-9, 9),
+        self_check("th2 of the start", "deg", START_DEG[1], lambda study: float(study.joints[0, 4]), 1e-9, 9),
+        self_check("th3 of the start", "deg", START_DEG[2], lambda study: float(study.joints[0, 5]), 1e-9, 9),
+        alone("time at which the wrist crosses y = 0", "s",
+              lambda study: float(np.interp(0.0, L4_MM - study.poses[:, 1], study.t_s)), 4),
     ),
     errata=(
         Erratum(
-            "inverse, cos alpha and cos beta, three places",
+            "eq. 2, cos alpha and cos beta, three places",
             "(x - l3 cos phi)^2 + (x - l3 sin phi)^2",
-            "y in the second bracket",
+            "y in the second bracket, as in the sentence before eq. 2",
             "as printed cos beta = 1.025 at the start pose",
             (
                 Formula("cos beta at the start", "", lambda _: _cos_beta(X_MM), lambda _: _cos_beta(Y_MM),
@@ -275,39 +328,44 @@ INVERSE: Final[Item[WarehouseStudy]] = Item(
             ),
         ),
         Erratum(
-            "inverse, alpha = acos(...)",
+            "eq. 2, alpha by its cosine",
             "loses the sign of y",
             "alpha = atan2(yw, xw)",
-            "the wrist crosses y = 0 at 6.78 s of the pull; from there the error grows to 100.19 mm",
+            "the wrist crosses y = 0 at 6.7735 s of the pull; from there the error grows to 100.19 mm",
             (
                 Formula("tool off the drawer's line at the end", "mm",
                         lambda study: float(tool_off_mm(study.robot, study.printed_joints, study.joints)[-1]),
                         _off_line_mm, lambda _: 0.0, "the prescribed line", 6),
             ),
         ),
-        Erratum(
-            "inverse, beta and theta2 by acos",
-            "one elbow",
-            "the branch s = -1 as well",
-            "geometry",
-        ),
     ),
+    left_open=(
+        Gap("eq. 2", "the other elbow: beta and theta2 by their cosines have one sign", "both branches: `steptwin ik`"),
+    ),
+    pictures=(Drawing("fig. 4", "fig-4-planar-arm", "the planar arm with the angles of eq. 2", draw_planar_arm),),
 )  # fmt: skip
 
 
 LAW: Final[Item[WarehouseStudy]] = Item(
-    "Trajectory law",
-    "trapezoidal speed, S_x(t)",
+    "Sect. 2.4: eq. 3",
+    "trapezoidal speed",
     f"S = {TRAVEL_MM:g} mm in T = {DURATION_S:g} s; the ramps of t1 = {RAMP_S:g} s are assumed. With v = S / (T - t1)"
     " the corrected law is v t^2 / (2 t1) up to t1, v (t - t1 / 2) up to T - t1, and S - v (T - t)^2 / (2 t1) then.",
+    parts=(
+        Part("eq. 3", "the law of the way", "picture below; misprints computed"),
+        Part("sect. 2.4", "T, step, 1 000 points, start and way of the pull", "results below; contradictions named"),
+    ),
     values=(
-        Value("T", "s", 10.0, lambda study: study.run_of("drawer-pull").report.run.duration_s, 1e-9, 3),
-        Value("way of the drawer", "mm", TRAVEL_MM, lambda study: study.position_mm(DURATION_S), 1e-9, 6),
-        Value("speed between the ramps", "mm/s", None, lambda study: study.law.speed, decimals=3),
+        dimension("sect. 2.4", "T", "s", 10.0, lambda study: study.run_of(PULL).report.run.duration_s),
+        dimension("sect. 2", "way of the drawer", "mm", 180.0, lambda _: TRAVEL_MM),
+        dimension("sect. 2.4", "points", "", 1000, lambda study: len(study.joints) - 1),
+        self_check("way after T by the job's law", "mm", TRAVEL_MM, lambda study: study.position_mm(DURATION_S),
+                   1e-9, 6),
+        alone("speed between the ramps", "mm/s", lambda study: study.law.speed, 3),
     ),
     errata=(
         Erratum(
-            "S_x(t), first branch",
+            "eq. 3, first branch",
             "S t^2 / ((T - t1) t1)",
             "half of it",
             "as printed the position jumps from 45 to 22.5 mm at t1",
@@ -318,10 +376,10 @@ LAW: Final[Item[WarehouseStudy]] = Item(
             ),
         ),
         Erratum(
-            "S_x(t), third branch",
+            "eq. 3, third branch",
             "the second one again",
             "S - v (T - t)^2 / (2 t1)",
-            "as printed the drawer ends at 202.5 mm, in the figure at 180",
+            "as printed the drawer ends at 202.5 mm; sect. 2 has 180",
             (
                 Formula("S at T", "mm", lambda _: printed_position_mm(DURATION_S),
                         lambda _: corrected_position_mm(DURATION_S), lambda _: _swept_mm(DURATION_S),
@@ -331,19 +389,24 @@ LAW: Final[Item[WarehouseStudy]] = Item(
                         lambda _: _swept_mm(DURATION_S - RAMP_S / 2), "the same"),
             ),
         ),
-        Erratum("S_x(t), conditions", "on x", "on t", "the text"),
+        Erratum("eq. 3, conditions", "on x", "on t", "sect. 2.4: T is the time"),
         Erratum(
-            "1000 points",
+            "sect. 2.4, 1 000 points",
             "T = 10 with a step of 0.001",
             "a step of 0.01",
-            "T / step is 10 000; 1000 steps of 0.001 s make 1 s",
+            "1 000 steps of 0.001 make 1, not 10",
             (
-                Formula("time of 1000 steps", "s", lambda _: 1000 * 0.001, lambda _: 1000 * 0.01, lambda _: DURATION_S,
+                Formula("time of 1 000 steps", "s", lambda _: 1000 * 0.001, lambda _: 1000 * 0.01, lambda _: DURATION_S,
                         "the stated T"),
             ),
         ),
     ),
-    pictures=(Plot("law", "The law of the way as printed and as corrected", _law_panels),),
+    left_open=(
+        Gap("sect. 2.4", "t1, the time of the ramps", "2 s"),
+        Gap("sect. 2.4", "whether the 1 000 points count both ends", "1 000 intervals, 1 001 instants, both ends among"
+            " them"),
+    ),
+    pictures=(Plot("eq. 3", "eq-3-law", "the law of the way as printed and as corrected", _law_panels),),
 )  # fmt: skip
 
 
@@ -355,35 +418,71 @@ def _swept_mm(until_s: float) -> float:
     return TRAVEL_MM * float(np.trapezoid(shape, t_s)) / (DURATION_S - RAMP_S)
 
 
+JOINTS: Final[Item[WarehouseStudy]] = Item(
+    "Sect. 2.4: fig. 5",
+    "th1, th2 and th3 during the pull",
+    "The joints at the paper's 1 000 intervals, on the paper's branch, and what they ask of stepper motors.",
+    parts=(Part("fig. 5", "(a) to (c): th1, th2, th3 over time", "picture and table below"),),
+    values=(
+        result("sect. 2.4", "th1 at the start", "deg", 0.0, lambda study: float(study.joints[0, 3]), 1e-9, 6),
+        result("sect. 2.4", "th2 at the start", "deg", 60.0, lambda study: float(study.joints[0, 4]), 1e-9, 6),
+        result("sect. 2.4", "th3 at the start", "deg", 30.0, lambda study: float(study.joints[0, 5]), 1e-9, 6),
+        alone("peak speed of th1", "deg/s", lambda study: _peak(study, 3), 6),
+        alone("peak speed of th2", "deg/s", lambda study: _peak(study, 4), 6),
+        alone("peak speed of th3", "deg/s", lambda study: _peak(study, 5), 6),
+        alone("pulses of th1 in the samples", "", lambda study: pulses(study.robot, study.joints)[3]),
+        alone("pulses of th2 in the samples", "", lambda study: pulses(study.robot, study.joints)[4]),
+        alone("pulses of th3 in the samples", "", lambda study: pulses(study.robot, study.joints)[5]),
+        alone(
+            "tool off with joints in whole steps, max", "mm",
+            lambda study: float(
+                tool_off_mm(study.robot, in_whole_steps(study.robot, study.joints), study.joints).max()
+            ),
+            6,
+        ),
+        *tool_values(lambda study: study.run_of(PULL)),
+    ),
+    listings=(
+        Listing("Fig. 5 in numbers: the joints every second, elbow on the right",
+                ("t s", "y mm", "th1 deg", "th2 deg", "th3 deg"), _joint_rows),
+        run_listing(PULL, lambda study: study.run_of(PULL)),
+    ),
+    lost=(Gap("fig. 5", "the curves, and so their numbers", "only the start is known, from sect. 2.4"),),
+    pictures=(
+        Plot("fig. 5", "fig-5-joints", "the joints during the pull", _joint_panels, columns=3),
+        RunPicture("sect. 2.4", PULL, "tool-path", "the line by the counted steps"),
+    ),
+)  # fmt: skip
+
 TOOL: Final[Item[WarehouseStudy]] = Item(
-    "Fig. 6",
+    "Sect. 2.4: fig. 6",
     "the tool over time: straight along -y at constant attitude",
     "The picture also shows where the tool goes with the arc cosine of the printed inverse.",
+    parts=(Part("fig. 6", "(a) to (c): x, y, phi over time", "picture and results below"),),
     values=(
-        Value("y at the start", "mm", 170.0, lambda study: float(study.poses[0, 1]), _READ_MM, 3, READ_OFF),
-        Value("y at the end", "mm", -10.0, lambda study: float(study.poses[-1, 1]), _READ_MM, 3, READ_OFF),
-        Value("x, largest change", "mm", 0.0, lambda study: float(np.ptp(study.poses[:, 0])), _READ_MM, 9, READ_OFF),
-        Value("phi, largest change", "deg", 0.0, lambda study: float(np.ptp(study.poses[:, 3])), _READ_DEG, 9,
-              READ_OFF),
-        Value("phi at the start", "deg", sum(START_DEG), lambda study: float(study.poses[0, 3]), 1e-9, 3, DERIVED),
-        Value("x at the start", "mm", X_MM, lambda study: float(study.poses[0, 0]), 1e-9, 3, DERIVED),
+        result("sect. 2.4", "y at the start", "mm", 170.0, lambda study: float(study.poses[0, 1]), _ROUND_MM, 3),
+        result("sect. 2.4", "y at the end", "mm", -10.0, lambda study: float(study.poses[-1, 1]), _ROUND_MM, 3),
+        result("sect. 2.4", "way along y", "mm", 180.0, lambda study: float(np.ptp(study.poses[:, 1])), 1e-9, 6),
+        result("sect. 2.4", "x, largest change", "mm", 0.0, lambda study: float(np.ptp(study.poses[:, 0])), 1e-9, 9),
+        result("sect. 2.4", "phi, largest change", "deg", 0.0, lambda study: float(np.ptp(study.poses[:, 3])), 1e-9,
+               9),
     ),
     errata=(
         Erratum(
-            "S_y",
+            "sect. 2.4, S_x = 0 and S_y = 180",
             "180",
             "-180",
-            "the figure goes from 170 to -10",
+            "fig. 6 and its text go from 170 to -10",
             (
                 Formula("y at the end", "mm", lambda _: Y_MM + TRAVEL_MM, lambda _: Y_MM - TRAVEL_MM, lambda _: -10.0,
-                        "the figure's -10, read off to 0.5 mm", 3, _READ_MM),
+                        "the text's -10, a whole number", 3, _ROUND_MM),
             ),
         ),
         Erratum(
-            "attitude n phi / 1000",
+            "sect. 2.4, attitude n phi / 1000",
             "grows from 0",
             "phi0 + n (phi1 - phi0) / 1000, here constant 90",
-            "the figure shows a constant attitude",
+            "the text on fig. 6 (c): no change",
             (
                 Formula("attitude at n = 500", "deg", lambda _: 500 * 90.0 / 1000,
                         lambda _: 90.0 + 500 * (90.0 - 90.0) / 1000, lambda study: float(study.poses[500, 3]),
@@ -392,84 +491,61 @@ TOOL: Final[Item[WarehouseStudy]] = Item(
         ),
     ),
     pictures=(
-        Plot("fig-6-tool", "The tool's pose during the pull", _pose_panels),
-        RunPicture("drawer-pull", "tool-pose", "The tool's pose and direction cosines by the plan of the run"),
+        Plot("fig. 6", "fig-6-tool", "the tool's pose during the pull", _pose_panels),
+        RunPicture("fig. 6", PULL, "tool-pose", "the tool's pose and direction cosines by the plan of the run"),
     ),
-)  # fmt: skip
-
-JOINTS: Final[Item[WarehouseStudy]] = Item(
-    "Joint trajectory",
-    "th1, th2 and th3 during the pull",
-    "The joints at the paper's 1000 intervals, and what they ask of stepper motors.",
-    values=(
-        Value("samples", "", 1001, lambda study: len(study.joints), source=DERIVED),
-        Value("peak speed of th1", "deg/s", None, lambda study: _peak(study, 3), decimals=6),
-        Value("peak speed of th2", "deg/s", None, lambda study: _peak(study, 4), decimals=6),
-        Value("peak speed of th3", "deg/s", None, lambda study: _peak(study, 5), decimals=6),
-        Value("pulses of th1 in the samples", "", None, lambda study: pulses(study.robot, study.joints)[3]),
-        Value("pulses of th2 in the samples", "", None, lambda study: pulses(study.robot, study.joints)[4]),
-        Value("pulses of th3 in the samples", "", None, lambda study: pulses(study.robot, study.joints)[5]),
-        Value(
-            "tool off with joints in whole steps, max", "mm", None,
-            lambda study: float(
-                tool_off_mm(study.robot, in_whole_steps(study.robot, study.joints), study.joints).max()
-            ),
-            decimals=6,
-        ),
-        *tool_values(lambda study: study.run_of("drawer-pull")),
-    ),
-    listings=(
-        Listing("The joints every second, elbow on the right",
-                ("t s", "y mm", "th1 deg", "th2 deg", "th3 deg"), _joint_rows),
-        run_listing("drawer-pull", lambda study: study.run_of("drawer-pull")),
-    ),
-    pictures=(
-        Plot("joints", "The joints during the pull", _joint_panels, columns=3),
-        RunPicture("drawer-pull", "tool-path", "The drawer's line by the counted steps"),
-    ),
-    not_comparable="no numbers are known of the joint curves.",
 )  # fmt: skip
 
 DRAWER: Final[Item[WarehouseStudy]] = Item(
-    "Fig. 7",
-    "the drawer and its three compartments",
-    f"The drawer's compartments come out one after another; each is taken as a third of the drawer, {COMPARTMENT_MM:g}"
-    " mm.",
-    values=(
-        Value("drawer out at the end", "mm", TRAVEL_MM, lambda study: float(np.ptp(study.poses[:, 1])), 1e-9, 6),
-        Value("compartments out at the end", "", 3,
-              lambda study: float(np.floor(np.ptp(study.poses[:, 1]) / COMPARTMENT_MM + 1e-9))),
-        Value("first compartment out", "s", None, lambda study: _time_out_s(study, 1), decimals=3),
-        Value("second compartment out", "s", None, lambda study: _time_out_s(study, 2), decimals=3),
-        Value("third compartment out", "s", None, lambda study: _time_out_s(study, 3), decimals=3),
+    "Sect. 3: fig. 7",
+    "the drawer and its three cells",
+    f"The drawer's cells come out one after another; each is taken as a third of the drawer, {CELL_MM:g} mm.",
+    parts=(
+        Part("sect. 3", "experiment: slides, dock, pull", "job `drawer-pull`", Answer.PARTLY, DRAWER_MISSING),
+        Part("fig. 7", "(a) connected, (b) one cell, (c) two cells; three come out", "picture below"),
+        Part("sect. 3", "STM32 and TB6560", "the twin itself: `docs/firmware.md`, `docs/driver.md`"),
     ),
-    pictures=(Plot("fig-7-drawer", "The arm as the compartments come out", _arm_panels, columns=1),),
-    not_comparable="no times are known of the figure, and the compartments' lengths are assumed.",
+    values=(
+        alone("first cell out", "s", lambda study: _time_out_s(study, 1), 3),
+        alone("second cell out", "s", lambda study: _time_out_s(study, 2), 3),
+        alone("third cell out", "s", lambda study: _time_out_s(study, 3), 3),
+    ),
+    left_open=(Gap("sect. 3", "the cells' lengths", "a third of the drawer each"),),
+    lost=(Gap("fig. 7", "the photographs", "drawn from the run"),),
+    pictures=(
+        Drawing("fig. 7", "fig-7-drawer", "the drawer and the hand from above", draw_drawer),
+    ),
 )  # fmt: skip
 
 PROCEDURE: Final[Item[WarehouseStudy]] = Item(
-    "Section 3",
+    "Sect. 1.1",
     "storing and fetching with magnet and lock",
     "The paper describes the procedure; places and speeds are assumed. Both jobs run on the emulated board, and every"
-    " pulse and every switched output is verified.",
+    " pulse and every switched output is verified. An inventory allots the place when a component is stored and finds"
+    " it when it is fetched: `steptwin run warehouse-scara store screws --inventory stock.toml`.",
+    parts=(
+        Part("sect. 1.1", "store: pick up, a place is allotted, open, put in, close",
+             "job `store`, `--inventory`: [the warehouse](../warehouse.md)"),
+        Part("sect. 1.1", "fetch: look up, open, take, deliver", "job `fetch`, `--inventory`"),
+    ),
     values=(
-        Value("duration of `store`", "s", None, lambda study: study.run_of("store").report.run.duration_s, decimals=3),
-        Value("duration of `fetch`", "s", None, lambda study: study.run_of("fetch").report.run.duration_s, decimals=3),
-        Value("checks of `store` that failed", "", None, lambda study: len(study.run_of("store").report.reasons)),
-        Value("checks of `fetch` that failed", "", None, lambda study: len(study.run_of("fetch").report.reasons)),
+        alone("duration of `store`", "s", lambda study: study.run_of("store").report.run.duration_s, 3),
+        alone("duration of `fetch`", "s", lambda study: study.run_of("fetch").report.run.duration_s, 3),
+        self_check("checks of `store` that failed", "", 0, lambda study: len(study.run_of("store").report.reasons)),
+        self_check("checks of `fetch` that failed", "", 0, lambda study: len(study.run_of("fetch").report.reasons)),
     ),
     listings=(Listing("Switched outputs", ("job", "output", "to", "at s"), _switch_rows, text_columns=3),),
+    left_open=(Gap("sect. 1.1", "times, places, currents", "assumed, [A] in the robot's file"),),
     pictures=(
-        RunPicture("store", "tool-path", "The tool's path when a box is stored"),
-        RunPicture("fetch", "tool-path", "The tool's path when a box is fetched"),
+        RunPicture("sect. 1.1", "store", "tool-path", "the tool's path when a component is stored"),
+        RunPicture("sect. 1.1", "fetch", "tool-path", "the tool's path when a component is fetched"),
     ),
-    not_comparable="the paper gives no times, places or currents.",
-)
+)  # fmt: skip
 
 PAPER: Final = Paper(
     "warehouse-scara",
-    'Jiang Aimin, Guo Liang, Tan Xiangquan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,'
-    " DOI 10.3969/j.issn.1009-9492.2019.05.018.",
+    'Jiang Aimin, Guo Liang, Tan Xiangquan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019(05),'
+    " from p. 62, 4 pages, DOI 10.3969/j.issn.1009-9492.2019.05.018.",
     WarehouseStudy,
-    (MECHANISM, FORWARD, INVERSE, LAW, TOOL, JOINTS, DRAWER, PROCEDURE),
+    (MECHANISM, PROCEDURE, FORWARD, INVERSE, LAW, JOINTS, TOOL, DRAWER),
 )

@@ -32,6 +32,12 @@ def ours(robot: str, what: str) -> float:
     return float(value(robot, what).ours(study(robot)))
 
 
+def rows(robot: str, title: str) -> list[list[str]]:
+    """Return the rows of the listing whose title begins so."""
+    (found,) = (one for item in PAPERS[robot].items for one in item.listings if one.title.startswith(title))
+    return found.rows(study(robot))
+
+
 def formulas(robot: str, what: str) -> list[Formula[Any]]:
     return [one for erratum in PAPERS[robot].errata for one in erratum.formulas if one.what.startswith(what)]
 
@@ -107,19 +113,32 @@ class TestLab:
         check_formula("lab-scara", "th4 with", 75 - degrees(atan2(sin(radians(15)), -cos(radians(15)))), 60.0)
 
     def test_workspace(self) -> None:
-        assert ours("lab-scara", "greatest distance of the tool from the screw") == pytest.approx(800, abs=1e-6)
+        assert ours(
+            "lab-scara", "greatest distance of the tool from joint 2's axis: the reach, 400 + 400"
+        ) == pytest.approx(800, abs=1e-6)
+        assert ours("lab-scara", "the tool's way from lowest to highest: the stroke") == pytest.approx(250)
+        assert [
+            ours("lab-scara", f"{end} tool, at d1 = {at}") for end, at in (("lowest", "0"), ("highest", "250 mm"))
+        ] == [-150.0, 100.0]
         least_mm = 800 * cos(radians(65))
         assert ours("lab-scara", "least distance, at th3 = 130 deg") == pytest.approx(least_mm, abs=1e-6)
 
     def test_spiral(self) -> None:
-        assert ours("lab-scara", "points in three turns") == 1 + sum(0.05 * k <= 6 * pi for k in range(1, 400))
+        assert ours("lab-scara", "points in three turns of 0.05 rad") == 1 + sum(
+            0.05 * k <= 6 * pi for k in range(1, 400)
+        )
         assert ours("lab-scara", "rise, law A: pi mm a turn") == pytest.approx(18.8 / 2)
         assert ours("lab-scara", "rise, law B: pi mm a radian") == pytest.approx(18.8 * pi)
         ways = [[abs(b - a) for a, b in zip(p, q, strict=True)]
                 for p, q in zip(self.joints(), self.joints()[1:], strict=False)]  # fmt: skip
         fastest_s = max(max(way[0] / 140, *(angle / 130 for angle in way[1:])) for way in ways)
-        what = "shortest time from point to point at the stated speeds"
+        what = "shortest time from point to point at table 1's speeds"
         assert ours("lab-scara", what) == pytest.approx(1000 * fastest_s, abs=1e-6)
+        limits = ((0, 250), (-150, 150), (-130, 130), (-360, 360))
+        for row, axis, limit in zip(rows("lab-scara", "The spiral's joints"), zip(*self.joints(), strict=True), limits,
+                                    strict=True):  # fmt: skip
+            assert [float(cell) for cell in row[1:]] == pytest.approx([min(axis), max(axis), *limit], abs=5e-4)
+            assert limit[0] <= min(axis) <= max(axis) <= limit[1]
 
     def test_round_trip(self) -> None:
         assert max(abs(a - b) for q, p in zip(self.joints(), self.points(), strict=True)
@@ -168,13 +187,14 @@ class TestWarehouse:
     def test_figure_6(self) -> None:
         assert ours("warehouse-scara", "y at the start") == pytest.approx(self.Y0, abs=1e-9)
         assert ours("warehouse-scara", "y at the end") == pytest.approx(self.Y0 - 180, abs=1e-9)
-        assert ours("warehouse-scara", "x at the start") == pytest.approx(275.0, abs=1e-9)
+        assert ours("warehouse-scara", "way along y") == pytest.approx(180.0, abs=1e-9)
+        names = ("P_x of eq. 1 with L5 = 40", "P_y of eq. 1 with L5 = 40", "P_z = L1 - L4")
+        assert [ours("warehouse-scara", name) for name in names] == pytest.approx([275.0, self.Y0, 60.0])
         assert abs(ours("warehouse-scara", "x, largest change")) < 1e-9
         assert abs(ours("warehouse-scara", "phi, largest change")) < 1e-9
 
     def test_mistakes(self) -> None:
         robot, wrist_y = "warehouse-scara", self.Y0 - 40
-        check_formula(robot, "y at the start, without L5", wrist_y, self.Y0, 0.2)
         square = 275**2 + 235**2
         check_formula(robot, "cos beta", (square + 17500) / (400 * sqrt(square)), cos(atan2(wrist_y, 275)))
         check_formula(robot, "beta", None, degrees(atan2(wrist_y, 275)))
@@ -185,7 +205,7 @@ class TestWarehouse:
         (at_the_end,) = (one for one in formulas(robot, "S at T") if one.what == "S at T")
         assert at_the_end.printed(study(robot)) == pytest.approx(202.5)
         assert at_the_end.corrected(study(robot)) == pytest.approx(self.way(10.0)) == pytest.approx(180.0)
-        check_formula(robot, "time of 1000 steps", 1.0, 10.0)
+        check_formula(robot, "time of 1 000 steps", 1.0, 10.0)
         check_formula(robot, "y at the end", self.Y0 + 180, self.Y0 - 180, 0.2)
         check_formula(robot, "attitude at n = 500", 45.0, 90.0)
 
@@ -207,8 +227,8 @@ class TestWarehouse:
         assert ours("warehouse-scara", "time at which the wrist crosses y = 0") == pytest.approx(crossing_s, abs=1e-6)
         for name, way_mm in (("first", 60), ("second", 120)):
             out_s = 1.0 + way_mm / 22.5
-            assert ours("warehouse-scara", f"{name} compartment out") == pytest.approx(out_s, abs=1e-6)
-        assert ours("warehouse-scara", "third compartment out") == pytest.approx(10.0, abs=1e-3)
+            assert ours("warehouse-scara", f"{name} cell out") == pytest.approx(out_s, abs=1e-6)
+        assert ours("warehouse-scara", "third cell out") == pytest.approx(10.0, abs=1e-3)
         assert ours("warehouse-scara", "speed between the ramps") == pytest.approx(180 / 8)
 
 
@@ -234,18 +254,24 @@ class TestTeaching:
     def test_mistakes(self) -> None:
         robot = "teaching-scara"
         x, y = self.tip((30.0, 60.0))
-        check_formula(robot, "px cos th1", x * cos(pi / 6) - y / 2, x * cos(pi / 6) + y / 2)
+        assert x * cos(pi / 6) + y / 2 == pytest.approx(95 + 100 * cos(pi / 3))
+        assert ours(robot, "p_x = l1 cos th1 + l2 cos(th1 + th2)") == pytest.approx(x)
+        assert ours(robot, "p_y = l1 sin th1 + l2 sin(th1 + th2)") == pytest.approx(y)
         check_formula(robot, "d3", 60.0, 20.0)
         check_formula(robot, "sin(phi - th1)", sin(radians(45)), sin(radians(75)))
-        check_formula(robot, "largest acceleration at an end", 6 * degrees(self.QB[1] - self.QA[1]), 0.0)
+        at_the_ends = ours(robot, "largest acceleration at an end, cubic")
+        assert at_the_ends == pytest.approx(6 * degrees(self.QB[1] - self.QA[1]))
+        assert abs(ours(robot, "largest acceleration at an end in the test, law quintic")) < 1e-9
         joints = self.joints()
         check_formula(robot, "th2 at the last sample", joints[66][1], degrees(self.QB[1]))
 
     def test_points(self) -> None:
-        assert ours("teaching-scara", "l2 / l1 that puts qb at y = 0") == pytest.approx(3 / 5, abs=1e-5)
-        assert ours("teaching-scara", "x at qb, in parts of the stretched arm") == pytest.approx(6 / 8, abs=1e-5)
+        assert ours("teaching-scara", "l2 / l1 of an arm that has qb at y = 0") == pytest.approx(3 / 5, abs=1e-5)
+        assert ours("teaching-scara", "x at qb of that arm, in parts of the stretched arm") == pytest.approx(
+            6 / 8, abs=1e-5
+        )
         for name, angle in (("th1", -asin(sqrt(1 - (13 / 15) ** 2))), ("th2", acos(1 / 15)), ("th4", -acos(5 / 9))):
-            assert ours("teaching-scara", f"{name} at qb") == pytest.approx(angle, abs=1e-12)
+            assert ours("teaching-scara", f"{name} at the end of the motion") == pytest.approx(angle, abs=1e-6)
         goal = self.tip(tuple(map(degrees, self.QB)))
         assert [ours("teaching-scara", f"{axis} at qb with 95 and 100 mm") for axis in "xy"] == pytest.approx(goal)
         assert ours("teaching-scara", "det J at qa") == pytest.approx(9500 * sin(0.000178))
@@ -254,8 +280,8 @@ class TestTeaching:
         robot, joints = "teaching-scara", self.joints()
         for axis, name in ((0, "th1"), (1, "th2")):
             way_rad = self.QB[axis] - self.QA[axis]
-            assert ours(robot, f"a2 of {name}") == pytest.approx(3 * way_rad)
-            assert ours(robot, f"a3 of {name}") == pytest.approx(-2 * way_rad)
+            coefficients = (self.QA[axis], 0.0, 3 * way_rad, -2 * way_rad)
+            assert rows(robot, "Eqs. 25 to 28")[axis] == [name, *(f"{value:.6f}" for value in coefficients)]
         way_deg = degrees(self.QB[1] - self.QA[1])
         assert ours(robot, "peak speed of th2, cubic") == pytest.approx(1.5 * way_deg)
         assert ours(robot, "peak speed of th2, quintic") == pytest.approx(1.875 * way_deg)
@@ -299,7 +325,7 @@ class TestCalibration:
     def test_calibration(self) -> None:
         """The sensitivities by differences of the plane arm; the residuals of 50 poses show the noise of 0.02 mm."""
         (listing,) = (one for item in PAPERS["calibration-scara"].items for one in item.listings
-                      if one.title == "Sensitivities")  # fmt: skip
+                      if one.title == "Transfer coefficients")  # fmt: skip
         rows = {name: [float(cell) for cell in cells] for name, *cells in listing.rows(study("calibration-scara"))}
         a, b = radians(30), radians(75)
         assert rows["link1.a_mm"][:3] == pytest.approx([cos(a), sin(a), 0.0], abs=1e-6)
@@ -380,7 +406,14 @@ class TestHybrid:
         for joints, pose in zip(study(robot).point_joints.tolist(), study(robot).points.tolist(), strict=True):
             assert joints == pytest.approx(self.inverse(*pose[:3]), abs=1e-9)
             assert self.off_mm(tuple(joints), pose[:3]) < 1e-9
-        check_formula(robot, "attitude at the second point", th1, 0.0)
+        points = rows(robot, "Tables 2 and 3")
+        assert [float(cell) for cell in points[1]] == pytest.approx([2, *second, th1, left, right, -th1], abs=1e-6)
+        simulated = [[float(cell) for cell in row] for row in rows(robot, "Table 5")]
+        assert simulated[1][:4] == pytest.approx([2, th1, left, right], abs=1e-6)
+        assert max(row[4] for row in simulated) < 1e-9
+        driven = [[float(cell) for cell in row] for row in rows(robot, "Table 6")]
+        assert driven[1][:4] == pytest.approx([2, *second], abs=1e-6)
+        assert max(row[4] for row in driven) < 1e-9
 
 
 RUNS = {
@@ -399,16 +432,16 @@ RUNS = {
 @pytest.mark.parametrize("robot", PAPERS)
 def test_what_needs_no_run_agrees_with_the_paper(robot: str) -> None:
     values = [one for item in PAPERS[robot].items for one in item.values if one.what not in RUNS]
-    compared = [one for one in values if one.paper is not None]
+    compared = [one for one in values if one.expected is not None]
     assert compared
     for one in compared:
-        assert abs(one.ours(study(robot)) - (one.paper or 0.0)) <= one.tolerance, one.what
+        assert abs(one.ours(study(robot)) - (one.expected or 0.0)) <= one.tolerance, one.what
 
 
 @pytest.mark.parametrize("robot", PAPERS)
 def test_every_mistake_that_is_computed_is_one(robot: str) -> None:
     found = [one for erratum in PAPERS[robot].errata for one in erratum.formulas]
-    assert found
+    assert bool(found) is (robot != "hybrid-arm")  # whose formulas are lost in our copy
     for one in found:
         truth = one.truth(study(robot))
         assert abs(one.corrected(study(robot)) - truth) <= one.tolerance, one.what

@@ -1,0 +1,86 @@
+"""The arm in space: what is drawn stands where the DH product puts it, whatever the robot, and always alike."""
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+
+mpl = pytest.importorskip("matplotlib")
+
+from steptwin.host.record.plots.in_space import draw_arm_in_space, draw_link_frames, draw_path_in_space  # noqa: E402
+from steptwin.host.robots import load_robot, robot_names  # noqa: E402
+from steptwin.host.robots.kinematics import make_kinematics  # noqa: E402
+
+
+def position(name: str) -> tuple[float, ...]:
+    """Return joints in the middle between home and the upper limits."""
+    robot = load_robot(name)
+    return tuple(0.7 * home + 0.3 * joint.upper for home, joint in zip(robot.home, robot.joints, strict=True))
+
+
+def product(name: str, joints: tuple[float, ...]) -> list[Any]:
+    """Return the frames behind each row of the table, multiplied here link by link."""
+    kinematics = make_kinematics(load_robot(name))
+    variables = {key: float(value[0]) for key, value in kinematics.dh_variables(np.array([joints])).items()}
+    frames = [np.eye(4)]
+    for row in kinematics.dh.rows:
+        d, theta = (
+            p.constant + (p.sign * variables[p.variable] if p.variable else 0.0) for p in (row.d_mm, row.theta_deg)
+        )
+        ca, sa = np.cos(np.deg2rad(row.alpha_deg)), np.sin(np.deg2rad(row.alpha_deg))
+        ct, st = np.cos(np.deg2rad(theta)), np.sin(np.deg2rad(theta))
+        about_x = np.array([[1, 0, 0, row.a_mm], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
+        about_z = np.array([[ct, -st, 0, 0], [st, ct, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
+        pair = (about_x, about_z) if kinematics.dh.convention.value == "modified" else (about_z, about_x)
+        frames.append(frames[-1] @ pair[0] @ pair[1])
+    return frames
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_frames_stand_on_the_product_of_the_links(name: str) -> None:
+    joints = position(name)
+    axes: Any = draw_link_frames(load_robot(name), joints).axes[0]
+    texts = {text.get_text(): np.array(text.get_position_3d()) for text in axes.texts}
+    frames = product(name, joints)
+    extent_mm = max(high - low for low, high in (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()))
+    seen = set()
+    for label, place_mm in texts.items():
+        for number in map(int, label[1:].split(",")):
+            frame = frames[number]
+            along = place_mm - frame[:3, 3]
+            direction = frame[:3, "xyz".index(label[0])]
+            assert np.linalg.norm(along) < 0.3 * extent_mm, label
+            assert along @ direction == pytest.approx(np.linalg.norm(along), rel=0.15), label
+            seen.add((label[0], number))
+    assert seen == {(letter, number) for letter in "xyz" for number in range(len(frames))}
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_the_arm_is_in_view_with_equal_scales(name: str) -> None:
+    robot = load_robot(name)
+    axes: Any = draw_arm_in_space(robot).axes[0]
+    tool_mm = make_kinematics(robot).forward(np.array([robot.home]))[0, :3]
+    spans = []
+    for value, (low, high) in zip(tool_mm, (axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()), strict=True):
+        assert low - 1e-6 <= value <= high + 1e-6
+        spans.append(high - low)
+    assert np.array(spans) / max(spans) == pytest.approx(axes.get_box_aspect() / max(axes.get_box_aspect()))
+
+
+def test_a_path_is_drawn_twice_and_alike_each_time() -> None:
+    robot = load_robot("lab-scara")
+    angle = np.linspace(0.0, 6.0, 50)
+    path_mm = np.column_stack([-300 + 50 * np.cos(angle), 400 + 50 * np.sin(angle), angle])
+
+    def drawn() -> tuple[Any, bytes]:
+        figure = draw_path_in_space(robot, path_mm, path_mm + 1.0, np.array(robot.home))
+        figure.savefig(png := BytesIO(), format="png")
+        return figure, png.getvalue()
+
+    figure, png = drawn()
+    for axes in figure.axes:
+        lines = {line.get_label(): np.array(line.get_data_3d()).T for line in axes.get_lines()}
+        assert lines["prescribed"] == pytest.approx(path_mm)
+        assert lines["by the joints"] == pytest.approx(path_mm + 1.0)
+    assert drawn()[1] == png
