@@ -20,8 +20,8 @@ from steptwin.host.studies.calibration.measurements import simulate_measurements
 from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, link_rows
 from steptwin.host.studies.papers.paper import (
     Curve,
-    Drawing,
     Erratum,
+    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -212,8 +212,8 @@ TABLE: Final[Item[CalibrationStudy]] = Item(
             "the numbers from notes of the whole paper; our copy ends in the introduction"),
     ),
     pictures=(
-        Drawing("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        Drawing("fig. 2", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
+        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        FigurePicture("fig. 2", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -266,7 +266,7 @@ VERIFICATION: Final[Item[CalibrationStudy]] = Item(
     ),
     lost=(Gap("verification", "the positions that the paper compares", "six of ours, and 1 000 random ones"),),
     pictures=(
-        Drawing("verification", "verification-arm", "the drawn arm with its column at the second position", _shown_arm),
+        FigurePicture("verification", "verification-arm", "the drawn arm with its column at the second position", _shown_arm),
         Plot("verification", "verification", "the drawn arm and the computed tip in four positions", _arm_panels),
     ),
 )  # fmt: skip

@@ -19,9 +19,9 @@ from steptwin.host.robots.kinematics.loop_closure import LoopClosure
 from steptwin.host.robots.workspace import monte_carlo
 from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, link_rows
 from steptwin.host.studies.papers.paper import (
-    Answer,
-    Drawing,
+    Coverage,
     Erratum,
+    FigurePicture,
     Gap,
     Item,
     Listing,
@@ -270,12 +270,12 @@ MECHANISM: Final[Item[HybridStudy]] = Item(
     f" is driven. At th1 = {AT[0]:g} deg and the sliders and the gripper at 0, as `steptwin fk hybrid-arm 20 0 0 0"
     " --matrices` prints them too:",
     parts=(
-        Part("fig. 1", "parallel mechanism: links 1 to 13, three chains", "picture below", Answer.PARTLY,
+        Part("fig. 1", "parallel mechanism: links 1 to 13, three chains", "picture below", Coverage.PARTLY,
              "the third chain, which only guides, is not drawn; its links' lengths are not in our copy"),
         Part("figs. 2, 3", "equivalent mechanism and frames", "picture below"),
-        Part("table 1", "DH parameters", "table below: the equivalent serial arm", Answer.PARTLY,
+        Part("table 1", "DH parameters", "table below: the equivalent serial arm", Coverage.PARTLY,
              "the paper's own cells are lost in our copy"),
-        Part("eqs. 1 to 11", "transforms of the links and of the tool", "T1 to T4 and 0T4 below", Answer.PARTLY,
+        Part("eqs. 1 to 11", "transforms of the links and of the tool", "T1 to T4 and 0T4 below", Coverage.PARTLY,
              "the paper's own formulas are lost in our copy"),
     ),
     values=(
@@ -295,8 +295,8 @@ MECHANISM: Final[Item[HybridStudy]] = Item(
         Gap("eqs. 2 to 12", "h, L, l1 to l4 and the strokes", "assumed, marked [A] in the robot's file"),
     ),
     pictures=(
-        Drawing("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        Drawing("fig. 3", "fig-3-frames", "link frames of the equivalent serial arm", frames_picture(SHOWN)),
+        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        FigurePicture("fig. 3", "fig-3-frames", "link frames of the equivalent serial arm", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -361,7 +361,7 @@ POINTS: Final[Item[HybridStudy]] = Item(
     " solution of the loop's equations stands for the simulated prototype.",
     parts=(
         Part("tables 2 to 4", "five points, inverse, forward", "two tables below"),
-        Part("virtual prototype", "CAD model in a simulator", "numerical closure of the loop", Answer.PARTLY,
+        Part("virtual prototype", "CAD model in a simulator", "numerical closure of the loop", Coverage.PARTLY,
              "kinematic only: no bodies, no masses, as in the paper's comparison"),
         Part("table 5", "inverse by simulation", "table below"),
         Part("table 6", "forward by simulation", "table below"),
@@ -421,7 +421,7 @@ HELIX: Final[Item[HybridStudy]] = Item(
     left_open=(Gap("conclusion", "results on a real robot: the paper itself says that it has none", "emulated board"),),
     lost=(Gap("figs. 6 to 9", "the figures, and so the helix' size", "four turns of radius 80 mm, 60 mm up at each"),),
     pictures=(
-        Drawing("fig. 6", "fig-6-space", "the helix in space, and the arm at its end", _draw_helix),
+        FigurePicture("fig. 6", "fig-6-space", "the helix in space, and the arm at its end", _draw_helix),
         Plot("figs. 6, 9", "fig-6-9-tool", "the tool over time, prescribed and driven", _tool_panels),
         Plot("figs. 7, 8", "fig-7-8-joints", "waist, sliders and gripper over time", _joint_panels),
         Plot("figs. 6, 9", "between", "between the samples: distance from the helix", _between_panels, columns=1),

@@ -18,10 +18,10 @@ from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, link_rows
 from steptwin.host.studies.papers.paper import (
-    Answer,
+    Coverage,
     Curve,
-    Drawing,
     Erratum,
+    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -246,7 +246,7 @@ MECHANISM: Final[Item[TeachingStudy]] = Item(
         Part("fig. 2", "link frames", "picture below, from the code's rows"),
         Part("table 1", "DH parameters, as the code's `link` rows", "dimensions and table below"),
         Part("fig. 3", "toolbox model and its sliders, `drivebot`", "picture below; the panel's Jog and Move",
-             Answer.PARTLY, "the toolbox itself is not driven"),
+             Coverage.PARTLY, "the toolbox itself is not driven"),
     ),
     values=(
         dimension("sect. 3, code", "l1", "mm", 95.0, lambda study: float(study.robot.geometry["l1_mm"])),
@@ -259,8 +259,8 @@ MECHANISM: Final[Item[TeachingStudy]] = Item(
     ),
     lost=(Gap("table 1", "the table's cells", "the code's `link` rows have the same numbers"),),
     pictures=(
-        Drawing("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        Drawing("figs. 2, 3", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
+        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        FigurePicture("figs. 2, 3", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -420,11 +420,11 @@ HARDWARE: Final[Item[TeachingStudy]] = Item(
     " of the simulation; `-o law=quintic` moves so.",
     parts=(
         Part("sect. 4.1, figs. 7, 8", "PC, control card with an FPGA for several steppers", "board on CAN, every pulse"
-             " verified", Answer.PARTLY, "an STM32 board on CAN instead of a card on USB with a DLL"),
+             " verified", Coverage.PARTLY, "an STM32 board on CAN instead of a card on USB with a DLL"),
         Part("sect. 4.2", "parameters: the arm's lengths", "the robot's file; limits, speeds, currents in the panel's"
-             " Settings", Answer.PARTLY, "lengths are in the robot's file only"),
+             " Settings", Coverage.PARTLY, "lengths are in the robot's file only"),
         Part("sect. 4.2", "forward module", "`steptwin fk`; the panel's Move, Joints shows where the arm will stand",
-             Answer.PARTLY, "the panel draws the pose, and does not write it beside the fields"),
+             Coverage.PARTLY, "the panel draws the pose, and does not write it beside the fields"),
         Part("sect. 4.2", "inverse module", "the panel's Move, Tool pose: right and left arm; `steptwin ik`"),
         Part("sect. 4.2", "motion control, result, path shown", "the panel's Run, Preview and Result"),
         Part("fig. 9", "open the device, start", "the panel's Switch on, Home all"),
@@ -433,7 +433,7 @@ HARDWARE: Final[Item[TeachingStudy]] = Item(
         Part("fig. 9", "number of runs, pause, start", "the panel's Run: cycles, pause, resume"),
         Part("fig. 9", "each axis by itself, with its direction", "the panel's Jog"),
         Part("sect. 4.2, fig. 10", "test: points reached, object carried", "job `carry` with grips, `-o depth_mm=20`",
-             Answer.PARTLY, GRIPPED),
+             Coverage.PARTLY, GRIPPED),
         Part("sect. 4.2", "in the test speed and acceleration 0 at both ends", "`carry -o law=quintic`; result below"),
         Part("conclusion", "information in real time, remote control", "the panel's plots; `--connect`"),
     ),

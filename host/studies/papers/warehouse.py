@@ -17,10 +17,10 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, matrix_rows
 from steptwin.host.studies.papers.paper import (
-    Answer,
+    Coverage,
     Curve,
-    Drawing,
     Erratum,
+    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -245,7 +245,7 @@ MECHANISM: Final[Item[WarehouseStudy]] = Item(
         Part("fig. 1", "the whole robot", "picture below: the mechanism in space, without the bodies' shapes"),
         Part("sect. 1.2", "electromagnet and electric lock", "outputs `magnet` and `lock`; the emulated shelf"),
         Part("fig. 2", "the hand, and its working state: box at the magnet and drawer docked",
-             "the state occurs in `store`, see sect. 1.1 below", Answer.PARTLY,
+             "the state occurs in `store`, see sect. 1.1 below", Coverage.PARTLY,
              "no drawing: the twin knows the hand only as a point with two outputs"),
     ),
     values=(
@@ -254,7 +254,7 @@ MECHANISM: Final[Item[WarehouseStudy]] = Item(
     left_open=(
         Gap("sect. 1.1", "the slides' strokes and speeds, motors, ratios", "assumed, marked [A] in the robot's file"),
     ),
-    pictures=(Drawing("fig. 1", "fig-1-robot", "the arm on its slides at home", arm_picture),),
+    pictures=(FigurePicture("fig. 1", "fig-1-robot", "the arm on its slides at home", arm_picture),),
 )  # fmt: skip
 
 FORWARD: Final[Item[WarehouseStudy]] = Item(
@@ -293,7 +293,7 @@ FORWARD: Final[Item[WarehouseStudy]] = Item(
         ),
     ),
     pictures=(
-        Drawing("fig. 3", "fig-3-frames", "link frames of table 1, after the slides' two", frames_picture(SHOWN)),
+        FigurePicture("fig. 3", "fig-3-frames", "link frames of table 1, after the slides' two", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -342,7 +342,7 @@ INVERSE: Final[Item[WarehouseStudy]] = Item(
     left_open=(
         Gap("eq. 2", "the other elbow: beta and theta2 by their cosines have one sign", "both branches: `steptwin ik`"),
     ),
-    pictures=(Drawing("fig. 4", "fig-4-planar-arm", "the planar arm with the angles of eq. 2", draw_planar_arm),),
+    pictures=(FigurePicture("fig. 4", "fig-4-planar-arm", "the planar arm with the angles of eq. 2", draw_planar_arm),),
 )  # fmt: skip
 
 
@@ -501,7 +501,7 @@ DRAWER: Final[Item[WarehouseStudy]] = Item(
     "the drawer and its three cells",
     f"The drawer's cells come out one after another; each is taken as a third of the drawer, {CELL_MM:g} mm.",
     parts=(
-        Part("sect. 3", "experiment: slides, dock, pull", "job `drawer-pull`", Answer.PARTLY, DRAWER_MISSING),
+        Part("sect. 3", "experiment: slides, dock, pull", "job `drawer-pull`", Coverage.PARTLY, DRAWER_MISSING),
         Part("fig. 7", "(a) connected, (b) one cell, (c) two cells; three come out", "picture below"),
         Part("sect. 3", "STM32 and TB6560", "the twin itself: `docs/firmware.md`, `docs/driver.md`"),
     ),
@@ -513,7 +513,7 @@ DRAWER: Final[Item[WarehouseStudy]] = Item(
     left_open=(Gap("sect. 3", "the cells' lengths", "a third of the drawer each"),),
     lost=(Gap("fig. 7", "the photographs", "drawn from the run"),),
     pictures=(
-        Drawing("fig. 7", "fig-7-drawer", "the drawer and the hand from above", draw_drawer),
+        FigurePicture("fig. 7", "fig-7-drawer", "the drawer and the hand from above", draw_drawer),
     ),
 )  # fmt: skip
 

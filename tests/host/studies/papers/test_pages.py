@@ -16,19 +16,19 @@ from steptwin.host.studies.papers import PAPERS, EvaluatedPaper, Runs, evaluated
 from steptwin.host.studies.papers import paper_folder as writing
 from steptwin.host.studies.papers.paper import (
     READ_OFF,
-    Answer,
+    Coverage,
     Curve,
     Erratum,
     Formula,
     Gap,
     Item,
-    Kind,
     Listing,
     Panel,
     Paper,
     Part,
     Plot,
     RunPicture,
+    ValueKind,
     alone,
     dimension,
     result,
@@ -52,7 +52,7 @@ def made(ours_mm: float = 10.25, printed_mm: float = 20.0) -> Paper[float]:
         "Some text with <b>a tag</b> in it.",
         parts=(
             Part("fig. 1", "a line", "picture below"),
-            Part("fig. 3", "a circle", "nowhere", Answer.NO, "nobody drew it"),
+            Part("fig. 3", "a circle", "nowhere", Coverage.NO, "nobody drew it"),
         ),
         values=(
             result("fig. 1", "length", "mm", 10.0, lambda length_mm: length_mm, 0.25, 3, READ_OFF),
@@ -226,12 +226,14 @@ def test_the_data_of_every_paper(robot: str) -> None:
         assert not isinstance(picture, RunPicture) or picture.job in job_names(load_robot(robot))
     for item in paper.items:
         stated = [one.place for one in (*item.parts, *item.errata, *item.left_open, *item.lost, *item.pictures)]
-        stated += [one.place for one in item.values if one.kind in {Kind.DIMENSION, Kind.RESULT}]
+        stated += [one.place for one in item.values if one.kind in {ValueKind.DIMENSION, ValueKind.RESULT}]
         for place in (*stated, item.place.lower()):
             assert PLACE.match(place), (item.place, place)
         for one in item.values:
-            assert bool(one.place) is bool(one.source) is (one.kind in {Kind.DIMENSION, Kind.RESULT}), one.what
-        assert all(part.why for part in item.parts if part.answer is not Answer.YES)
+            assert bool(one.place) is bool(one.source) is (one.kind in {ValueKind.DIMENSION, ValueKind.RESULT}), (
+                one.what
+            )
+        assert all(part.why for part in item.parts if part.answer is not Coverage.YES)
 
 
 @pytest.mark.parametrize("robot", PAPERS)
@@ -251,4 +253,4 @@ def test_each_number_of_a_paper_is_a_literal(robot: str) -> None:
 def test_the_items_of_the_papers_are_counted() -> None:
     """93 items were found in the five papers by a reader who went through them sentence by sentence."""
     assert sum(len(paper.parts) for paper in PAPERS.values()) == 93
-    assert not [part for paper in PAPERS.values() for part in paper.parts if part.answer is Answer.NO]
+    assert not [part for paper in PAPERS.values() for part in paper.parts if part.answer is Coverage.NO]
