@@ -21,7 +21,6 @@ from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, link_rows
 from steptwin.host.studies.papers.paper import (
     Curve,
     Erratum,
-    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -31,6 +30,7 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
+    Sketch,
     alone,
     dimension,
     run_listing,
@@ -212,8 +212,8 @@ TABLE: Final[Item[CalibrationStudy]] = Item(
             "the numbers from notes of the whole paper; our copy ends in the introduction"),
     ),
     pictures=(
-        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        FigurePicture("fig. 2", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
+        Sketch("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        Sketch("fig. 2", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -266,7 +266,7 @@ VERIFICATION: Final[Item[CalibrationStudy]] = Item(
     ),
     lost=(Gap("verification", "the positions that the paper compares", "six of ours, and 1 000 random ones"),),
     pictures=(
-        FigurePicture("verification", "verification-arm", "the drawn arm with its column at the second position", _shown_arm),
+        Sketch("verification", "verification-arm", "the drawn arm with its column at the second position", _shown_arm),
         Plot("verification", "verification", "the drawn arm and the computed tip in four positions", _arm_panels),
     ),
 )  # fmt: skip

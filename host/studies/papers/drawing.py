@@ -21,7 +21,7 @@ from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper
-from steptwin.host.studies.papers.paper import Curve, FigurePicture, Listing, Panel, Picture, Plot, RunPicture
+from steptwin.host.studies.papers.paper import Curve, Listing, Panel, Picture, Plot, RunPicture, Sketch
 from steptwin.host.studies.papers.paper_page import picture_name
 from steptwin.host.studies.papers.runs import Runs
 
@@ -94,7 +94,7 @@ def _figure(picture: "Picture[Any]", paper: EvaluatedPaper, runs: Runs) -> Figur
     if isinstance(picture, Plot):
         figure = _plot(picture, picture.panels(paper.study))
         said = f"{picture.caption} (COMPUTED)"
-    elif isinstance(picture, FigurePicture):
+    elif isinstance(picture, Sketch):
         figure, said = picture.draw(paper.study), picture.caption
     elif isinstance(picture, RunPicture):
         outcome = runs.outcome(robot, picture.job)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from steptwin.host.studies.papers.paper import Erratum, Formula, Gap, Item, Paper, Value, ValueKind
+from steptwin.host.studies.papers.paper import Basis, Erratum, Formula, Gap, Item, Paper, Value
 from steptwin.host.studies.papers.runs import Runs
 
 
@@ -91,7 +91,7 @@ class EvaluatedPaper:
             for value in item.values:
                 if value.agrees is False:
                     what = f"{item.item.place}: {value.value.what}"
-                    has = "has to be" if value.value.kind is ValueKind.CHECK else "the paper has"
+                    has = "has to be" if value.value.kind is Basis.CHECK else "the paper has"
                     yield f"{what}: {value.ours:.9g}, {has} {value.value.expected:g}"
             for erratum in item.errata:
                 for one in erratum.formulas:

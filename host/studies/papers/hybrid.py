@@ -21,7 +21,6 @@ from steptwin.host.studies.papers.drawing import COLUMNS, dh_listing, link_rows
 from steptwin.host.studies.papers.paper import (
     Coverage,
     Erratum,
-    FigurePicture,
     Gap,
     Item,
     Listing,
@@ -30,6 +29,7 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
+    Sketch,
     Value,
     WorkspacePicture,
     alone,
@@ -295,8 +295,8 @@ MECHANISM: Final[Item[HybridStudy]] = Item(
         Gap("eqs. 2 to 12", "h, L, l1 to l4 and the strokes", "assumed, marked [A] in the robot's file"),
     ),
     pictures=(
-        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        FigurePicture("fig. 3", "fig-3-frames", "link frames of the equivalent serial arm", frames_picture(SHOWN)),
+        Sketch("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        Sketch("fig. 3", "fig-3-frames", "link frames of the equivalent serial arm", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -421,7 +421,7 @@ HELIX: Final[Item[HybridStudy]] = Item(
     left_open=(Gap("conclusion", "results on a real robot: the paper itself says that it has none", "emulated board"),),
     lost=(Gap("figs. 6 to 9", "the figures, and so the helix' size", "four turns of radius 80 mm, 60 mm up at each"),),
     pictures=(
-        FigurePicture("fig. 6", "fig-6-space", "the helix in space, and the arm at its end", _draw_helix),
+        Sketch("fig. 6", "fig-6-space", "the helix in space, and the arm at its end", _draw_helix),
         Plot("figs. 6, 9", "fig-6-9-tool", "the tool over time, prescribed and driven", _tool_panels),
         Plot("figs. 7, 8", "fig-7-8-joints", "waist, sliders and gripper over time", _joint_panels),
         Plot("figs. 6, 9", "between", "between the samples: distance from the helix", _between_panels, columns=1),

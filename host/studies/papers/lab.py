@@ -19,7 +19,6 @@ from steptwin.host.studies.papers.paper import (
     FOLLOWS,
     Curve,
     Erratum,
-    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -29,6 +28,7 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
+    Sketch,
     Value,
     WorkspacePicture,
     alone,
@@ -266,7 +266,7 @@ MECHANISM: Final[Item[LabStudy]] = Item(
         Gap("table 1", "where the lift's stroke begins", "d1 from 0 to 250 mm: assumed, [A] in the robot's file"),
     ),
     pictures=(
-        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        Sketch("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
     ),
 )  # fmt: skip
 
@@ -321,7 +321,7 @@ FORWARD: Final[Item[LabStudy]] = Item(
                 "table 2's first column"),
     ),
     pictures=(
-        FigurePicture("fig. 3", "fig-3-frames", "link frames of table 2", frames_picture(SHOWN)),
+        Sketch("fig. 3", "fig-3-frames", "link frames of table 2", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -463,7 +463,7 @@ SPIRAL: Final[Item[LabStudy]] = Item(
     lost=(Gap("figs. 4, 5", "the figures, and so their axes", "only the shapes follow from sect. 3"),),
     pictures=(
         Plot("fig. 4", "fig-4-joints", "the joints at the 377 points", _joint_panels),
-        FigurePicture("fig. 5", "fig-5-space", "the prescribed path in space, and the arm at its end", _draw_spiral),
+        Sketch("fig. 5", "fig-5-space", "the prescribed path in space, and the arm at its end", _draw_spiral),
         Plot("fig. 5", "fig-5-path", "the prescribed path and the forward kinematics of its inverse", _path_panels),
         RunPicture("fig. 5", "spiral", "tool-path", "the path by the counted steps"),
     ),

@@ -24,7 +24,7 @@ FOLLOWS: Final = "follows"
 """How a number of the paper is known: stated in it, following from what it states, or read off a figure."""
 
 
-class ValueKind(StrEnum):
+class Basis(StrEnum):
     """What a number of ours is compared with: the three are counted apart, since only results prove anything new."""
 
     DIMENSION = "dimension"
@@ -50,7 +50,7 @@ class Value(Generic[S]):
         source: how the paper's number is known: STATED, FOLLOWS or READ_OFF; empty as `place` is.
     """
 
-    kind: ValueKind
+    kind: Basis
     what: str
     unit: str
     expected: float | None
@@ -63,7 +63,7 @@ class Value(Generic[S]):
 
 def dimension(place: str, what: str, unit: str, paper: float, ours: Callable[[S], float]) -> Value[S]:
     """Return a number that the robot's file takes over from the paper, which has to be the same."""
-    return Value(ValueKind.DIMENSION, what, unit, paper, ours, place=place, source=STATED)
+    return Value(Basis.DIMENSION, what, unit, paper, ours, place=place, source=STATED)
 
 
 def result(
@@ -71,19 +71,19 @@ def result(
     decimals: int = 0, source: str = STATED,
 ) -> Value[S]:  # fmt: skip
     """Return a result of the paper beside the twin's own; never computed by us on the paper's side."""
-    return Value(ValueKind.RESULT, what, unit, paper, ours, tolerance, decimals, place, source)
+    return Value(Basis.RESULT, what, unit, paper, ours, tolerance, decimals, place, source)
 
 
 def self_check(
     what: str, unit: str, expected: float, ours: Callable[[S], float], tolerance: float = 0.0, decimals: int = 0
 ) -> Value[S]:
     """Return a number of ours with what it has to be, of which the paper says nothing: a round trip, an identity."""
-    return Value(ValueKind.CHECK, what, unit, expected, ours, tolerance, decimals)
+    return Value(Basis.CHECK, what, unit, expected, ours, tolerance, decimals)
 
 
 def alone(what: str, unit: str, ours: Callable[[S], float], decimals: int = 0) -> Value[S]:
     """Return a number of ours with nothing to compare it with."""
-    return Value(ValueKind.ALONE, what, unit, None, ours, decimals=decimals)
+    return Value(Basis.ALONE, what, unit, None, ours, decimals=decimals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +237,7 @@ class WorkspacePicture:
 
 
 @dataclass(frozen=True, slots=True)
-class FigurePicture(Generic[S]):
+class Sketch(Generic[S]):
     """A picture that is drawn by a function of the study, from the robot's own frames and bodies.
 
     Attributes:
@@ -253,7 +253,7 @@ class FigurePicture(Generic[S]):
     draw: Callable[[S], "Figure"]
 
 
-Picture = Plot[S] | RunPicture | WorkspacePicture | FigurePicture[S]
+Picture = Plot[S] | RunPicture | WorkspacePicture | Sketch[S]
 
 
 @dataclass(frozen=True, slots=True)

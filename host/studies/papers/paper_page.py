@@ -5,7 +5,7 @@ from math import isfinite, nan
 from typing import Any, Final
 
 from steptwin.host.studies.papers.evaluation import Compared, Computed, EvaluatedErratum, EvaluatedItem, EvaluatedPaper
-from steptwin.host.studies.papers.paper import STATED, Coverage, Erratum, Gap, Item, Paper, Picture, ValueKind
+from steptwin.host.studies.papers.paper import STATED, Basis, Coverage, Erratum, Gap, Item, Paper, Picture
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int = 1) -> str:
@@ -111,13 +111,13 @@ def summary(paper: EvaluatedPaper) -> tuple[str, ...]:
     """Return lines that count: parts, numbers by their kinds, and misprints beside what is open and lost."""
     parts = paper.paper.parts
     answers = ", ".join(f"{sum(part.answer is answer for part in parts)} {answer}" for answer in Coverage)
-    counts = {kind: [one.agrees for one in paper.values if one.value.kind is kind] for kind in ValueKind}
+    counts = {kind: [one.agrees for one in paper.values if one.value.kind is kind] for kind in Basis}
     proven = sum(formula.proven for formula in paper.formulas)
     return (
         f"Items of the paper: {len(parts)}; found here: {answers}.",
-        f"Results of the paper that the twin reproduces: {sum(map(bool, counts[ValueKind.RESULT]))} of"
-        f" {len(counts[ValueKind.RESULT])}. Dimensions taken over: {len(counts[ValueKind.DIMENSION])}. Self-checks that hold:"
-        f" {sum(map(bool, counts[ValueKind.CHECK]))} of {len(counts[ValueKind.CHECK])}.",
+        f"Results of the paper that the twin reproduces: {sum(map(bool, counts[Basis.RESULT]))} of"
+        f" {len(counts[Basis.RESULT])}. Dimensions taken over: {len(counts[Basis.DIMENSION])}. Self-checks that hold:"
+        f" {sum(map(bool, counts[Basis.CHECK]))} of {len(counts[Basis.CHECK])}.",
         f"Misprints and contradictions of the paper: {len(paper.paper.errata)}; quantities computed as printed and as"
         f" corrected: {len(paper.formulas)}; where only the corrected one is right: {proven}. Left open by the paper:"
         f" {len(paper.paper.left_open)}. Lost in our copy: {len(paper.paper.lost)}.",
@@ -142,16 +142,16 @@ def _item(item: EvaluatedItem, robot: str, *, with_pictures: bool) -> Iterator[s
 
 def _values(item: EvaluatedItem) -> Iterator[str]:
     """Yield a table for each kind of value that the item has."""
-    of_kind = {kind: [one for one in item.values if one.value.kind is kind] for kind in ValueKind}
-    if found := of_kind[ValueKind.DIMENSION]:
+    of_kind = {kind: [one for one in item.values if one.value.kind is kind] for kind in Basis}
+    if found := of_kind[Basis.DIMENSION]:
         rows = [[one.value.what, one.value.place, _expected(one), _ours(one), _agrees(one)] for one in found]
         yield table(_DIMENSIONS, rows, text_columns=2)
-    if found := of_kind[ValueKind.RESULT]:
+    if found := of_kind[Basis.RESULT]:
         yield table(_RESULTS, [_result(one) for one in found], text_columns=2)
-    if found := of_kind[ValueKind.CHECK]:
+    if found := of_kind[Basis.CHECK]:
         rows = [[one.value.what, _expected(one), _ours(one), f"{one.value.tolerance:g}", _agrees(one)] for one in found]
         yield table(_CHECKS, rows)
-    if found := of_kind[ValueKind.ALONE]:
+    if found := of_kind[Basis.ALONE]:
         yield table(["quantity without a number in the paper", "ours"], [[one.value.what, _ours(one)] for one in found])
 
 

@@ -21,7 +21,6 @@ from steptwin.host.studies.papers.paper import (
     Coverage,
     Curve,
     Erratum,
-    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -31,6 +30,7 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
+    Sketch,
     Value,
     alone,
     dimension,
@@ -259,8 +259,8 @@ MECHANISM: Final[Item[TeachingStudy]] = Item(
     ),
     lost=(Gap("table 1", "the table's cells", "the code's `link` rows have the same numbers"),),
     pictures=(
-        FigurePicture("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
-        FigurePicture("figs. 2, 3", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
+        Sketch("fig. 1", "fig-1-arm", "the arm at home", arm_picture),
+        Sketch("figs. 2, 3", "fig-2-frames", "link frames of table 1", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 

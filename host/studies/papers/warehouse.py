@@ -20,7 +20,6 @@ from steptwin.host.studies.papers.paper import (
     Coverage,
     Curve,
     Erratum,
-    FigurePicture,
     Formula,
     Gap,
     Item,
@@ -30,6 +29,7 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
+    Sketch,
     Value,
     alone,
     dimension,
@@ -254,7 +254,7 @@ MECHANISM: Final[Item[WarehouseStudy]] = Item(
     left_open=(
         Gap("sect. 1.1", "the slides' strokes and speeds, motors, ratios", "assumed, marked [A] in the robot's file"),
     ),
-    pictures=(FigurePicture("fig. 1", "fig-1-robot", "the arm on its slides at home", arm_picture),),
+    pictures=(Sketch("fig. 1", "fig-1-robot", "the arm on its slides at home", arm_picture),),
 )  # fmt: skip
 
 FORWARD: Final[Item[WarehouseStudy]] = Item(
@@ -293,7 +293,7 @@ FORWARD: Final[Item[WarehouseStudy]] = Item(
         ),
     ),
     pictures=(
-        FigurePicture("fig. 3", "fig-3-frames", "link frames of table 1, after the slides' two", frames_picture(SHOWN)),
+        Sketch("fig. 3", "fig-3-frames", "link frames of table 1, after the slides' two", frames_picture(SHOWN)),
     ),
 )  # fmt: skip
 
@@ -342,7 +342,7 @@ INVERSE: Final[Item[WarehouseStudy]] = Item(
     left_open=(
         Gap("eq. 2", "the other elbow: beta and theta2 by their cosines have one sign", "both branches: `steptwin ik`"),
     ),
-    pictures=(FigurePicture("fig. 4", "fig-4-planar-arm", "the planar arm with the angles of eq. 2", draw_planar_arm),),
+    pictures=(Sketch("fig. 4", "fig-4-planar-arm", "the planar arm with the angles of eq. 2", draw_planar_arm),),
 )  # fmt: skip
 
 
@@ -513,7 +513,7 @@ DRAWER: Final[Item[WarehouseStudy]] = Item(
     left_open=(Gap("sect. 3", "the cells' lengths", "a third of the drawer each"),),
     lost=(Gap("fig. 7", "the photographs", "drawn from the run"),),
     pictures=(
-        FigurePicture("fig. 7", "fig-7-drawer", "the drawer and the hand from above", draw_drawer),
+        Sketch("fig. 7", "fig-7-drawer", "the drawer and the hand from above", draw_drawer),
     ),
 )  # fmt: skip
 

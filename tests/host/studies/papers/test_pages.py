@@ -16,6 +16,7 @@ from steptwin.host.studies.papers import PAPERS, EvaluatedPaper, Runs, evaluated
 from steptwin.host.studies.papers import paper_folder as writing
 from steptwin.host.studies.papers.paper import (
     READ_OFF,
+    Basis,
     Coverage,
     Curve,
     Erratum,
@@ -28,7 +29,6 @@ from steptwin.host.studies.papers.paper import (
     Part,
     Plot,
     RunPicture,
-    ValueKind,
     alone,
     dimension,
     result,
@@ -226,13 +226,11 @@ def test_the_data_of_every_paper(robot: str) -> None:
         assert not isinstance(picture, RunPicture) or picture.job in job_names(load_robot(robot))
     for item in paper.items:
         stated = [one.place for one in (*item.parts, *item.errata, *item.left_open, *item.lost, *item.pictures)]
-        stated += [one.place for one in item.values if one.kind in {ValueKind.DIMENSION, ValueKind.RESULT}]
+        stated += [one.place for one in item.values if one.kind in {Basis.DIMENSION, Basis.RESULT}]
         for place in (*stated, item.place.lower()):
             assert PLACE.match(place), (item.place, place)
         for one in item.values:
-            assert bool(one.place) is bool(one.source) is (one.kind in {ValueKind.DIMENSION, ValueKind.RESULT}), (
-                one.what
-            )
+            assert bool(one.place) is bool(one.source) is (one.kind in {Basis.DIMENSION, Basis.RESULT}), one.what
         assert all(part.why for part in item.parts if part.answer is not Coverage.YES)
 
 
