@@ -1,13 +1,18 @@
 """Draw an arm in space, with the frames of its DH table or the path of its tool: three-dimensional, true to scale."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, LIMIT, WIDTH_INCHES
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES
+from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
+from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
 
 ARM: Final = "#7a3d00"
@@ -16,8 +21,14 @@ TRIAD: Final = (("x", "#b5432a"), ("y", "#2a7f62"), ("z", "#2456a6"))
 """Names and colours of a frame's axes; the letter is written at each axis' end, so that print needs no colours."""
 
 _WIDTHS: Final = {Role.GUIDE: 1.2, Role.SLIDE: 5.0, Role.LINK: 4.5, Role.TOOL: 2.0}
-_INCHES: Final = 6.4
-_ZOOM: Final = 1.15
+_HIGHEST_INCHES: Final = 6.2
+"""Greatest height of a view's box on paper, without its labels."""
+_SHARES: Final = {1: (1.0,), 2: (0.6, 0.4)}
+"""Parts of the picture's width for each of one or two views."""
+_BESIDE_INCHES: Final = 1.6
+"""Room for labels beside a view's box, on both sides together."""
+_AROUND_INCHES: Final = (0.65, 0.8)
+"""Room above the box, for headings, and below it, for its labels."""
 _TRIAD_PART: Final = 0.13
 """Length of a frame's axes in parts of the arm's extent."""
 _BASE_PART: Final = 0.08
@@ -26,17 +37,37 @@ _DEPTH_PART: Final = 0.4
 """Least depth of the view's box in parts of its longest side."""
 _NEAR: Final = 0.03
 """Origins nearer than this part of the extent share a label."""
-_VIEW: Final = (24.0, -58.0)
-"""Elevation and azimuth in degrees from which the arm is seen."""
+_ELEVATION_DEG: Final = 24.0
+"""Elevation from which the arm is seen."""
+_AZIMUTHS_DEG: Final = (-58.0, -28.0, -118.0)
+"""Azimuths from which the arm may be seen: the one that shows its shortest drawn link longest is taken."""
+_UP: Final = np.array([0.0, 0.0, 1.0])
+_ASIDE_PART: Final = 0.07
+"""Distance of a dimension's arrow from what it measures, in parts of the arm's extent."""
+_HEAD_PART: Final = 0.03
+"""Length of the head of a dimension's arrow in parts of the arm's extent."""
+_DIMENSION: Final = "#a02010"
+_AXIS: Final = "#2456a6"
 
 
 def draw_arm_in_space(robot: Robot, joints: tuple[float, ...] | None = None) -> Figure:
-    """Return a figure of the arm at a joint position, in mm and degrees, or at home."""
-    figure, axes = _space()
-    position = np.array([joints or robot.home])
-    parts = make_kinematics(robot).links(position)
-    _draw_parts(axes, parts)
-    _set_view(axes, np.vstack([_points_of(parts), _draw_base(axes, parts, robot)]))
+    """Return a figure of the arm at a joint position, in mm and degrees, or at home, with its dimensions and joints.
+
+    A robot on slides is drawn twice: the arm, and the whole robot with the boxes around it, such as its shelf.
+    """
+    kinematics, position = make_kinematics(robot), np.array([joints or robot.home])
+    parts = kinematics.links(position)
+    guided = [part for part in parts if part.name.startswith("rail")]
+    figure, views = _space(parts, 2 if guided else 1)
+    _draw_parts(views[0], parts, within=_around(parts))
+    drawn = [_around(parts), _draw_base(views[0], parts, robot), _draw_dimensions(views[0], robot, position)]
+    drawn.append(_draw_joint_axes(views[0], robot, position))
+    shown = [np.vstack(drawn)]
+    if guided:
+        _draw_parts(views[1], parts)
+        boxes = [_draw_box(views[1], box) for box in robot.boxes.values()]
+        shown.append(np.vstack([*(part.points_mm[0] for part in parts), *boxes]))
+    _fit(figure, views, shown, ("the arm", "with slides and boxes around") if guided else ())
     return figure
 
 
@@ -45,17 +76,28 @@ def draw_link_frames(robot: Robot, joints: tuple[float, ...]) -> Figure:
 
     Frames are numbered as the table numbers them: 0 is the base's. Frames at the same place share their number's label.
     """
-    figure, axes = _space()
     kinematics, position = make_kinematics(robot), np.array([joints])
     parts = kinematics.links(position)
+    figure, (axes,) = _space(parts)
     frames = kinematics.dh.frames(kinematics.dh_variables(position))[:, 0]
     points_mm = np.vstack([_points_of(parts), frames[:, :3, 3]])
     extent_mm = float(np.ptp(points_mm, axis=0).max())
-    _draw_parts(axes, parts, alpha=0.35)
+    _draw_parts(axes, parts, alpha=0.35, within=points_mm)
     drawn = [points_mm, _draw_base(axes, parts, robot)]
     for numbers in _together(frames, _NEAR * extent_mm):
         drawn.append(_draw_frames(axes, frames, numbers, _TRIAD_PART * extent_mm))
-    _set_view(axes, np.vstack(drawn))
+    _fit(figure, [axes], [np.vstack(drawn)])
+    return figure
+
+
+def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figure:
+    """Return a figure of positions of the tool, of shape (n, 3), and the arm at home."""
+    parts = make_kinematics(robot).links(np.array([robot.home]))
+    figure, (axes,) = _space(parts)
+    axes.plot(*cloud_mm.T, "o", markeredgewidth=0, markersize=1.1, color=colour, alpha=0.5)
+    drawn = np.vstack([cloud_mm, _around(parts), _draw_base(axes, parts, robot)])
+    _draw_parts(axes, parts, within=drawn)
+    _fit(figure, [axes], [drawn])
     return figure
 
 
@@ -68,26 +110,43 @@ def draw_path_in_space(robot: Robot, wanted_mm: FloatArray, reached_mm: FloatArr
         reached_mm: path that the tool takes, of shape (m, 3).
         joints: where the arm is drawn, of shape (joints,).
     """
-    figure = Figure(figsize=(WIDTH_INCHES, 4.8 + HEADING_INCHES), layout="constrained")
-    near: Any = figure.add_subplot(1, 2, 1, projection="3d")  # Any: matplotlib's stubs know no 3D axes
-    whole: Any = figure.add_subplot(1, 2, 2, projection="3d")
     parts = make_kinematics(robot).links(joints[np.newaxis])
+    figure, (near, whole) = _space(parts, 2)
     _draw_parts(whole, parts)
     base_mm = _draw_base(whole, parts, robot)
     for axes in (near, whole):
         axes.plot(*wanted_mm.T, color=LIMIT, linewidth=4.0, alpha=0.45, label="prescribed")
         axes.plot(*reached_mm.T, color=COUNTED, linewidth=1.0, label="by the joints")
-    near.set_title("the path", loc="left")
-    whole.set_title("with the arm", loc="left")
-    _set_view(near, wanted_mm)
-    _set_view(whole, np.vstack([_points_of(parts), base_mm, wanted_mm]))
-    figure.legend(handles=near.get_lines(), loc="outside lower left", ncols=2)
+    _fit(
+        figure,
+        [near, whole],
+        [wanted_mm, np.vstack([_points_of(parts), base_mm, wanted_mm])],
+        ("the path", "with the arm"),
+    )
+    figure.legend(handles=near.get_lines(), loc="lower left", ncols=2)
     return figure
 
 
-def _space() -> tuple[Figure, Any]:
-    figure = Figure(figsize=(WIDTH_INCHES, _INCHES + HEADING_INCHES), layout="constrained")
-    return figure, figure.add_subplot(projection="3d")
+def _space(
+    parts: tuple[ArmPart, ...], count: int = 1
+) -> tuple[Figure, list[Any]]:  # Any: matplotlib's stubs know no 3D axes
+    figure = Figure(figsize=(WIDTH_INCHES, WIDTH_INCHES))
+    views: list[Any] = [figure.add_subplot(1, count, i + 1, projection="3d") for i in range(count)]
+    for axes in views:
+        axes.view_init(_ELEVATION_DEG, _azimuth_deg(parts))
+    return figure, views
+
+
+def _right(azimuth_deg: float) -> FloatArray:
+    """Return the direction in space that is to the right in a picture from an azimuth."""
+    azimuth_rad = np.deg2rad(azimuth_deg)
+    return np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
+
+
+def _azimuth_deg(parts: tuple[ArmPart, ...]) -> float:
+    """Return the azimuth that shows the links best: none of them end on."""
+    ways_mm = [part.points_mm[0, -1] - part.points_mm[0, 0] for part in parts if part.role is Role.LINK]
+    return max(_AZIMUTHS_DEG, key=lambda azimuth: min(abs(way @ _right(azimuth)) for way in ways_mm))
 
 
 def _points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
@@ -95,11 +154,111 @@ def _points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
     return np.vstack([part.points_mm[0] for part in parts if part.role is not Role.GUIDE])
 
 
-def _draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0) -> None:
+def _around(parts: tuple[ArmPart, ...]) -> FloatArray:
+    """Return the points of the parts, and those of guides that are no longer than the arm, of shape (n, 3)."""
+    points_mm = _points_of(parts)
+    longest_mm = float(np.ptp(points_mm, axis=0).max())
+    guides = [part.points_mm[0] for part in parts if part.role is Role.GUIDE]
+    return np.vstack([points_mm, *(guide for guide in guides if np.ptp(guide, axis=0).max() <= longest_mm)])
+
+
+def _draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, within: FloatArray | None = None) -> None:
+    """Draw the parts; guides, which may be far longer than the arm, only in the box around the points `within`."""
     for part in parts:
-        shown = alpha / 3 if part.role is Role.GUIDE else alpha
-        axes.plot(*part.points_mm[0].T, color=ARM, alpha=shown, linewidth=_WIDTHS[part.role], solid_capstyle="round",
+        points_mm, shown = part.points_mm[0], alpha
+        if part.role is Role.GUIDE:
+            shown = alpha / 2
+            if within is not None:
+                points_mm = np.clip(points_mm, within.min(axis=0), within.max(axis=0))
+        axes.plot(*points_mm.T, color=ARM, alpha=shown, linewidth=_WIDTHS[part.role], solid_capstyle="round",
                   marker="o" if part.role is Role.LINK else "", markersize=7, markerfacecolor="white")  # fmt: skip
+
+
+def _draw_box(axes: Any, box: Box) -> FloatArray:
+    """Draw a box's edges; return their ends, of shape (24, 3)."""
+    for edge_mm in box.edges_mm:
+        axes.plot(*edge_mm.T, color="0.55", linewidth=0.7)
+    return box.edges_mm.reshape(-1, 3)
+
+
+def dimension_names(robot: Robot) -> dict[tuple[int, str], str]:
+    """Return the name of the robot's dimension behind a row's a or d in the DH table, by the row's index and letter.
+
+    A dimension belongs to the parameter that changes with it.
+    """
+    rows, names = make_kinematics(robot).dh.rows, {}
+    for key, value in robot.geometry.items():
+        if not key.endswith("_mm") or not isinstance(value, float):
+            continue
+        changed = make_kinematics(replace(robot, geometry={**robot.geometry, key: value * 1.01 + 0.01})).dh.rows
+        for i, (row, other) in enumerate(zip(rows, changed, strict=True)):
+            for letter, before, after in (
+                ("a", row.a_mm, other.a_mm),
+                ("d", row.d_mm.constant, other.d_mm.constant),
+            ):
+                if before != after and before:
+                    names[i, letter] = key.removesuffix("_mm")
+    return names
+
+
+def _draw_dimensions(axes: Any, robot: Robot, position: FloatArray) -> FloatArray:
+    """Draw an arrow beside each named length of the DH table, with name and mm; return the labels' places."""
+    kinematics = make_kinematics(robot)
+    dh = kinematics.dh
+    frames = dh.frames(kinematics.dh_variables(position))[:, 0]
+    extent_mm = float(np.ptp(_points_of(kinematics.links(position)), axis=0).max())
+    places, right = [frames[-1, :3, 3]], _right(axes.azim)
+    for (i, letter), name in dimension_names(robot).items():
+        modified, row = dh.convention is Convention.MODIFIED, dh.rows[i]
+        if letter == "a":
+            length_mm, direction = row.a_mm, frames[i if modified else i + 1, :3, 0]
+        else:
+            length_mm, direction = row.d_mm.constant, frames[i + 1 if modified else i, :3, 2]
+        along_mm = length_mm * direction
+        from_base = (letter == "a") is modified
+        start_mm = frames[i, :3, 3] if from_base else frames[i + 1, :3, 3] - along_mm
+        if letter == "d" and row.d_mm.variable:
+            start_mm = start_mm - (kinematics.dh_variables(position)[row.d_mm.variable][0] * row.d_mm.sign) * direction
+        aside_mm = _ASIDE_PART * extent_mm * (right if abs(direction[2]) > 0.5 else _UP)
+        ends = start_mm + aside_mm, start_mm + aside_mm + along_mm
+        head = min(0.4, _HEAD_PART * extent_mm / abs(length_mm))
+        for end, way in zip(ends, (along_mm, -along_mm), strict=True):
+            axes.quiver(*end, *way, color=_DIMENSION, linewidth=1.0, arrow_length_ratio=head)
+            axes.plot(*np.array([end - aside_mm, end]).T, color=_DIMENSION, linewidth=0.5)
+        place = (ends[0] + ends[1]) / 2 + 0.5 * aside_mm
+        upright = aside_mm[2] == 0.0
+        axes.text(*place, f"{name} = {abs(length_mm):g} mm", color=_DIMENSION, fontsize=9,
+                  ha="left" if upright else "center", va="center" if upright else "bottom")  # fmt: skip
+        places += [place, place + 0.2 * extent_mm * right] if upright else [place]
+    return np.array(places)
+
+
+def _draw_joint_axes(axes: Any, robot: Robot, position: FloatArray) -> FloatArray:
+    """Draw the axis of each variable of the DH table, its name at the lower end; return the ends, of shape (n, 3)."""
+    kinematics = make_kinematics(robot)
+    dh = kinematics.dh
+    frames = dh.frames(kinematics.dh_variables(position))[:, 0]
+    length_mm = _TRIAD_PART * float(np.ptp(_points_of(kinematics.links(position)), axis=0).max())
+    named: list[tuple[FloatArray, FloatArray, list[str]]] = []
+    for i, row in enumerate(dh.rows):
+        names = [name for name in (row.d_mm.variable, row.theta_deg.variable) if name]
+        frame = frames[i + 1 if dh.convention is Convention.MODIFIED else i]
+        direction = frame[:3, 2] * (-1.0 if frame[2, 2] > 1e-6 else 1.0)
+        top_mm, end_mm = frame[:3, 3] - length_mm * direction, frame[:3, 3] + length_mm * direction
+        for n, (known_top_mm, known_end_mm, known) in enumerate(named):
+            between_mm = end_mm - known_end_mm
+            along_mm = between_mm @ direction
+            if np.linalg.norm(between_mm - along_mm * direction) < 1.0 and abs(along_mm) < 2 * length_mm:
+                lower = (known_top_mm, end_mm) if along_mm > 0 else (top_mm, known_end_mm)
+                named[n] = (*lower, [*known, *names])
+                break
+        else:
+            if names:
+                named.append((top_mm, end_mm, names))
+    for top_mm, end_mm, names in named:
+        axes.plot(*np.array([top_mm, end_mm]).T, color=_AXIS, linewidth=1.0, linestyle="-.")
+        axes.text(*(end_mm + 0.1 * (end_mm - top_mm)), ", ".join(names), color=_AXIS, ha="center", va="top", fontsize=9)
+    return np.array([end for top_mm, end_mm, _ in named for end in (top_mm, end_mm)])
 
 
 def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray:
@@ -151,6 +310,38 @@ def _draw_frames(axes: Any, frames: FloatArray, numbers: list[int], length_mm: f
     return np.array([origin_mm + 1.25 * length_mm * direction for direction, _, _ in labels])
 
 
+def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
+    """Show a box around each view's points, side by side and as large as fits; the figure becomes as high as needed."""
+    widths_inches = [WIDTH_INCHES * share for share in _SHARES[len(views)]]
+    drawn = []
+    for axes, points_mm, width_inches in zip(views, points, widths_inches, strict=True):
+        _set_view(axes, points_mm)
+        axes.locator_params(nbins=round(2 + 3 * width_inches / WIDTH_INCHES))
+        corners = np.array(list(product(*(axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()))))
+        seen = np.column_stack([corners, np.ones(len(corners))]) @ axes.get_proj().T
+        flat = seen[:, :2] / seen[:, 3:]
+        lower, upper = flat.min(axis=0), flat.max(axis=0)
+        scale = float(np.min(np.array([width_inches - _BESIDE_INCHES, _HIGHEST_INCHES]) / (upper - lower)))
+        drawn.append((lower, upper, scale))
+    above_inches, below_inches = _AROUND_INCHES
+    box_inches = max(scale * (upper[1] - lower[1]) for lower, upper, scale in drawn)
+    height_inches = box_inches + above_inches + below_inches
+    figure.set_size_inches(WIDTH_INCHES, height_inches)
+    lefts_inches = [0.0, *widths_inches[:-1]]
+    for start_inches, title in zip(lefts_inches, titles, strict=False):
+        place = (start_inches + 0.3) / WIDTH_INCHES, 1 - 0.55 / height_inches
+        figure.text(*place, title, va="center", fontsize=10)
+    for axes, start_inches, width_inches, (lower, upper, scale) in zip(
+        views, lefts_inches, widths_inches, drawn, strict=True
+    ):
+        window = axes.viewLim
+        middle = scale * ((lower + upper) / 2 - np.array([window.x0, window.y0]))
+        left = start_inches + width_inches / 2 - middle[0]
+        bottom = below_inches + box_inches / 2 - middle[1]
+        side = scale * window.width
+        axes.set_position((left / WIDTH_INCHES, bottom / height_inches, side / WIDTH_INCHES, side / height_inches))
+
+
 def _set_view(axes: Any, points_mm: FloatArray) -> None:
     """Show a box around the points, with equal scales along x, y and z."""
     lower, upper = points_mm.min(axis=0), points_mm.max(axis=0)
@@ -158,6 +349,4 @@ def _set_view(axes: Any, points_mm: FloatArray) -> None:
     middle = (lower + upper) / 2
     limits = [(float(m - s / 2), float(m + s / 2)) for m, s in zip(middle, span, strict=True)]
     axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]", xlim=limits[0], ylim=limits[1], zlim=limits[2])
-    axes.set_box_aspect(tuple(span / span.max()), zoom=_ZOOM)
-    axes.view_init(*_VIEW)
-    axes.locator_params(nbins=5)
+    axes.set_box_aspect(tuple(span / span.max()))

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import matplotlib as mpl
 import numpy as np
@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, HEADING_INCHES, STYLE, WIDTH_INCHES, save_figure, write_inside
+from steptwin.host.record.plots.in_space import draw_cloud_in_space
 from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
-from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
+from steptwin.host.robots.kinematics import ArmPart, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import MonteCarlo, Scan
 
@@ -26,9 +27,6 @@ _WIDE: Final = 2.0
 """If the view from above is wider than this multiple of its height, the side view is below, else beside it."""
 
 _HOME: Final = "arm at home"
-_SPACE_INCHES: Final = 6.0
-_ZOOM: Final = 1.2
-"""Part by which the drawing in space fills its figure better than by default."""
 _PANEL_INCHES: Final = 4.6
 _DRAWN_INCHES: Final = 9.0
 _LABELS_INCHES: Final = 0.7
@@ -73,17 +71,10 @@ def draw_workspace(robot: Robot, cloud: MonteCarlo, scanned: Scan) -> Figure:
 
 def draw_workspace_3d(robot: Robot, cloud: MonteCarlo) -> Figure:
     """Return a figure of the cloud and the arm at home in space, with equal scales along x, y and z."""
-    figure = Figure(figsize=(WIDTH_INCHES, _SPACE_INCHES + HEADING_INCHES), layout="constrained")
+    figure = draw_cloud_in_space(robot, cloud.cloud_mm, CLOUD)
     figure.suptitle(f"{robot.name} · workspace in space (COMPUTED)", x=0.01, ha="left", weight="bold")
-    axes: Any = figure.add_subplot(projection="3d")  # Any: matplotlib's stubs know no 3D axes
-    axes.plot(*cloud.cloud_mm.T, "o", markeredgewidth=0, markersize=1.1, color=CLOUD, alpha=0.5)
-    for link in _home_links(robot):
-        if link.role is not Role.GUIDE:
-            axes.plot(*link.points_mm[0].T, color=AT_ENDS, linewidth=2.5, marker="o", markersize=3, zorder=10)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    axes.set_aspect("equal")
-    axes.set_box_aspect(axes.get_box_aspect(), zoom=_ZOOM)
-    axes.set_title(f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}, and the {_HOME}", loc="left")
+    shown = f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}, and the {_HOME}"
+    figure.text(0.99, 0.01, shown, ha="right", va="bottom")
     return figure
 
 

@@ -8,7 +8,12 @@ import pytest
 
 mpl = pytest.importorskip("matplotlib")
 
-from steptwin.host.record.plots.in_space import draw_arm_in_space, draw_link_frames, draw_path_in_space  # noqa: E402
+from steptwin.host.record.plots.in_space import (  # noqa: E402
+    dimension_names,
+    draw_arm_in_space,
+    draw_link_frames,
+    draw_path_in_space,
+)
 from steptwin.host.robots import load_robot, robot_names  # noqa: E402
 from steptwin.host.robots.kinematics import make_kinematics  # noqa: E402
 
@@ -84,3 +89,32 @@ def test_a_path_is_drawn_twice_and_alike_each_time() -> None:
         assert lines["prescribed"] == pytest.approx(path_mm)
         assert lines["by the joints"] == pytest.approx(path_mm + 1.0)
     assert drawn()[1] == png
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("lab-scara", {(2, "a"): "a2", (3, "a"): "a3", (4, "d"): "d5"}),
+        ("warehouse-scara", {(3, "a"): "L2", (4, "a"): "L3", (5, "a"): "L5", (5, "d"): "L4"}),
+        ("teaching-scara", {(2, "a"): "l2", (1, "a"): "l1", (3, "d"): "d4"}),
+        ("calibration-scara", {(0, "a"): "L1", (1, "a"): "L2", (0, "d"): "d1"}),
+        ("hybrid-arm", {(0, "d"): "l1", (1, "d"): "l2", (3, "a"): "l3", (3, "d"): "l4"}),
+    ],
+)
+def test_lengths_of_the_table_carry_the_names_of_the_robot_file(
+    name: str, expected: dict[tuple[int, str], str]
+) -> None:
+    assert dimension_names(load_robot(name)) == expected
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_arrows_are_as_long_as_they_say_and_joints_are_named(name: str) -> None:
+    robot = load_robot(name)
+    axes: Any = draw_arm_in_space(robot).axes[0]
+    said = [text.get_text() for text in axes.texts]
+    stated_mm = [float(text.split()[2]) for text in said if text.endswith(" mm")]
+    shafts = [np.array(arrow._segments3d)[0] for arrow in axes.collections]  # noqa: SLF001 - nothing public tells
+    drawn_mm = [np.linalg.norm(shaft[-1] - shaft[0]) for shaft in shafts]
+    assert drawn_mm == pytest.approx(np.repeat(stated_mm, 2))
+    named = {joint for text in said if not text.endswith(" mm") for joint in text.split(", ")}
+    assert named == set(make_kinematics(robot).dh.variables)
