@@ -85,10 +85,10 @@ def measure(kernel: Kernel) -> DrawerPullFigure:
     """
     collect_seldom()
     robot = load_robot("warehouse-scara")
-    planned = plan(robot, make_job(robot, "drawer-pull", {}))
+    planned = plan(robot, make_job(robot, "pull-line", {}))
     emulation, verification, bare = [], [], []
     for repeat in range(REPEATS + 1):
-        outcome = execute(planned, "drawer-pull", kernel)
+        outcome = execute(planned, "pull-line", kernel)
         assert outcome.report.passed, outcome.report.reasons
         started = time.perf_counter()
         verify_comparison(compare(outcome.comparison.expected, outcome.comparison.evidence), outcome.report.run)
@@ -220,7 +220,7 @@ def _drawer_pulls() -> Campaign:
         runs=1,
         first_seed=0,
         robots={_ROBOT: load_robot(_ROBOT)},
-        motions=(MotionChoice(JobMotion("drawer-pull", {}), robots, 1.0),),
+        motions=(MotionChoice(JobMotion("pull-line", {}), robots, 1.0),),
         scenarios=(ScenarioChoice("nothing", {}, robots, 1.0),),
         vary={},
         recover=False,

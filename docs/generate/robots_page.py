@@ -33,7 +33,7 @@ class PaperSamples:
 
 SAMPLED: Final = {
     ("lab-scara", "spiral"): PaperSamples(377, (752, 3747, 4523, 772), 0.156142),
-    ("warehouse-scara", "drawer-pull"): PaperSamples(1001, (0, 0, 0, 1846, 880, 710), 0.089622),
+    ("warehouse-scara", "pull-line"): PaperSamples(1001, (0, 0, 0, 1846, 880, 710), 0.089622),
     ("teaching-scara", "carry"): PaperSamples(68, (1064, 3064, 0, 1000), 0.051643),
     ("calibration-scara", "demo"): PaperSamples(101, (2667, 2000, 16000, 1600), 0.167033),
     ("hybrid-arm", "helix"): PaperSamples(241, (8624, 90328, 122392, 1728), 0.085095),

@@ -130,6 +130,10 @@ class MovingShelf:
         at_end = bool(self.held) and self.out_mm[self.held] >= self._config.travel_mm - END_MM
         return Sensed(bool(self.held), bool(self.carried), at_end)
 
+    def cells_out(self, out_mm: float) -> int:
+        """Return how many cells of a drawer are wholly out; each is as long as the least way for a box to pass."""
+        return int((out_mm + END_MM) // self._config.opening_mm)
+
     def look(self, counts: int, tip_mm: Point, *, lock: bool, magnet: bool) -> None:
         """Let the tool's tip come to a position, and then the outputs to their levels."""
         if self.held:

@@ -1,7 +1,7 @@
 """The plan of a motion for the boxes of a shelf: which it carries from where to where."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from steptwin.host.common.errors import InputError
@@ -65,10 +65,17 @@ class Errand:
 
 @dataclass(frozen=True, slots=True)
 class PlannedStock:
-    """The boxes that a motion is planned to leave: at each of `places` the one in `boxes`, or none."""
+    """What a motion is planned to leave at a shelf.
 
-    places: tuple[str, ...]
-    boxes: Mapping[str, str]
+    Attributes:
+        places: slots and spots of which the plan knows what they hold at the end.
+        boxes: the box at each of these that has one.
+        leaves_open: slots whose drawers are out at the end.
+    """
+
+    places: tuple[str, ...] = ()
+    boxes: Mapping[str, str] = field(default_factory=dict)
+    leaves_open: tuple[str, ...] = ()
 
 
 def _feeds(shelf: Shelf, place: str) -> bool:

@@ -94,6 +94,21 @@ class Waiting(Protocol):
         ...
 
 
+@runtime_checkable
+class LeavingOpen(Protocol):
+    """A trajectory that pulls drawers out and leaves them so; others need not have the attribute."""
+
+    @property
+    def leaves_open(self) -> tuple[str, ...]:
+        """The slots of the shelf whose drawers stay out at the end."""
+        ...
+
+
+def left_open(trajectory: Trajectory) -> tuple[str, ...]:
+    """Return the slots of the shelf whose drawers a trajectory leaves out."""
+    return trajectory.leaves_open if isinstance(trajectory, LeavingOpen) else ()
+
+
 def waits_of(trajectory: Trajectory) -> tuple[PlannedWait, ...]:
     """Return a trajectory's waits for inputs, in order of time."""
     return trajectory.waits if isinstance(trajectory, Waiting) else ()

@@ -1,14 +1,14 @@
 """Put the expectation, a planned motion and the robot's conversions, beside the evidence, axis by axis."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.errand import PlannedStock
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, left_open
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -78,7 +78,7 @@ class Expectation:
         actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
             tool really is; None if it states none.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
-        stock: the boxes that the motion is planned to leave at a shelf; None: the motion planned none.
+        stock: the boxes and open drawers that the motion is planned to leave at a shelf; None: it planned none.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -96,7 +96,9 @@ class Expectation:
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory, stock: PlannedStock | None = None) -> Self:
-        """Return the expectation for a motion of a robot."""
+        """Return the expectation for a motion of a robot, and of the drawers that it leaves open."""
+        if leaves_open := left_open(trajectory):
+            stock = replace(stock or PlannedStock(), leaves_open=leaves_open)
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
         forward, actual = make_kinematics(robot).forward, actual_chain(robot)

@@ -184,12 +184,14 @@ class ShelfEvidence:
         start: the box in each slot and at each spot that had one at power-up.
         end: the same at the end.
         open_mm: how far each drawer is out at the end that is not shut.
+        cells_out: number of its cells, from the front, that are wholly out.
     """
 
     events: tuple[ShelfEvent, ...] = ()
     start: Mapping[str, str] = field(default_factory=dict)
     end: Mapping[str, str] = field(default_factory=dict)
     open_mm: Mapping[str, float] = field(default_factory=dict)
+    cells_out: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Judge what happened at a shelf: no fault, no drawer left open, and every box where the plan wants it.
+"""Judge what happened at a shelf: no fault, only those drawers open that the plan leaves so, every box in its place.
 
 What a shelf reports is evidence and is not taken on trust: the boxes at the end must follow from those at the start by
 the events, and at each event the tool must have been where the drivers' counts put it.
@@ -24,7 +24,7 @@ TIP_TOLERANCE_MM: Final = 1.0
 
 
 def shelf_reasons(shelf: ShelfEvidence, planned: PlannedStock | None, start_counts: int) -> list[str]:
-    """Return one line for each fault at the shelf, each drawer left open and each box that is not where it should be.
+    """Return one line for each fault, each drawer that is open or shut against the plan, and each misplaced box.
 
     `start_counts` is the motion's t = 0.
     """
@@ -33,7 +33,17 @@ def shelf_reasons(shelf: ShelfEvidence, planned: PlannedStock | None, start_coun
         for event in shelf.events
         if event.fault
     ]
-    reasons += [f"shelf: {slot}: the drawer is left {out_mm:.1f} mm out" for slot, out_mm in shelf.open_mm.items()]
+    stays_open = planned.leaves_open if planned else ()
+    reasons += [
+        f"shelf: {slot}: the drawer is left {out_mm:.1f} mm out"
+        for slot, out_mm in shelf.open_mm.items()
+        if slot not in stays_open
+    ]
+    reasons += [
+        f"shelf: {slot}: the drawer is shut at the end (planned open)"
+        for slot in stays_open
+        if slot not in shelf.open_mm
+    ]
     for place in planned.places if planned else ():
         is_there, wanted = (each.get(place, "") for each in (shelf.end, planned.boxes if planned else {}))
         if is_there != wanted:

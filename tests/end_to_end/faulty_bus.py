@@ -17,4 +17,4 @@ MS: Final = 72_000
 def drawer_pull(kernel: Kernel, script: FaultScript) -> Outcome:
     """Run the drawer pull while the bus does what the script says."""
     robot = load_robot("warehouse-scara")
-    return execute(plan(robot, make_job(robot, "drawer-pull", {})), "drawer-pull", kernel, bus_faults=script)
+    return execute(plan(robot, make_job(robot, "pull-line", {})), "pull-line", kernel, bus_faults=script)

@@ -2,7 +2,7 @@
 
 A change that is not meant to alter motion leaves every edge and every frame as they are, byte for byte. Edges and bus
 logs are integers; report and trajectory hold floats, whose last digits may differ from processor to processor, so the
-tests hold the integers and this command holds all. `--write` makes the present state the one to compare with. With
+tests hold the integers and this command holds all that is stored. `--write` makes the present state the one to compare with. With
 `--replay` each run's bus log is replayed, too, which must make the same edges and frames.
 """
 
@@ -82,7 +82,7 @@ def main() -> int:
         f"{command}: {name} differs"
         for command, hashes in stored().items()
         for name, digest in now[command].items()
-        if hashes[name.removeprefix(f"{REPLAY}/")] != digest
+        if hashes.get(name.removeprefix(f"{REPLAY}/"), digest) != digest
     ]
     files = f"{len(FILES)} files each" + (f", {len(INTEGERS)} of its replay" if replay else "")
     sys.stdout.write("\n".join(lines or [f"{len(now)} runs, {files}: the same"]) + "\n")

@@ -40,6 +40,12 @@ RUNS = [
     Expected("lab-scara spiral -o z_law=B", (12000, -642, 4562, 1584), (16725, -1271, 4989, 1544)),
     Expected(
         "warehouse-scara drawer-pull",
+        (0, 0, 32000, -712, 3224, 893),
+        (16000, 16000, 32000, -1846, 3329, 1510),
+        (16000, 16000, 0, 2558, 1437, 803),
+    ),
+    Expected(
+        "warehouse-scara pull-line",
         (0, 0, 32000, 0, 2667, 800),
         (0, 0, 32000, -1846, 3329, 1510),
         (0, 0, 0, 1846, 880, 710),
@@ -73,7 +79,7 @@ RUNS = [
 
 STORED = {"warehouse-scara store": "stored_run", "teaching-scara carry": "carry_run"}
 """Jobs whose folders other tests need too: the fixtures that run them."""
-REPLAYED = {"warehouse-scara drawer-pull", "calibration-scara demo", "hybrid-arm five-points"}
+REPLAYED = {"warehouse-scara pull-line", "calibration-scara demo", "hybrid-arm five-points"}
 """Jobs whose replay takes little time; `python -m tests.end_to_end.fingerprints --replay` replays all."""
 
 

@@ -15,7 +15,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
 
-RUN = ["run", "warehouse-scara", "drawer-pull"]
+RUN = ["run", "warehouse-scara", "pull-line"]
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        pytest.param(["run", "warehouse-skara", "drawer-pull"], ["warehouse-skara", "warehouse-scara"], id="robot"),
+        pytest.param(["run", "warehouse-skara", "pull-line"], ["warehouse-skara", "warehouse-scara"], id="robot"),
         pytest.param(["run", "warehouse-scara", "drawer-pul"], ["drawer-pul", "drawer-pull"], id="job"),
         pytest.param(["run", "warehouse-scara", __file__], ["test_bad_input.py", ".csv or .json"], id="kind of file"),
         pytest.param([*RUN, "-o", "elbo=left"], ["elbo", "elbow"], id="option of a job"),
@@ -101,21 +101,21 @@ def test_a_robot_without_homing_is_told_of_here(tmp_path: Path, capsys: pytest.C
 def test_the_start_may_be_half_a_step_off(fast_kernel: Kernel, offset_deg: float, accepted: bool) -> None:
     """th1 makes steps of 0.0225 deg."""
     robot = load_robot("warehouse-scara")
-    planned = plan(robot, make_job(robot, "drawer-pull", {"duration_s": "1", "ramp_s": "0.4"}))
+    planned = plan(robot, make_job(robot, "pull-line", {"duration_s": "1", "ramp_s": "0.4"}))
     standing = [0.0, 0.0, 100.0, offset_deg, 60.0, 30.0]
     if accepted:
-        assert execute(planned, "drawer-pull", fast_kernel, stand_at=standing).fault is None
+        assert execute(planned, "pull-line", fast_kernel, stand_at=standing).fault is None
     else:
         with pytest.raises(InputError, match="th1"):
-            execute(planned, "drawer-pull", fast_kernel, stand_at=standing)
+            execute(planned, "pull-line", fast_kernel, stand_at=standing)
 
 
 def test_a_driver_that_is_slower_than_the_firmware_believes_fails_the_run(fast_kernel: Kernel) -> None:
     """With 1000 pF at OSC the chip needs pulses of 90 us: it counts nothing, and the report shows it."""
     robot = load_robot("warehouse-scara")
     slow = dataclasses.replace(robot, board=dataclasses.replace(robot.board, osc_pf=1000))
-    planned = plan(slow, make_job(slow, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}))
-    report = execute(planned, "drawer-pull", fast_kernel).report
+    planned = plan(slow, make_job(slow, "pull-line", {"duration_s": "2", "ramp_s": "0.5"}))
+    report = execute(planned, "pull-line", fast_kernel).report
     th1 = report.axes[3]
     assert not report.passed
     assert th1.violations == th1.pulses > 1800

@@ -33,8 +33,8 @@ def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["robot"] == "warehouse-scara"
     jobs = {job["name"]: job["options"] for job in document["jobs"]}
-    assert list(jobs) == ["drawer-pull", "store", "fetch", "every-slot"]
-    assert "right" in jobs["drawer-pull"]["elbow"]
+    assert list(jobs) == ["drawer-pull", "pull-line", "store", "fetch", "every-slot"]
+    assert "right" in jobs["pull-line"]["elbow"]
     assert jobs["store"]["slot"] == "A1 (A1, A2, B1, B2)"
     assert run(["jobs", "warehouse-scara"]) == 0
     shown = capsys.readouterr().out
@@ -137,7 +137,7 @@ def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("steptwin.host.twin.embedded.execution.execute", interrupted)
-    assert run(["run", "warehouse-scara", "drawer-pull"]) == 130
+    assert run(["run", "warehouse-scara", "pull-line"]) == 130
 
 
 def test_eds(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The drawer pull as a user runs it: `steptwin run warehouse-scara drawer-pull`, held against the reference figures.
+"""The drawer pull as a user runs it: `steptwin run warehouse-scara pull-line`, held against the reference figures.
 
 The figures were computed from the paper's geometry independently of this project: joints rounded to steps at 1001
 samples. A board that interpolates and steps with hysteresis may end one step beside them and make two more pulses at
@@ -18,7 +18,7 @@ from steptwin.host.cli.app import run
 from tests.end_to_end.command_line import run_json
 from tests.run_pictures import with_pictures
 
-COMMAND = ["run", "warehouse-scara", "drawer-pull"]
+COMMAND = ["run", "warehouse-scara", "pull-line"]
 QUICK = [*COMMAND, "-o", "duration_s=2", "-o", "ramp_s=0.5"]
 """The same steps in a fifth of the time."""
 

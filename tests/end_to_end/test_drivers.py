@@ -22,10 +22,10 @@ from tests.end_to_end.command_line import refusal, run_json
 
 QUICK = {"duration_s": "2", "ramp_s": "0.5"}
 """Options of a drawer pull: the same steps as in the usual 10 s."""
-DRAWER_PULL = [
+PULL_LINE = [
     "run",
     "warehouse-scara",
-    "drawer-pull",
+    "pull-line",
     *(word for pair in QUICK.items() for word in ("-o", "=".join(pair))),
 ]
 SPIRAL = ["run", "lab-scara", "spiral"]
@@ -41,7 +41,7 @@ def executed(robot: Robot, job: str, kernel: Kernel, **options: str) -> Outcome:
 
 
 def test_by_default_nothing_is_broken(capsys: pytest.CaptureFixture[str]) -> None:
-    document = run_json(capsys, *DRAWER_PULL)
+    document = run_json(capsys, *PULL_LINE)
     assert document["driver_profile"] == "chip-330pf"
     assert document["violations"] == []
 
@@ -51,7 +51,7 @@ class TestSlowBlueBoard:
 
     def test_misses_every_step(self, capsys: pytest.CaptureFixture[str]) -> None:
         """STEP is high for 33 us before the edge that steps; the board needs 150 us."""
-        document = run_json(capsys, *DRAWER_PULL, *self.OPTIONS, exit_code=1)
+        document = run_json(capsys, *PULL_LINE, *self.OPTIONS, exit_code=1)
         assert document["passed"] is False
         assert document["driver_profile"] == "slow-blue-board"
         moved = [axis for axis in document["axes"] if axis["pulses"]]
@@ -71,7 +71,7 @@ class TestSlowBlueBoard:
         assert document["tool"]["position_error_mm_max"] > 100
 
     def test_the_report_for_people_names_the_broken_limit(self, capsys: pytest.CaptureFixture[str]) -> None:
-        assert run([*DRAWER_PULL, *self.OPTIONS]) == 1
+        assert run([*PULL_LINE, *self.OPTIONS]) == 1
         lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
         (heading,) = [i for i, line in enumerate(lines) if line.startswith("CLK low too short before its rise")]
         assert "drivers: slow-blue-board" in lines
@@ -83,7 +83,7 @@ class TestSlowBlueBoard:
         assert any("FAILED" in line for line in lines)
 
     def test_leaves_its_violations_in_the_folder(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-        run_json(capsys, *DRAWER_PULL, *self.OPTIONS, "--out", str(tmp_path), exit_code=1)
+        run_json(capsys, *PULL_LINE, *self.OPTIONS, "--out", str(tmp_path), exit_code=1)
         with np.load(tmp_path / "edges.npz") as edges:
             assert edges["th1_violation_counts"].size == edges["th1_clk_rise_counts"].size == 1846
             assert np.array_equal(edges["th1_violation_counts"], edges["th1_clk_fall_counts"])
@@ -104,7 +104,7 @@ class TestSlowBlueBoard:
             dirhold_ns=320_000,
             step_rate_max_hz=3_000,
         )
-        outcome = executed(robot, "drawer-pull", fast_kernel, **QUICK)
+        outcome = executed(robot, "pull-line", fast_kernel, **QUICK)
         assert outcome.report.passed, outcome.report.reasons
         assert outcome.driver_profile == "slow-blue-board"
         assert outcome.report.axes[4].reversals == 1
@@ -185,14 +185,14 @@ class TestThreeAmpModule:
 @pytest.mark.parametrize("pf", [100, 1000])
 def test_chips_by_their_capacitor(pf: int, capsys: pytest.CaptureFixture[str]) -> None:
     """33 us are enough for 100 pF, which needs 10 us, and too short for 1000 pF, which needs 90 us."""
-    document = run_json(capsys, *DRAWER_PULL, "--driver-profile", f"chip-{pf}pf", exit_code=0 if pf == 100 else 1)
+    document = run_json(capsys, *PULL_LINE, "--driver-profile", f"chip-{pf}pf", exit_code=0 if pf == 100 else 1)
     assert {group["limit"] for group in document["violations"]} == ({90.0} if pf == 1000 else set())
 
 
 def test_a_file_may_turn_the_active_edge(fast_kernel: Kernel) -> None:
     """Then the bare chip counts falling edges, including the last one, which no pulse follows."""
     robot = with_board("warehouse-scara", active_edge="falling")
-    assert executed(robot, "drawer-pull", fast_kernel, **QUICK).report.passed
+    assert executed(robot, "pull-line", fast_kernel, **QUICK).report.passed
 
 
 class TestModulesSwitches:

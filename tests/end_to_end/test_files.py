@@ -208,7 +208,7 @@ class TestARobotOfOnesOwn:
                 {"L2_mm = 200.0": "L2_mm = 210.0", "L5_mm = 40.0": "L5_mm = 55.5", "lower = -120.0": "lower = -90.0"}
                 | {"microsteps = 16": "microsteps = 2", "speed_max = 300.0": "speed_max = 200.0"}
                 | DIRECTION,
-                ["drawer-pull", "-o", "duration_s=3", "-o", "ramp_s=0.5"],
+                ["pull-line", "-o", "duration_s=3", "-o", "ramp_s=0.5"],
                 id="warehouse",
             ),
             pytest.param(
@@ -323,7 +323,7 @@ class TestARobotOfOnesOwn:
             pytest.param(
                 "warehouse-scara", {"upper = 120.0": "upper = 10.0", "lower = -120.0": "lower = -10.0"}
                 | {"th1 = -60.0": "th1 = 0.0"},
-                ["drawer-pull"], "th1: ", id="narrower limits",
+                ["pull-line"], "th1: ", id="narrower limits",
             ),
             pytest.param(
                 "lab-scara", {"a2_mm = 400.0": "a2_mm = 100.0"}, ["spiral"],

@@ -30,7 +30,7 @@ def test_the_file_is_written_after_a_verified_run_only(tmp_path: Path, capsys: p
         (["store", "screws"], 2, "box 'screws': is in slot A1 already"),
         (["fetch", "screws", "--locked-drawer", "A1"], 1, "A1: pull on a locked drawer"),
         (["fetch", "screws", "--connect", "127.0.0.1"], 2, "--inventory: is for a run in virtual time"),
-        (["drawer-pull"], 2, "job drawer-pull: carries no boxes"),
+        (["pull-line"], 2, "job pull-line: carries no boxes"),
     ):
         assert run(["run", ROBOT, *words, "--inventory", str(path), *(QUICK if len(words) > 1 else [])]) == code
         printed = capsys.readouterr()

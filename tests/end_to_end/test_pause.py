@@ -14,13 +14,13 @@ ARM = range(3, 6)
 
 @pytest.fixture(scope="module")
 def planned(fast_kernel: Kernel) -> HaltedRun:
-    return run_with(fast_kernel, "drawer-pull", [])
+    return run_with(fast_kernel, "pull-line", [])
 
 
 @pytest.fixture(scope="module")
 def paused(fast_kernel: Kernel) -> HaltedRun:
     """Return a run that rests for 2 s in the middle."""
-    return run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+    return run_with(fast_kernel, "pull-line", [Break(3.0, 2.0)])
 
 
 def places(run: HaltedRun) -> list[list[int]]:
@@ -62,7 +62,7 @@ def late_s(run: HaltedRun, planned: HaltedRun) -> float:
     ids=["at the start", "in the middle", "only just", "twice", "twice in one place", "long before the end"],
 )
 def test_the_drawer_pull_keeps_its_path(fast_kernel: Kernel, planned: HaltedRun, breaks: list[Break]) -> None:
-    run = run_with(fast_kernel, "drawer-pull", breaks)
+    run = run_with(fast_kernel, "pull-line", breaks)
     assert run.outcome.fault is None
     assert run.halted == (True,) * len(breaks)
     assert places(run) == places(planned)
@@ -81,7 +81,7 @@ def test_the_machine_stands_still_in_a_pause(paused: HaltedRun) -> None:
 
 
 def test_a_paused_run_is_the_same_every_time(fast_kernel: Kernel, paused: HaltedRun) -> None:
-    again = run_with(fast_kernel, "drawer-pull", [Break(3.0, 2.0)])
+    again = run_with(fast_kernel, "pull-line", [Break(3.0, 2.0)])
     assert again.outcome.bus_log == paused.outcome.bus_log
     for one, other in zip(again.evidence.axes, paused.evidence.axes, strict=True):
         assert np.array_equal(one.clk_rise_counts, other.clk_rise_counts)

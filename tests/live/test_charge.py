@@ -51,7 +51,7 @@ def test_an_emergency_stop_lasts_until_the_reset() -> None:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         assert server.run("estop", ROBOT) == 0
         held = (3, "steptwin: sx: is held by an emergency stop until `steptwin reset`\n")
-        assert ended(server.start("run", ROBOT, "drawer-pull", "--approach")) == held
+        assert ended(server.start("run", ROBOT, "pull-line", "--approach")) == held
         assert ended(server.start("move", ROBOT, "th1=1")) == held
         assert server.run("reset", ROBOT) == 0
         assert server.run("move", ROBOT, "th1=1") == 0

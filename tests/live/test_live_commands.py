@@ -20,7 +20,7 @@ def await_streaming(server: Server, running: subprocess.Popen[str]) -> None:
 def test_a_homed_machine_runs_a_job_to_its_planned_end() -> None:
     with serving(ROBOT) as server:
         server.json("home", ROBOT, "--together")
-        document = server.json("run", ROBOT, "drawer-pull", "--approach", "-o", "duration_s=4", "-o", "ramp_s=1")
+        document = server.json("run", ROBOT, "pull-line", "--approach", "-o", "duration_s=4", "-o", "ramp_s=1")
     assert document["passed"]
     assert all(abs(axis["error_steps"]) <= END_ERROR_STEPS_MAX for axis in document["axes"])
 
@@ -30,7 +30,7 @@ def test_a_run_that_is_stopped() -> None:
     """Another process stops it long before its end: exit code 3, and the machine's position stays known."""
     with serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
-        running = server.start("run", ROBOT, "drawer-pull", "--approach", "-o", "duration_s=120")
+        running = server.start("run", ROBOT, "pull-line", "--approach", "-o", "duration_s=120")
         await_streaming(server, running)
         stopped = server.json("stop", ROBOT)
         out, err = running.communicate(timeout=TIMEOUT_S)

@@ -17,7 +17,7 @@ from tests.end_to_end.served import Server, in_real_time, serving
 ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
 UNSURE = "; nobody knows whether the machine has stopped: use its own e-stop"
-LONG_RUN = ["run", ROBOT, "drawer-pull", "--approach", "-o", "duration_s=120"]
+LONG_RUN = ["run", ROBOT, "pull-line", "--approach", "-o", "duration_s=120"]
 COMMANDS = [
     *(
         [name, ROBOT]
@@ -26,7 +26,7 @@ COMMANDS = [
     ["home", ROBOT],
     ["move", ROBOT, "th1=5"],
     ["jog", ROBOT, "th1", "5deg/s"],
-    ["run", ROBOT, "drawer-pull"],
+    ["run", ROBOT, "pull-line"],
 ]
 STOPPING = ("pause", "stop", "estop")
 CONNECTING = ("status", "doctor", "estop", "run")

@@ -9,11 +9,11 @@ import numpy as np
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.carry import CARRY
-from steptwin.host.planning.jobs.drawer_pull import DRAWER_PULL
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job, fitted
 from steptwin.host.planning.jobs.options import OptionField, number
-from steptwin.host.planning.jobs.shelf_jobs import EVERY_SLOT, FETCH, STORE
+from steptwin.host.planning.jobs.pull_line import PULL_LINE
+from steptwin.host.planning.jobs.shelf_jobs import DRAWER_PULL, EVERY_SLOT, FETCH, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
@@ -49,7 +49,7 @@ DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, 
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
-    "warehouse-scara": (DRAWER_PULL, STORE, FETCH, EVERY_SLOT),
+    "warehouse-scara": (DRAWER_PULL, PULL_LINE, STORE, FETCH, EVERY_SLOT),
     "teaching-scara": (CARRY,),
     "calibration-scara": (DEMO,),
     "hybrid-arm": (FIVE_POINTS, HELIX),

@@ -1,15 +1,15 @@
-"""The warehouse robot at its shelf: `store` puts a box into a slot's drawer, `fetch` takes one out.
+"""The warehouse robot at its shelf: `drawer-pull` opens a drawer, `store` puts a box into one, `fetch` takes one out.
 
 The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, the hand pushes the
-drawer shut and unlocks. The slides move while the arm is drawn back and before it reaches out, and outputs change while
-all joints stand still.
+drawer shut and unlocks. `drawer-pull` is the paper's experiment, its section 3: it leaves the drawer out, in the hand.
+The slides move while the arm is drawn back and before it reaches out, and outputs change while all joints stand still.
 
 Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
-2019, DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
+2019(05), DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
@@ -18,9 +18,9 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.errand import Carry
-from steptwin.host.planning.jobs.drawer_pull import LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
 from steptwin.host.planning.jobs.options import number, place
+from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.paths import OutOfReachError
@@ -75,6 +75,14 @@ class _AtShelf:
 
 
 @dataclass(frozen=True, slots=True)
+class DrawerPullOptions(_AtShelf):
+    """The options of `drawer-pull`: also the slot, and how many of the drawer's compartments come out."""
+
+    slot: str = place("A1", _slots)
+    compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
+
+
+@dataclass(frozen=True, slots=True)
 class StoreOptions(_AtShelf):
     """The options of `store`: also the slot, and the spot where the box is."""
 
@@ -119,8 +127,12 @@ class _Shelf:
 
     def drawn_back(self, spot: str, slot: str) -> FloatArray:
         """Return the joints with the arm drawn back as in front of a slot, and the slides at a spot."""
+        return self.in_front(self.above(spot)[:_SLIDES], slot)
+
+    def in_front(self, slides_mm: FloatArray, slot: str) -> FloatArray:
+        """Return the joints with the arm drawn back as in front of a slot, and the slides at a position."""
         lift_mm = self._robot.places[slot].get("L1", self._robot.home[self._robot.joint_names.index("L1")])
-        locked = np.array([*self.above(spot)[:_SLIDES], lift_mm, *LOCKED_DEG])
+        locked = np.array([*slides_mm, lift_mm, *LOCKED_DEG])
         kinematics = make_kinematics(self._robot)
         pose = kinematics.forward(locked[np.newaxis]) - np.array([0.0, self._approach_mm, 0.0, 0.0])
         solved = kinematics.solve(pose, self._elbow.value, locked)
@@ -132,6 +144,10 @@ class _Shelf:
     def to_slot(self, moves: Composer, spot: str, slot: str) -> None:
         """Draw the arm back from a spot, then move the slides to a slot."""
         moves.go(self.drawn_back(spot, slot))
+        self.slides_to(moves, slot)
+
+    def slides_to(self, moves: Composer, slot: str) -> None:
+        """Move the slides to a slot, with the arm drawn back."""
         moves.go_some({name: at for name, at in self._robot.places[slot].items() if name != "L1"})
 
     def to_spot(self, moves: Composer, slot: str, spot: str) -> None:
@@ -157,20 +173,29 @@ class _Shelf:
 
     def at_drawer(self, moves: Composer, slot: str, *, take: bool) -> None:
         """Lock, pull the drawer out, take or release a box, push the drawer shut, unlock."""
-        branch = self._elbow.value
-        approach = Trapezoid.fastest(self._approach_mm, speed_max=40.0, acceleration_max=80.0)
-        pull = Trapezoid(self._travel_mm, self._pull_s, round(self._pull_s * RAMP_PART, 3))
-        moves.line(branch, (0.0, self._approach_mm, 0.0), approach)
-        moves.switch("lock", on=True)
-        self._wait(moves, "lock_engaged", slot, on=True)
-        moves.line(branch, (0.0, -self._travel_mm, 0.0), pull)
-        if self._robot.shelf and self._travel_mm >= self._robot.shelf.travel_mm:
-            self._wait(moves, "drawer_end", slot, on=True)
+        self.pull_out(moves, slot)
         self._magnet(moves, slot, on=take)
-        moves.line(branch, (0.0, self._travel_mm, 0.0), pull)
+        moves.line(self._elbow.value, (0.0, self._travel_mm, 0.0), self._pull)
         moves.switch("lock", on=False)
         self._wait(moves, "lock_engaged", slot, on=False)
-        moves.line(branch, (0.0, -self._approach_mm, 0.0), approach)
+        moves.line(self._elbow.value, (0.0, -self._approach_mm, 0.0), self._approach)
+
+    def pull_out(self, moves: Composer, slot: str) -> None:
+        """Reach out to the drawer, lock, pull it out."""
+        moves.line(self._elbow.value, (0.0, self._approach_mm, 0.0), self._approach)
+        moves.switch("lock", on=True)
+        self._wait(moves, "lock_engaged", slot, on=True)
+        moves.line(self._elbow.value, (0.0, -self._travel_mm, 0.0), self._pull)
+        if self._robot.shelf and self._travel_mm >= self._robot.shelf.travel_mm:
+            self._wait(moves, "drawer_end", slot, on=True)
+
+    @property
+    def _approach(self) -> Trapezoid:
+        return Trapezoid.fastest(self._approach_mm, speed_max=40.0, acceleration_max=80.0)
+
+    @property
+    def _pull(self) -> Trapezoid:
+        return Trapezoid(self._travel_mm, self._pull_s, round(self._pull_s * RAMP_PART, 3))
 
     def _magnet(self, moves: Composer, where: str, *, on: bool) -> None:
         moves.switch("magnet", on=on)
@@ -231,6 +256,19 @@ def _slides_first(moves: Composer, goal: FloatArray) -> None:
     moves.go(goal)
 
 
+def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
+    """Return the paper's experiment: the slides to the slot, then the arm to the drawer, lock, pull; it stays out.
+
+    Raise InputError if the robot file lacks a place or an output, or if a pose is out of reach.
+    """
+    travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
+    shelf = _Shelf(robot, replace(options, travel_mm=travel_mm))
+    moves = Composer(robot, shelf.in_front(np.array(robot.home[:_SLIDES]), options.slot))
+    shelf.slides_to(moves, options.slot)
+    shelf.pull_out(moves, options.slot)
+    return moves.sequence(leaves_open=(options.slot,))
+
+
 def store(robot: Robot, options: StoreOptions) -> Trajectory:
     """Return the motion that brings a box from a spot to the slot.
 
@@ -289,6 +327,12 @@ def _carried_everywhere(robot: Robot, options: EverySlotOptions) -> tuple[Carry,
     return tuple(carry for pair in there_and_back for carry in pair)
 
 
+DRAWER_PULL: Final = Job(
+    "drawer-pull",
+    "go to a drawer, lock on, pull it out: 180 mm or by compartments; it stays out",
+    DrawerPullOptions,
+    drawer_pull,
+)
 STORE: Final = Job("store", "take a box at the hand-over and put it into a slot's drawer", StoreOptions, store, _stored)
 FETCH: Final = Job(
     "fetch", "take a box out of a slot's drawer and bring it to the hand-over", FetchOptions, fetch, _fetched

@@ -49,6 +49,7 @@ class Sequence:
         starts_ms: start of each part, and then the end of the last one.
         switchings: changes of outputs during the motion.
         waits: waits for inputs, each at the beginning of a pause.
+        leaves_open: slots of the shelf whose drawers stay out at the end.
     """
 
     joint_names: tuple[str, ...]
@@ -56,6 +57,7 @@ class Sequence:
     starts_ms: tuple[int, ...]
     switchings: tuple[Switching, ...]
     waits: tuple[PlannedWait, ...] = ()
+    leaves_open: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -190,10 +192,11 @@ class Composer:
         """Return the last move if it began at this time or later; None if there is none."""
         return self._parts[-1] if self._parts and self._starts_ms[-2] >= round(1000 * from_s) else None
 
-    def sequence(self) -> Sequence:
-        """Return the sequence of all moves so far."""
+    def sequence(self, leaves_open: tuple[str, ...] = ()) -> Sequence:
+        """Return the sequence of all moves so far, which leaves the drawers of some slots out."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
-        return Sequence(self.robot.joint_names, parts, starts_ms, tuple(self._switchings), tuple(self._waits))
+        switchings, waits = tuple(self._switchings), tuple(self._waits)
+        return Sequence(self.robot.joint_names, parts, starts_ms, switchings, waits, leaves_open)
 
     def _check_length(self, more_s: float) -> None:
         """Raise TooLongError if the sequence would last too long with a further move; it is not made then."""

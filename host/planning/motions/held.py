@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.planning.trajectory import Switching, Trajectory, left_open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +36,11 @@ class CutShort:
     def switchings(self) -> tuple[Switching, ...]:
         """The trajectory's changes of outputs up to the end."""
         return tuple(change for change in self.trajectory.switchings if change.until_s <= self.duration_s)
+
+    @property
+    def leaves_open(self) -> tuple[str, ...]:
+        """The slots whose drawers the trajectory leaves out."""
+        return left_open(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -89,6 +94,11 @@ class Held:
             replace(change, from_s=self._later_s(change.from_s), until_s=self._later_s(change.until_s))
             for change in self.trajectory.switchings
         )
+
+    @property
+    def leaves_open(self) -> tuple[str, ...]:
+        """The slots whose drawers the trajectory leaves out."""
+        return left_open(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""

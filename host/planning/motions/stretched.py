@@ -9,7 +9,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, waits_of
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, left_open, waits_of
 
 
 def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest: int) -> int | None:
@@ -100,6 +100,11 @@ class Stretched:
             replace(change, from_s=self.factor * change.from_s, until_s=self.factor * change.until_s)
             for change in self.trajectory.switchings
         )
+
+    @property
+    def leaves_open(self) -> tuple[str, ...]:
+        """The slots whose drawers the trajectory leaves out."""
+        return left_open(self.trajectory)
 
     @property
     def waits(self) -> tuple[PlannedWait, ...]:

@@ -114,7 +114,7 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
     with found.collecting():
         if not found.messages and not walk.has_moved:
             raise InputError("the program does not move, switch or wait")
-    compiled = walk.compiled(is_whole=not found.messages)
+    compiled = walk.compiled(program.leaves_open, is_whole=not found.messages)
     if findings is None:
         found.raise_first()
     else:
@@ -140,9 +140,11 @@ class _Walk:
         self._rows: list[StepRow] = []
         self._made: list[MadeStep] = []
 
-    def compiled(self, *, is_whole: bool) -> CompiledProgram:
-        """Return what has been made so far."""
-        return CompiledProgram(self._moves.composer.sequence(), tuple(self._rows), tuple(self._made), is_whole)
+    def compiled(self, leaves_open: tuple[str, ...], *, is_whole: bool) -> CompiledProgram:
+        """Return what has been made so far, which leaves the drawers of some slots out."""
+        return CompiledProgram(
+            self._moves.composer.sequence(leaves_open), tuple(self._rows), tuple(self._made), is_whole
+        )
 
     @property
     def has_moved(self) -> bool:

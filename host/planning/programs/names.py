@@ -90,6 +90,7 @@ def check_names(program: Program, robot: Robot | None, findings: Findings) -> Pr
 class _Checking:
     def __init__(self, program: Program, robot: Robot | None, findings: Findings) -> None:
         self._findings = findings
+        self._robot = robot
         self._names = Names(program, robot)
         self._program = self._with_checked_positions(program)
         self._names = Names(self._program, robot)
@@ -101,9 +102,22 @@ class _Checking:
         program = self._program
         starts = program.starts and (program.start is None or self._is_right(program.start))
         steps = self._steps(program.steps, "step ", ())
+        self._check_slots(program.leaves_open)
         for name in program.sequences:
             self._visit(name, ())
         return replace(program, starts=starts, steps=steps, sequences=self._sequences)
+
+    def _check_slots(self, slots: tuple[str, ...]) -> None:
+        """Find the slots that the robot's shelf has not; without a robot nothing is known of them."""
+        if self._robot is None:
+            return
+        known = self._robot.shelf.slots if self._robot.shelf else {}
+        for slot in slots:
+            with self._findings.collecting("leaves_open: "):
+                if not known:
+                    raise InputError(f"{slot!r}: {self._robot.name} has no shelf")
+                if slot not in known:
+                    raise unknown("slot", slot, known)
 
     def _with_checked_positions(self, program: Program) -> Program:
         positions: dict[str, Position | None] = {}

@@ -58,6 +58,7 @@ class Program:
         positions_for: name of the robot for which the file's positions were saved; None if there is none.
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
+        leaves_open: slots of the robot's shelf whose drawers it leaves out.
         folder: folder from which the paths in it count.
         starts: False if the position where it begins is wrong.
         has_all_names: False if positions or sequences are missing because they could not be read.
@@ -70,6 +71,7 @@ class Program:
     positions_for: str | None
     sequences: Mapping[str, tuple[AnyStep, ...]]
     steps: tuple[AnyStep, ...]
+    leaves_open: tuple[str, ...] = ()
     folder: Path = Path()
     starts: bool = True
     has_all_names: bool = True

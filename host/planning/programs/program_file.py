@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from reprlib import repr as short
 from typing import Final
 
 from steptwin.host.common.bad_input import nearest, prefixed
@@ -107,16 +108,29 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         positions_for=saved_for,
         sequences=sequences,
         steps=_steps(_list(table, "step", findings), "step ", findings),
+        leaves_open=_leaves_open(table, findings),
         folder=folder,
         starts=starts,
         has_all_names=not names.messages,
     )
     with findings.collecting():
-        table.check_keys(("title", "robot", "start", "positions_file", "positions", "sequences", "step"))
+        table.check_keys(("title", "robot", "start", "leaves_open", "positions_file", "positions", "sequences", "step"))
     with findings.collecting():
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
     return program
+
+
+def _leaves_open(table: Table, findings: Findings) -> tuple[str, ...]:
+    """Return the slots whose drawers the program leaves out; without those that are no texts."""
+    slots: list[str] = []
+    with findings.collecting():
+        for i, slot in enumerate(table.elements("leaves_open") if "leaves_open" in table else []):
+            if isinstance(slot, str):
+                slots.append(slot)
+            else:
+                findings.messages.append(f"leaves_open[{i}]: {short(slot)} is not a text")
+    return tuple(slots)
 
 
 def _positions(table: Table, findings: Findings, names: Findings) -> dict[str, Position | None]:

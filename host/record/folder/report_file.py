@@ -151,9 +151,11 @@ def write_shelf(folder: Path, shelf: ShelfEvidence, planned: PlannedStock | None
         "start": dict(shelf.start),
         "end": dict(shelf.end),
         "open_mm": dict(shelf.open_mm),
+        "cells_out": dict(shelf.cells_out),
     }
     if planned is not None:
         document["planned"] = {place: planned.boxes.get(place, "") for place in planned.places}
+        document["leaves_open"] = list(planned.leaves_open)
     with whole_file(folder / SHELF) as file:
         file.write((json.dumps(document, indent=2) + "\n").encode())
 
@@ -172,11 +174,12 @@ def read_shelf(folder: Path) -> tuple[ShelfEvidence, PlannedStock | None]:
             start=_texts(table, "start"),
             end=_texts(table, "end"),
             open_mm=_numbers(table, "open_mm"),
+            cells_out=_whole_numbers(table, "cells_out"),
         )
         if "planned" not in table:
             return shelf, None
-        planned = _texts(table, "planned")
-    return shelf, PlannedStock(tuple(planned), {place: box for place, box in planned.items() if box})
+        planned, leaves_open = _texts(table, "planned"), _names(table, "leaves_open")
+    return shelf, PlannedStock(tuple(planned), {place: box for place, box in planned.items() if box}, leaves_open)
 
 
 def _event(table: Table) -> ShelfEvent:
@@ -197,9 +200,25 @@ def _event(table: Table) -> ShelfEvent:
     )
 
 
+def _names(table: Table, key: str) -> tuple[str, ...]:
+    """Return a list of names; none if it is missing, as in folders of versions before it."""
+    names = table.elements(key) if key in table else []
+    if strange := [f"{key}[{i}]: is not a text" for i, name in enumerate(names) if not isinstance(name, str)]:
+        raise InputError(*strange)
+    return tuple(map(str, names))
+
+
 def _texts(table: Table, key: str) -> Mapping[str, str]:
     with table.section(key) as section:
         return {name: section.text(name) for name in section}
+
+
+def _whole_numbers(table: Table, key: str) -> Mapping[str, int]:
+    """Return numbers by name; none if the table is missing, as in folders of versions before it."""
+    if key not in table:
+        return {}
+    with table.section(key) as section:
+        return {name: section.integer(name, INSTANT_MAX) for name in section}
 
 
 def _numbers(table: Table, key: str) -> Mapping[str, float]:

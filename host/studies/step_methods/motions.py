@@ -20,7 +20,7 @@ from steptwin.host.studies.step_methods.loads import AXES, MICROSTEPS, POINT_MS,
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 JOBS: Final = (
-    ("warehouse-scara", "drawer-pull"),
+    ("warehouse-scara", "pull-line"),
     ("lab-scara", "spiral"),
     ("hybrid-arm", "helix"),
     ("teaching-scara", "carry"),

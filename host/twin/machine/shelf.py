@@ -86,7 +86,8 @@ def shelf_evidence(shelf: MovingShelf, start: Mapping[str, str]) -> ShelfEvidenc
         for event in shelf.events
     )
     open_mm = {slot: out_mm for slot, out_mm in shelf.out_mm.items() if out_mm > SHUT_MM}
-    return ShelfEvidence(events, start, dict(shelf.stock), open_mm)
+    cells_out = {slot: shelf.cells_out(out_mm) for slot, out_mm in open_mm.items()}
+    return ShelfEvidence(events, start, dict(shelf.stock), open_mm, cells_out)
 
 
 class _TipAt:

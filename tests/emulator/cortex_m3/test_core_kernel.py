@@ -44,7 +44,7 @@ def test_random_scenarios_whole_and_tick_by_tick(fast_kernel: Kernel) -> None:
         assert play(cortex_m3_kernel(), told, 1) == expected
 
 
-@pytest.mark.parametrize("name", ["warehouse-scara drawer-pull", "teaching-scara carry"])
+@pytest.mark.parametrize("name", ["warehouse-scara pull-line", "teaching-scara carry"])
 def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], fast_kernel: Kernel) -> None:
     on_core, expected = (place_once(kernel, motions[name]).axes for kernel in (cortex_m3_kernel(), fast_kernel))
     for own, other in zip(on_core, expected, strict=True):

@@ -47,8 +47,8 @@ def test_records_that_wait_for_a_place_in_a_full_queue_are_sent_once(board: Embe
 @pytest.mark.parametrize("point_ms", [1, 2, 3])
 def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> None:
     """A queue of 64 records of 1 ms lasts 64 ms, so the board must report free places more often."""
-    planned = plan(ROBOT, make_job(ROBOT, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}), point_ms)
-    outcome = execute(planned, "drawer-pull", fast_kernel)
+    planned = plan(ROBOT, make_job(ROBOT, "pull-line", {"duration_s": "2", "ramp_s": "0.5"}), point_ms)
+    outcome = execute(planned, "pull-line", fast_kernel)
     assert outcome.fault is None
     assert outcome.report.passed, outcome.report.reasons
 

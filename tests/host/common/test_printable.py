@@ -10,7 +10,7 @@ from steptwin.host.common.bad_input import printable
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
-        ("warehouse-scara drawer-pull: PASSED", "warehouse-scara drawer-pull: PASSED"),
+        ("warehouse-scara pull-line: PASSED", "warehouse-scara pull-line: PASSED"),
         ("Größe 直 θ₁ [bold]", "Größe 直 θ₁ [bold]"),
         ("\x1b[2J\x07", r"\x1b[2J\x07"),
         ("a\nb\r\tc", r"a\nb\r\tc"),

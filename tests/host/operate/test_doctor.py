@@ -91,5 +91,5 @@ def test_an_absent_server(steptwin: CommandLine, monkeypatch: pytest.MonkeyPatch
         assert steptwin.run(f"{command} warehouse-scara") == (4, "", unsure)
     assert steptwin.run("move warehouse-scara sx=1") == (4, "", refused)
     assert steptwin.run("jog warehouse-scara sx 1") == (4, "", refused)
-    assert steptwin.run("run warehouse-scara drawer-pull") == (4, "", refused)
+    assert steptwin.run("run warehouse-scara pull-line") == (4, "", refused)
     assert steptwin.run("monitor") == (4, "", refused)

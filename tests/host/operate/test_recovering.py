@@ -19,8 +19,8 @@ MOVING = (
     "jog warehouse-scara x +1",
     "home warehouse-scara",
     "home warehouse-scara --here '0 0 100 0 60 30'",
-    "run warehouse-scara drawer-pull",
-    "run warehouse-scara drawer-pull --approach",
+    "run warehouse-scara pull-line",
+    "run warehouse-scara pull-line --approach",
 )
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 

@@ -26,12 +26,12 @@ from tests.host.operate.sessions import HALF_STEPS, ROBOT, CommandLine
 
 @pytest.fixture(scope="module")
 def pull() -> Plan:
-    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {"duration_s": "2", "ramp_s": "0.5"}))
+    return plan(ROBOT, make_job(ROBOT, "pull-line", {"duration_s": "2", "ramp_s": "0.5"}))
 
 
 def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Plan) -> None:
     heard: list[float] = []
-    outcome = execute_live(session, pull, "drawer-pull", approach=True, progress=heard.append)
+    outcome = execute_live(session, pull, "pull-line", approach=True, progress=heard.append)
     assert outcome.passed
     end = pull.points_units[-1] / ROBOT.wire_units_per_unit
     counted = np.array(board.driver_positions()) / ROBOT.steps_per_unit
@@ -44,9 +44,9 @@ def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Pla
 def test_without_approach_the_machine_must_stand_at_the_start(session: Session, pull: Plan) -> None:
     move(session, [5.0, *ROBOT.home[1:]])
     with pytest.raises(InputError, match=r"^\w+: the trajectory starts at .*, the board stands at "):
-        execute_live(session, pull, "drawer-pull")
+        execute_live(session, pull, "pull-line")
     move(session, pull.start_joints)
-    assert execute_live(session, pull, "drawer-pull").passed
+    assert execute_live(session, pull, "pull-line").passed
 
 
 def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +57,7 @@ def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monke
         return [position + (one_step if i == SX else 0) for i, position in enumerate(positions())]
 
     monkeypatch.setattr(session.machine, "positions_units", shifted)
-    outcome = execute_live(session, pull, "drawer-pull", approach=True)
+    outcome = execute_live(session, pull, "pull-line", approach=True)
     assert not outcome.passed
     assert [axis.passed for axis in outcome.axes] == [False, *[True] * 5]
 
@@ -83,11 +83,11 @@ def test_a_stop_by_another_program_ends_it(
             interfere(other)
 
     with pytest.raises(DeviceFaultError, match=rf"^sx: {says}$") as caught:
-        execute_live(session, pull, "drawer-pull", progress=halfway)
+        execute_live(session, pull, "pull-line", progress=halfway)
     assert caught.value.exit_code == 3
     assert all(axis.position_known for axis in axis_states(session))
     reset(session)
-    assert execute_live(session, pull, "drawer-pull", approach=True).passed
+    assert execute_live(session, pull, "pull-line", approach=True).passed
 
 
 def test_another_program_may_read_the_status(
@@ -106,7 +106,7 @@ def test_another_program_may_read_the_status(
             with pytest.raises(BusError, match=r"^another program is in charge of the machine, says sx "):
                 move(other, pull.start_joints)
 
-    assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
+    assert execute_live(session, pull, "pull-line", progress=halfway).passed
     status = seen[0]
     assert status.streaming
     assert status.pose is not None
@@ -183,11 +183,11 @@ def test_a_plan_that_ends_elsewhere_is_not_repeated(pull: Plan) -> None:
 
 @pytest.mark.usefixtures("session")
 def test_the_command(steptwin: CommandLine) -> None:
-    document = steptwin.json("run warehouse-scara drawer-pull --approach")
+    document = steptwin.json("run warehouse-scara pull-line --approach")
     assert document["passed"]
     assert [axis["name"] for axis in document["axes"]] == list(ROBOT.joint_names)
     assert all(abs(axis["error_steps"]) <= 0.5625 for axis in document["axes"])
-    exit_code, out, err = steptwin.run("run warehouse-scara drawer-pull")
+    exit_code, out, err = steptwin.run("run warehouse-scara pull-line")
     assert (exit_code, out) == (2, "")
     assert "the board stands at" in err
     assert err.endswith("; --approach moves it there first\n")
@@ -200,7 +200,7 @@ def test_the_command(steptwin: CommandLine) -> None:
         ("--kernel python", "--kernel: is for a run in virtual time, without --connect or -i"),
         ("--driver-profile 3a-module", "--driver-profile: is for a run in virtual time, without --connect or -i"),
     ):
-        assert steptwin.run(f"run warehouse-scara drawer-pull {options}") == (2, "", f"steptwin: {message}\n")
+        assert steptwin.run(f"run warehouse-scara pull-line {options}") == (2, "", f"steptwin: {message}\n")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".toml"])
@@ -243,7 +243,7 @@ def test_pause_and_resume_by_another_program(
             seen.append(steptwin.json("resume warehouse-scara"))
             assert board.now_s() - begun_s > 10.0
 
-    assert execute_live(session, pull, "drawer-pull", progress=halfway).passed
+    assert execute_live(session, pull, "pull-line", progress=halfway).passed
     assert seen == [{"robot": "warehouse-scara", "halted": True}, {"robot": "warehouse-scara", "halted": False}]
 
 

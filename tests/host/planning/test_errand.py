@@ -21,7 +21,7 @@ JUDGED = ("A1", "A2", "B1", "B2", "hand-over")
         ("every-slot", {}, {"hand-over": "box"}, {"hand-over": "box"}),
         ("every-slot", {"pick-up": "pick-up", "output": "output"}, {"pick-up": "box"}, {}),
         ("every-slot", {"pick-up": "pick-up"}, {"pick-up": "box"}, None),
-        ("drawer-pull", {}, {}, {}),
+        ("pull-line", {}, {}, {}),
     ],
 )
 def test_jobs(job: str, options: dict[str, str], stock: dict[str, str], left: dict[str, str] | None) -> None:

@@ -105,7 +105,7 @@ FULL = replace(SOME, boxes={"A1": "a", "A2": "b", "B1": "c"}, locked=("B2",))
         (replace(SOME, locked=("B1",)), "fetch", {}, "nuts", "slot B1: its drawer is locked"),
         (SOME, "every-slot", {}, "bolts", "A1: holds screws already"),
         (Inventory("", {}, ("B2",)), "every-slot", {}, "bolts", "slot B2: its drawer is locked"),
-        (SOME, "drawer-pull", {}, None, "job drawer-pull: carries no boxes, so it needs no inventory"),
+        (SOME, "pull-line", {}, None, "job pull-line: carries no boxes, so it needs no inventory"),
         (SOME, "stor", {}, None, "job 'stor' is unknown: did you mean store?"),
     ],
 )

@@ -92,7 +92,7 @@ def endless(name: str) -> Robot:
 
 @pytest.fixture(scope="module")
 def drawer() -> Plan:
-    return plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+    return plan(ROBOT, make_job(ROBOT, "pull-line", {}))
 
 
 class TestPoints:
@@ -346,7 +346,7 @@ class TestStart:
 
 def test_planning_the_drawer_pull_takes_little_work() -> None:
     """One position and one velocity for each of 10 001 milliseconds, and no loop over milliseconds or points."""
-    trajectory = CountingTrajectory(make_job(ROBOT, "drawer-pull", {}))
+    trajectory = CountingTrajectory(make_job(ROBOT, "pull-line", {}))
     points = len(plan(ROBOT, trajectory).times_ms)
     assert points == 1001
     assert trajectory.instants == 2 * 10_001

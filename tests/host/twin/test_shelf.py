@@ -1,18 +1,24 @@
 """The shelf beside an emulated board: sensors on the bus, virtual and live boards alike, and every slot in one run."""
 
+import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.errand import Errand
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.errand import Errand, PlannedStock
 from steptwin.host.planning.jobs import job_carries, make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.planner import plan
+from steptwin.host.planning.planner import plan, plan_stretched
+from steptwin.host.planning.programs import compile_program
+from steptwin.host.planning.programs.program_file import parse_program
+from steptwin.host.record.folder.reading import read_run
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded.execution import execute
@@ -20,6 +26,7 @@ from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import shelf_contradictions
+from steptwin.host.verify.shelf_verdict import shelf_reasons
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -186,3 +193,62 @@ def test_every_slot_is_stored_and_fetched_in_one_run(fast_kernel: Kernel) -> Non
     assert taken == [place for slot in slots for place in ("hand-over", slot)]
     assert shelf.end["hand-over"] == "screws"
     assert list(shelf_contradictions(shelf, outcome.comparison)) == []
+
+
+class TestDrawerPull:
+    """The paper's experiment, section 3: the drawer is pulled 180 mm out, and stays so."""
+
+    @pytest.mark.parametrize(
+        ("options", "slot", "open_mm", "cells"),
+        [({}, "A1", 180.0, 3), ({"compartments": "2", "slot": "B2"}, "B2", 120.0, 2),
+         ({"compartments": "1", "elbow": "left", "sensors": "wait"}, "A1", 60.0, 1)],
+    )  # fmt: skip
+    def test_it_passes(
+        self, options: dict[str, str], slot: str, open_mm: float, cells: int, fast_kernel: Kernel, tmp_path: Path
+    ) -> None:
+        outcome = execute(plan(ROBOT, make_job(ROBOT, "drawer-pull", options)), "drawer-pull", fast_kernel)
+        assert outcome.passed, outcome.report.reasons
+        shelf = outcome.comparison.evidence.shelf
+        assert shelf is not None
+        assert [(event.what, event.where) for event in shelf.events] == [("hand locked onto the drawer", slot)]
+        assert shelf.open_mm == {slot: pytest.approx(open_mm, abs=0.1)}
+        assert shelf.cells_out == {slot: cells}
+        outcome.save(tmp_path / "run", draw=lambda _: None)
+        assert json.loads((tmp_path / "run" / "shelf.json").read_text())["leaves_open"] == [slot]
+        stored = read_run(tmp_path / "run")
+        assert stored.comparison.expected.stock == PlannedStock(leaves_open=(slot,))
+        assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
+
+    def test_a_locked_drawer_fails_it(self, fast_kernel: Kernel) -> None:
+        motion = plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+        outcome = execute(motion, "drawer-pull", fast_kernel, locked_drawers=("A1",))
+        assert "shelf: A1: the drawer is shut at the end (planned open)" in outcome.report.reasons
+
+    def test_a_program_says_which_drawers_stay_open(self, fast_kernel: Kernel) -> None:
+        """The same by hand: without `leaves_open` the open drawer fails the run; a drawer that is not there is told."""
+        text = """
+        {leaves_open}
+        start = {{ sx = 400, sz = 100, L1 = 100, th1 = 0, th2 = 60, th3 = 30 }}
+        [[step]]
+        output = "lock"
+        on = true
+        [[step]]
+        by = {{ y = -180 }}
+        speed_mm_s = 20
+        """
+        for line, reasons in (
+            ('leaves_open = ["A1"]', []),
+            ("", ["shelf: A1: the drawer is left 180.0 mm out"]),
+            ('leaves_open = ["A1", "B1"]', ["shelf: B1: the drawer is shut at the end (planned open)"]),
+        ):
+            program = parse_program(text.format(leaves_open=line), Findings())
+            outcome = execute(plan_stretched(ROBOT, compile_program(program, ROBOT).trajectory), "x", fast_kernel)
+            assert list(outcome.report.reasons) == reasons
+        for line, told in (
+            ('leaves_open = ["A3"]', "leaves_open: slot 'A3' is unknown: there are A1, A2, B1, B2"),
+            ("leaves_open = [1]", "leaves_open[0]: 1 is not a text"),
+            ("leaves_open = 1", "leaves_open: 1 is not a list"),
+        ):
+            findings = Findings()
+            compile_program(parse_program(text.format(leaves_open=line), findings), ROBOT, findings)
+            assert findings.messages == [told]

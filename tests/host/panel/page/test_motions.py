@@ -49,6 +49,6 @@ def test_a_wrong_file_is_named_as_its_user_knows_it() -> None:
 
 def test_an_option_of_a_job_is_named_as_in_its_form() -> None:
     with pytest.raises(InputError) as refused:
-        plan_job(load_robot("warehouse-scara"), "drawer-pull", {"duration_s": "1", "ramp_s": "2"}, 1.0)
+        plan_job(load_robot("warehouse-scara"), "pull-line", {"duration_s": "1", "ramp_s": "2"}, 1.0)
     assert told(refused.value) == '"time to speed up": 2 s is not above 0 and at most 0.5 s, half of "duration"'
     assert str(refused.value).startswith("ramp_s: ")

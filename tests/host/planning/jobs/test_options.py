@@ -150,5 +150,7 @@ def test_the_defaults_of_each_job_are_valid_themselves(robot_name: str, job: str
 
 
 def test_an_unknown_job_offers_those_of_the_robot() -> None:
-    with pytest.raises(InputError, match=r"^job 'carry' is unknown: there are drawer-pull, store, fetch, every-slot$"):
+    with pytest.raises(
+        InputError, match=r"^job 'carry' is unknown: there are drawer-pull, pull-line, store, fetch, every-slot$"
+    ):
         make_job(ROBOT, "carry", {})

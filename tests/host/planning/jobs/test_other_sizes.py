@@ -77,7 +77,7 @@ def test_every_job_fits_narrower_joints(name: str, job: str) -> None:
 def test_defaults_are_the_papers_for_the_papers_robots() -> None:
     lab = job_options(load_robot("lab-scara"), "spiral")
     assert [lab[name].split()[0] for name in ("x_mm", "y_mm", "z_mm", "mm_per_rad")] == ["-300", "400", "0", "5"]
-    assert job_options(load_robot("warehouse-scara"), "drawer-pull")["travel_mm"].startswith("180 ")
+    assert job_options(load_robot("warehouse-scara"), "pull-line")["travel_mm"].startswith("180 ")
     hybrid = job_options(load_robot("hybrid-arm"), "helix")
     expected = {"x_mm": "350", "y_mm": "150", "z_mm": "500", "radius_mm": "80", "rise_mm": "60"}
     assert {name: hybrid[name].split()[0] for name in expected} == expected
@@ -92,7 +92,7 @@ def test_defaults_of_a_smaller_arm_are_in_proportion() -> None:
     ("name", "job", "geometry", "options"),
     [
         ("lab-scara", "spiral", {"a2_mm": 760.0, "a3_mm": 40.0}, "x_mm y_mm z_mm mm_per_rad"),
-        ("warehouse-scara", "drawer-pull", {"L2_mm": 330.0, "L3_mm": 20.0}, "travel_mm"),
+        ("warehouse-scara", "pull-line", {"L2_mm": 330.0, "L3_mm": 20.0}, "travel_mm"),
         ("warehouse-scara", "store", {"L2_mm": 330.0, "L3_mm": 20.0}, "travel_mm approach_mm"),
         ("hybrid-arm", "helix", {"z2_max_mm": 10.0}, "x_mm y_mm z_mm radius_mm rise_mm"),
     ],

@@ -183,13 +183,13 @@ def test_another_robot_fails(stored_run: Path, tmp_path: Path, capsys: pytest.Ca
 
 
 def test_a_run_that_ended_in_a_fault_gives_the_fault_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["run", "warehouse-scara", "drawer-pull", "--cut-stream", "3", "--out", str(tmp_path)]
+    command = ["run", "warehouse-scara", "pull-line", "--cut-stream", "3", "--out", str(tmp_path)]
     assert run(command) == 3
     _no_pictures, fault = capsys.readouterr().err.splitlines()
     assert run(["verify", str(tmp_path)]) == 3
     again = capsys.readouterr()
     assert again.err == f"{fault}\n"
-    assert "drawer-pull: STOPPED BY A FAULT" in again.out
+    assert "pull-line: STOPPED BY A FAULT" in again.out
     document = verify(capsys, tmp_path, 3)
     assert document["passed"] is False
     assert "th1: pvt underrun" in document["fault"]["message"]

@@ -13,7 +13,7 @@ from steptwin.host.studies.step_methods.motions import all_motions
 from steptwin.host.studies.step_methods.table import COLUMNS, measured, table_rows
 
 MOTIONS = [
-    "warehouse-scara drawer-pull", "lab-scara spiral", "hybrid-arm helix", "teaching-scara carry", "seven axes, 14 kHz",
+    "warehouse-scara pull-line", "lab-scara spiral", "hybrid-arm helix", "teaching-scara carry", "seven axes, 14 kHz",
 ]  # fmt: skip
 SPEED, LOAD = COLUMNS.index("M steps/s"), COLUMNS.index("M3 %")
 

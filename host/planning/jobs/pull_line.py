@@ -1,6 +1,6 @@
-"""The warehouse robot pulls a drawer 180 mm out of its shelf: straight along -y, at constant attitude.
+"""The warehouse robot's line of a drawer pull, alone: 180 mm straight along -y, at constant attitude, at no drawer.
 
-Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
+Source: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019(05),
 DOI 10.3969/j.issn.1009-9492.2019.05.018: start, distance and 10 s are the paper's, the ramps of 2 s are assumed.
 """
 
@@ -32,7 +32,7 @@ assumed."""
 
 
 @dataclass(frozen=True, slots=True)
-class DrawerPullOptions:
+class PullLineOptions:
     """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way.
 
     The way is that of the whole drawer; to bring out only some of its compartments the hand pulls a part of it.
@@ -48,7 +48,7 @@ class DrawerPullOptions:
     compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
 
 
-def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
+def pull_line(robot: Robot, options: PullLineOptions) -> Trajectory:
     """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
     travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
     law = Trapezoid(travel_mm, options.duration_s, options.ramp_s)
@@ -59,6 +59,6 @@ def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     return ToolMove.along(robot, path, law, options.elbow.value, start)
 
 
-DRAWER_PULL: Final = Job(
-    "drawer-pull", "pull a drawer out, straight, 180 mm or by compartments", DrawerPullOptions, drawer_pull
+PULL_LINE: Final = Job(
+    "pull-line", "move as if to pull a drawer out, straight, 180 mm or by compartments", PullLineOptions, pull_line
 )

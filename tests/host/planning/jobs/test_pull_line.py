@@ -38,7 +38,7 @@ LEFT_TABLE = [
 
 
 def pull(**options: str) -> Trajectory:
-    return make_job(ROBOT, "drawer-pull", options)
+    return make_job(ROBOT, "pull-line", options)
 
 
 def step_counts(joints: FloatArray) -> FloatArray:
@@ -151,8 +151,8 @@ class TestOptions:
         assert SCARA.forward(joints[:1])[0] == pytest.approx([1275.0, 169.903810568, 360.5, 90.0])
 
     def test_they_are_described_with_default_and_range(self) -> None:
-        assert job_names(ROBOT) == ("drawer-pull", "store", "fetch", "every-slot")
-        assert job_options(ROBOT, "drawer-pull") == {
+        assert job_names(ROBOT) == ("drawer-pull", "pull-line", "store", "fetch", "every-slot")
+        assert job_options(ROBOT, "pull-line") == {
             "elbow": "right (right, left)",
             "duration_s": "10 (0.002..600 s)",
             "ramp_s": "2 (0.001..300 s)",
@@ -198,7 +198,9 @@ class TestOptions:
     def test_an_unknown_job(self) -> None:
         with pytest.raises(InputError, match=r"^job 'drawer-push' is unknown: did you mean drawer-pull\?$"):
             make_job(ROBOT, "drawer-push", {})
-        with pytest.raises(InputError, match=r"^job 'x' is unknown: there are drawer-pull, store, fetch, every-slot$"):
+        with pytest.raises(
+            InputError, match=r"^job 'x' is unknown: there are drawer-pull, pull-line, store, fetch, every-slot$"
+        ):
             job_options(ROBOT, "x")
 
 
@@ -208,8 +210,8 @@ def test_the_error_for_too_small_a_robot_says_where_it_ends() -> None:
         InputError,
         match=r"^at t = \d\.\d+ s the tool's path breaks off: shoulder to wrist 100\.\d+ mm is",
     ):
-        plan(small, make_job(small, "drawer-pull", {"travel_mm": "180"}))
-    plan(small, make_job(small, "drawer-pull"))
+        plan(small, make_job(small, "pull-line", {"travel_mm": "180"}))
+    plan(small, make_job(small, "pull-line"))
 
 
 def test_a_kind_without_jobs() -> None:
