@@ -2,8 +2,8 @@
 
 A change that is not meant to alter motion leaves every edge and every frame as they are, byte for byte. Edges and bus
 logs are integers; report and trajectory hold floats, whose last digits may differ from processor to processor, so the
-tests hold the integers and this command holds all that is stored. `--write` makes the present state the one to compare with. With
-`--replay` each run's bus log is replayed, too, which must make the same edges and frames.
+tests hold the integers and this command holds all that is stored. `--write` makes the present state the one to compare
+with. With `--replay` each run's bus log is replayed, too, which must make the same edges and frames.
 """
 
 import hashlib
