@@ -70,11 +70,14 @@ class BenchBoard:
         """Return whether a bit of the statusword is set."""
         return bool(self.value(od.STATUSWORD, axis) & bit)
 
+    def emergencies(self, axis: int = 0) -> list[int]:
+        """Return the error codes that an axis has reported by EMCY; 0 is the end of an error."""
+        frames = self.frames(0x080 + self.firmware.nodes[axis].node_id)
+        return [int.from_bytes(data[:2], "little") for data in frames if data]
+
     def errors(self, axis: int = 0) -> list[int]:
         """Return the error codes that an axis has reported by EMCY, without the ends of errors."""
-        frames = self.frames(0x080 + self.firmware.nodes[axis].node_id)
-        codes = [int.from_bytes(data[:2], "little") for data in frames if data]
-        return [code for code in codes if code]
+        return [code for code in self.emergencies(axis) if code]
 
     def nmt(self, command: int, node: int = 0) -> None:
         self.send(0, bytes((command, node)))

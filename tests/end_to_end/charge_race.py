@@ -19,7 +19,7 @@ from typing import Final
 
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import BusError
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.served import Server, serving
 
 ROBOT: Final = "warehouse-scara"

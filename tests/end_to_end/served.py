@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final, ParamSpec
 
 from steptwin.host.cli.app import run
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
 from tests.repeats import count_repeat
 

@@ -7,7 +7,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 
 _INTERRUPT_EVERY_S = 5.0
 

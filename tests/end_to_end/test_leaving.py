@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 
 PROGRAM = """
 import atexit, sys, threading, time

@@ -15,7 +15,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.studies.campaign import Campaign, Results, Row, cluster, run_here, run_on
 from steptwin.host.studies.campaign import workers as workers_module
-from tests.emulator.live_rig import TIMEOUT_S, await_true
+from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.host.studies.campaign.campaigns import SMALL, campaign_of
 
 RUNS: Final = 24

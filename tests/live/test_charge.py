@@ -7,7 +7,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.protocol import od
 from steptwin.protocol.objects import CHARGE_FREE
-from tests.emulator.live_rig import TIMEOUT_S, await_true
+from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
 from tests.end_to_end.served import Server, in_real_time, serving
 

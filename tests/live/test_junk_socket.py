@@ -16,7 +16,7 @@ pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from websockets.sync.client import ClientConnection, connect
 
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.junk import JUNK
 
 PANEL = [sys.executable, "-m", "steptwin", "panel", "lab-scara", "--connect", "127.0.0.1:1", "--port", "0"]

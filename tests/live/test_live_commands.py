@@ -3,7 +3,7 @@
 import re
 import subprocess
 
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.served import Server, in_real_time, serving
 
 ROBOT = "warehouse-scara"

@@ -12,7 +12,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_recording
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import refusal, run_json
 from tests.end_to_end.served import Server, in_real_time, serving
 

@@ -15,7 +15,7 @@ from canopen.profiles.p402 import BaseNode402
 
 from steptwin.host.record.folder import BUS_LOG
 from steptwin.protocol.cia402 import ErrorCode, Status
-from tests.emulator.live_rig import TIMEOUT_S, await_true
+from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.command_line import PROGRAM
 from tests.end_to_end.pages import blocks_of, read_page
 from tests.end_to_end.served import serving

@@ -14,7 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.served import Server, in_real_time, serving
 
 ROBOT = load_robot("warehouse-scara")

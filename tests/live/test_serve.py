@@ -24,7 +24,7 @@ from steptwin.host.twin.machine.board_config import board_configs
 from steptwin.host.twin.machine.boards import standing_steps
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
-from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.emulator.live.live_rig import TIMEOUT_S, RawClient
 from tests.end_to_end.command_line import PROGRAM
 from tests.end_to_end.pages import blocks_of, read_page
 from tests.end_to_end.served import in_real_time, serving

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from steptwin.host.common.listening import listen
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
 from tests.host.panel.page.browser import children_of
 

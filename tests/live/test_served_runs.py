@@ -11,7 +11,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
-from tests.emulator.live_rig import RawClient
+from tests.emulator.live.live_rig import RawClient
 from tests.end_to_end.served import in_real_time, serving
 
 POINTS = """\

@@ -11,7 +11,7 @@ from contextlib import closing
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.emulator.live.live_rig import TIMEOUT_S, RawClient
 from tests.end_to_end.served import Server, in_real_time, serving
 
 ROBOT = "warehouse-scara"

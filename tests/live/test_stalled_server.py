@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.emulator.live_rig import TIMEOUT_S, RawClient
+from tests.emulator.live.live_rig import TIMEOUT_S, RawClient
 from tests.end_to_end.served import Server, in_real_time, serving
 
 ROBOT = "warehouse-scara"

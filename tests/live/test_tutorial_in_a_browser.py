@@ -19,7 +19,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol.cia402 import DigitalInput
-from tests.emulator.live_rig import await_true
+from tests.emulator.live.live_rig import await_true
 from tests.end_to_end.served import in_real_time
 from tests.host.panel.desk.rig import ANN, Rig, connection
 

@@ -15,7 +15,7 @@ from steptwin.emulator.kernel_c.translation import translate
 from steptwin.host.cli.app import run
 from steptwin.host.studies.step_methods.kernel import place_once
 from steptwin.host.studies.step_methods.motions import PlannedMotion, all_motions
-from tests.controller.kernel_rig import KernelRig
+from tests.controller.motion.kernel_rig import KernelRig
 from tests.emulator.kernel_c.scenarios import play, scenario
 from tests.end_to_end.fingerprints import INTEGERS, fingerprint
 

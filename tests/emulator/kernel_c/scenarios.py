@@ -5,7 +5,7 @@ from random import Random
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from tests.controller.kernel_rig import KernelRig, Timing
+from tests.controller.motion.kernel_rig import KernelRig, Timing
 
 Segment = tuple[int, int, int]
 """Displacement in units, end velocity in 1/64 unit per ms, duration in ticks."""

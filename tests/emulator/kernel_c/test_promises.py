@@ -6,7 +6,7 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.kernel_c.promises import checked_kernel, keep_promise
 from steptwin.emulator.kernel_c.ranges import Range, promised
-from tests.controller.kernel_rig import KernelRig
+from tests.controller.motion.kernel_rig import KernelRig
 from tests.emulator.kernel_c.scenarios import play, scenario
 
 

@@ -12,7 +12,7 @@ from steptwin.host.client.heartbeat import Heartbeat
 from steptwin.host.client.links import bus_link
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 
 VIRTUAL = Connection("virtual", "test-bus-link")
 

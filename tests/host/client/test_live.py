@@ -10,7 +10,7 @@ import pytest
 from steptwin.emulator.live.can_bridge import INBOX_MAX, CanBridge
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
-from tests.emulator.live_rig import TIMEOUT_S, LiveRig, await_true
+from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig, await_true
 from tests.host.client.machines import STEP
 from tests.host.client.other_masters import Node402, node402
 

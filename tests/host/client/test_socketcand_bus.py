@@ -16,7 +16,7 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.links.socketcand_bus import SocketcandBus
 from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import Frame
-from tests.emulator.live_rig import TIMEOUT_S, LiveRig
+from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig
 from tests.end_to_end.served import in_real_time
 
 Script = Callable[[socket.socket], object]

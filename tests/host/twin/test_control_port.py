@@ -21,7 +21,7 @@ from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
 from steptwin.host.twin.live.served_board import ServedBoard
-from tests.emulator.live_rig import TIMEOUT_S
+from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.pages import blocks_of, read_page
 
 ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2)})

@@ -15,7 +15,7 @@ from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints
 from steptwin.host.panel.desk.jogs import BEAT_S
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.served_board import ServedBoard
-from tests.emulator.live_rig import await_true
+from tests.emulator.live.live_rig import await_true
 from tests.end_to_end.served import explain, in_real_time
 
 _P = ParamSpec("_P")

@@ -6,7 +6,7 @@ from threading import Event
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Enable, RefusedError, ResetFaults, StepJoint
 from steptwin.host.twin.live.served_board import ServedBoard
-from tests.emulator.live_rig import await_true
+from tests.emulator.live.live_rig import await_true
 from tests.end_to_end.served import in_real_time
 from tests.host.panel.desk.rig import ANN, HERE, ROBOT, TH1, connection, counts
 

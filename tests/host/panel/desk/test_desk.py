@@ -39,7 +39,7 @@ from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.positions import ToolPosition
-from tests.emulator.live_rig import await_true
+from tests.emulator.live.live_rig import await_true
 from tests.host.panel.desk.rig import ANN, BOB, HERE, ROBOT, TH1, TH2, Rig, connection, in_time, rig
 
 JOG = JointJog(TH1, 10.0)

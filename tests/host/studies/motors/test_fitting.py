@@ -16,7 +16,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.motors.fitting import TABLE_RPM, JointFit, fits_of, natural_hz
 from steptwin.host.twin.motors.poses import halton
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
-from tests.emulator.motor_bench import natural_hz as stiff_hz
+from tests.emulator.motors.motor_bench import natural_hz as stiff_hz
 
 MOTOR = CATALOGUE["17HS19-2004S1"]
 
