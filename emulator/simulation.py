@@ -151,7 +151,7 @@ class Simulation:
             self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
 
     def repair_bus(self) -> None:
-        """End all scripted faults of the bus, and the stranger's babble, now."""
+        """End all faults of the bus, and the stranger's babble, now."""
         self.bus.end_faults(self.now_counts)
         self._schedule.end_babble()
 

@@ -4,7 +4,6 @@ from steptwin.emulator.faults.bus import Babble as Babble
 from steptwin.emulator.faults.bus import BusFault as BusFault
 from steptwin.emulator.faults.bus import BusOff as BusOff
 from steptwin.emulator.faults.bus import BusRepair as BusRepair
-from steptwin.emulator.faults.bus import FaultScript as FaultScript
 from steptwin.emulator.faults.bus import FrameCorruption as FrameCorruption
 from steptwin.emulator.faults.bus import FrameDelay as FrameDelay
 from steptwin.emulator.faults.bus import FrameDuplicate as FrameDuplicate

@@ -20,9 +20,9 @@ motors. `execute`, `ServedBoard`, `BoardUnderTest` and `ServedBoardUnderTest` ha
 _REMARKS: Final = """\
 `run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
 the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
-`crystal_ppm` may be one number for all boards, and `scenario` a `Scenario`; a scenario of a served board may
-not harm the host, and motors that turn in real time need numba. The shelf holds the boxes of an errand unless
-`stock` says otherwise."""
+`crystal_ppm` may be one number for all boards, and `scenario` a `Scenario` or a list of harms from power-up on;
+a scenario of a served board may not harm the host, and motors that turn in real time need numba. The shelf holds the
+boxes of an errand unless `stock` says otherwise."""
 
 
 def render_machine_options() -> str:

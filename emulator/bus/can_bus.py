@@ -10,7 +10,7 @@ from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_B
 from steptwin.emulator.bus.fault_confinement import ErrorState
 from steptwin.emulator.faults.bus import (
     BusFault,
-    FaultScript,
+    FaultsInForce,
     FrameCorruption,
     FrameDelay,
     FrameDuplicate,
@@ -55,16 +55,15 @@ class Bus:
 
     Work goes by events: `next_event_counts` says when the next event on the wire is due, `step` executes it and hands
     valid frames to their receivers. The methods share the state of one transmission, from arbitration to its end, and
-    the list of stations in bus-off, so they belong together; frame lengths, error counters and scripted faults are
+    the list of stations in bus-off, so they belong together; frame lengths, error counters and faults on purpose are
     elsewhere (`can_timing`, `fault_confinement`, `faults.bus`).
     """
 
-    def __init__(self, bitrate: int, faults: FaultScript | None = None, log: Log | None = None) -> None:
+    def __init__(self, bitrate: int, log: Log | None = None) -> None:
         """Make a bus without stations.
 
         Args:
             bitrate: one of BITRATES.
-            faults: script of faults; none by default.
             log: called with each frame and the instant when it became valid; by default the bus keeps them.
         """
         if bitrate not in BITRATES:
@@ -84,8 +83,8 @@ class Bus:
         """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
         self.busy = False
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
-        self.faults = faults or FaultScript()
-        """The script of the wire's faults."""
+        self.faults = FaultsInForce()
+        """The wire's faults on purpose."""
         self._waiting: list[tuple[Frame, type[BusFault]]] = []
         """Frames that still wait, with the faults that strike a frame only once and have struck it."""
         self._stations: list[CanController] = []
@@ -199,7 +198,7 @@ class Bus:
                 for station in ready
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
-        fault = self._strike(frame, now_counts) if self.faults.faults else None
+        fault = self._strike(frame, now_counts) if self.faults.in_force else None
         if isinstance(fault, FrameDelay):
             self._hold(frame, senders, now_counts + fault.delay_counts)
         elif isinstance(fault, SenderOff):
@@ -209,7 +208,7 @@ class Bus:
             self._begin(frame, senders, outdone, fault, now_counts)
 
     def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
-        """Return the scripted fault of an attempt; frames that wait are known by identity, since bytes may repeat."""
+        """Return the fault that strikes an attempt; frames that wait are known by identity, since bytes may repeat."""
         return self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
 
     def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
@@ -218,13 +217,13 @@ class Bus:
             station.silent_until_counts = max(station.silent_until_counts, until_counts)
 
     def end_fault(self, fault: BusFault, now_counts: int) -> None:
-        """Let a scripted fault strike no more; one that is not there changes nothing."""
+        """Let a fault strike no more; one that is not there changes nothing."""
         self.faults.end(fault)
         if isinstance(fault, FrameDelay):
             self._release(now_counts)
 
     def end_faults(self, now_counts: int) -> None:
-        """Let no scripted fault strike any more."""
+        """Let no fault strike any more."""
         self.faults.end_all()
         self._release(now_counts)
 

@@ -1,12 +1,12 @@
 """Harms to the bus: frames lost, disturbed, doubled or delayed, stations that leave it, and strangers on it.
 
-Which frames a fault strikes, from when to when and how often is data: equal faults and seeds give equal strikes.
+Which frames a fault strikes and how often is data: equal faults and seeds give equal strikes.
 """
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from steptwin.emulator.faults.harm import JOINT, Harm, Key, KeyKind, Operation, keyed
 from steptwin.protocol.frame import COB_ID_MASK, Frame
@@ -22,12 +22,10 @@ _OPTIONAL_COUNT: Final = Key("count", KeyKind.WHOLE, "N", least=0, optional=True
 
 @dataclass(frozen=True, slots=True)
 class BusFault(Harm):
-    """A fault that strikes the attempts to send which fulfil all its conditions.
+    """A fault that strikes the attempts to send which fulfil all its conditions, from its beginning to its end.
 
     Attributes:
         cob_ids: identifiers of the frames that it may strike.
-        from_counts: first instant when it may strike.
-        until_counts: first instant when it can no longer strike; None for no end.
         rate: part of the attempts that it strikes, 0 to 1, drawn from the bus' seeded generator.
         skip: number of attempts that it lets pass first.
         count: greatest number of strikes; None for no limit.
@@ -42,17 +40,9 @@ class BusFault(Harm):
             split=lambda ids: (ids, None),
         ),
     )
-    from_counts: int = 0
-    until_counts: int | None = None
     rate: float = field(default=1.0, metadata=keyed(Key("rate", KeyKind.NUMBER, "PART", 0, 1, optional=True)))
     skip: int = field(default=0, metadata=keyed(replace(_OPTIONAL_COUNT, name="skip")))
     count: int | None = field(default=None, metadata=keyed(_OPTIONAL_COUNT))
-
-    def concerns(self, frame: Frame, now_counts: int) -> bool:
-        """Return True if the fault may strike a frame with this identifier at this time."""
-        if now_counts < self.from_counts or (self.until_counts is not None and now_counts >= self.until_counts):
-            return False
-        return frame.cob_id in self.cob_ids
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Let it strike from now on, until the bus ends it."""
@@ -122,38 +112,46 @@ class SenderOff(BusFault):
     does: ClassVar[str] = "the sender of a frame goes into bus-off, and sends it afterwards"
 
 
-class FaultScript:
-    """The faults of a bus in the order in which they are tried, and the record of their strikes."""
+class Strike(NamedTuple):
+    """One strike of a fault of the bus: its instant since power-up, the fault, and the frame that it struck."""
 
-    def __init__(self, faults: Sequence[BusFault] = (), seed: int = 0) -> None:
-        self.faults = list(faults)
-        """The faults that may strike, in the order in which they are tried."""
-        self.struck: list[tuple[int, BusFault, Frame]] = []
-        """Every strike: instant, fault and frame."""
-        self.on_strike: Callable[[int, BusFault], None] = lambda _now_counts, _fault: None
+    counts: int
+    fault: BusFault
+    frame: Frame
+
+
+@dataclass(slots=True)
+class _InForce:
+    """A fault that may strike, how many attempts it has concerned, and how often it has struck."""
+
+    fault: BusFault
+    concerned: int = 0
+    strikes: int = 0
+
+
+class FaultsInForce:
+    """The faults that may strike on a bus now, tried in the order of their beginnings, and what they have struck."""
+
+    def __init__(self) -> None:
+        """Begin without faults; `reseed` sets the seed of those that strike at random."""
+        self.struck: list[Strike] = []
+        """Every strike, in order of time."""
+        self.on_strike: Callable[[Strike], None] = lambda _strike: None
         """Called at each strike."""
-        self._random = Random(seed)
-        self._concerned = [0] * len(self.faults)
-        self._strikes = [0] * len(self.faults)
+        self.in_force: list[_InForce] = []
+        self._random = Random(0)
 
     def begin(self, fault: BusFault) -> None:
         """Try a further fault from now on, after those that are there."""
-        self.faults.append(fault)
-        self._concerned.append(0)
-        self._strikes.append(0)
+        self.in_force.append(_InForce(fault))
 
     def end(self, fault: BusFault) -> None:
         """Try this very fault no more; one that is not there, or an equal one, changes nothing."""
-        for number, each in enumerate(self.faults):
-            if each is fault:
-                for of_each in (self.faults, self._concerned, self._strikes):
-                    del of_each[number]
-                return
+        self.in_force = [each for each in self.in_force if each.fault is not fault]
 
     def end_all(self) -> None:
         """Try no fault any more."""
-        for of_each in (self.faults, self._concerned, self._strikes):
-            of_each.clear()
+        self.in_force = []
 
     def reseed(self, seed: int) -> None:
         """Draw from another seed from now on."""
@@ -161,22 +159,21 @@ class FaultScript:
 
     def strike(self, frame: Frame, now_counts: int, had: Container[type[BusFault]] = ()) -> BusFault | None:
         """Return the fault that strikes an attempt to send, or None: none of the types that the frame has had."""
-        for number, fault in enumerate(self.faults):
-            if type(fault) in had:
-                continue
-            if fault.concerns(frame, now_counts) and self._chosen(number, fault):
-                self.struck.append((now_counts, fault, frame))
-                self.on_strike(now_counts, fault)
-                return fault
+        for each in self.in_force:
+            if type(each.fault) not in had and frame.cob_id in each.fault.cob_ids and self._chosen(each):
+                self.struck.append(Strike(now_counts, each.fault, frame))
+                self.on_strike(self.struck[-1])
+                return each.fault
         return None
 
-    def _chosen(self, number: int, fault: BusFault) -> bool:
-        self._concerned[number] += 1
-        if self._concerned[number] <= fault.skip or self._strikes[number] == fault.count:
+    def _chosen(self, each: _InForce) -> bool:
+        fault = each.fault
+        each.concerned += 1
+        if each.concerned <= fault.skip or each.strikes == fault.count:
             return False
         if fault.rate < 1 and self._random.random() >= fault.rate:
             return False
-        self._strikes[number] += 1
+        each.strikes += 1
         return True
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.faults.bus import BusFault
+from steptwin.emulator.faults.bus import BusFault, Strike
 from steptwin.emulator.faults.harm import Harm, Operation
 from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.emulator.faults.machine import BrownOut, WatchdogReset
@@ -177,11 +177,11 @@ class Engine:
         self._lasting: dict[tuple[object, ...], _Changed] = {}
         """What faults have changed that may end, by its place."""
         self._bus_faults = {id(each.harm): each for each in self.played if isinstance(each.harm, BusFault)}
-        script = target.simulation.bus.faults
-        script.reseed(scenario.seed)
-        script.on_strike = self._note_strike
+        target.simulation.bus.faults.reseed(scenario.seed)
+        target.simulation.bus.faults.on_strike = self._note_strike
         target.simulation.bus.listen(self._hear)
         target.simulation.attendant = self
+        self.attend(target.simulation.now_counts)  # what is due at power-up comes before the first frame
 
     def _watch(self, trigger: Trigger) -> Watch:
         target = self.target
@@ -241,11 +241,11 @@ class Engine:
             if each.watch is not None:
                 each.watch.motion_starts(self.start_counts)
 
-    def _note_strike(self, now_counts: int, fault: BusFault) -> None:
-        each = self._bus_faults.get(id(fault))
+    def _note_strike(self, strike: Strike) -> None:
+        each = self._bus_faults.get(id(strike.fault))
         if each is not None:
             each.strikes += 1
-            each.first_counts = now_counts if each.first_counts is None else each.first_counts
+            each.first_counts = strike.counts if each.first_counts is None else each.first_counts
 
     # --- what is done
 

@@ -4,7 +4,7 @@ The same scenario on the same run gives the same bytes. Every error of reading b
 `fault 2: at_s: is missing`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, Final
@@ -68,6 +68,12 @@ class Scenario:
         names = [fault.name for fault in self.faults]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"two faults are called {twice[0]!r}")
+
+    @classmethod
+    def from_power_up(cls, harms: Iterable[Harm]) -> "Scenario":
+        """Return the scenario of harms that begin at power-up; each is called by its number and what it does."""
+        begin = AtTime(0.0, from_power_up=True)
+        return cls("harms", tuple(Fault(f"{number} {harm.do}", begin, harm) for number, harm in enumerate(harms, 1)))
 
     @property
     def harms_host(self) -> bool:

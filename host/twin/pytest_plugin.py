@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pluggy import Result
 
     from steptwin.controller.motion.backend import Kernel
-    from steptwin.emulator.faults.bus import BusFault
     from steptwin.emulator.faults.schedule import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
@@ -51,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(robot, schedule, bus_faults, **machine): which board `steptwin_board` is (docs/ci.md)",
+        f"{_MARKER}(robot, schedule, **machine): which board `steptwin_board` is (docs/ci.md)",
     )
 
 
@@ -72,7 +71,6 @@ def steptwin_make_board(
     Its arguments, all optional:
         robot: the robot's name, or the path of a robot file from pytest's root directory; else the ini-file's robot.
         schedule: operations on the machine beside its motion, each with its instant.
-        bus_faults: faults by which the bus loses, disturbs or delays frames.
         machine: how the machine differs from the robot's file, and what happens to it: the fields of `MachineOptions`;
             a scenario's path begins at pytest's root directory.
     """
@@ -86,7 +84,6 @@ def steptwin_make_board(
         robot: str = "",
         *,
         schedule: "Iterable[Scheduled]" = (),
-        bus_faults: "Sequence[BusFault]" = (),
         **machine: "Unpack[MachineKeywords]",
     ) -> BoardUnderTest:
         try:
@@ -94,7 +91,6 @@ def steptwin_make_board(
                 _robot(robot or request.config.getini(_INI), request.config),
                 kernel=steptwin_kernel,
                 schedule=schedule,
-                bus_faults=bus_faults,
                 **_from_root(machine, request.config),
             )
         except InputError as error:
@@ -156,7 +152,7 @@ def steptwin_served_board(
 ) -> "Iterator[ServedBoardUnderTest]":
     """Return a board in real time at a socketcand port, for programs of any language, as the markers `steptwin` say.
 
-    It takes neither `schedule` nor `bus_faults`; its method `operate` does an operation while it runs.
+    It takes no `schedule`; its method `operate` does an operation while it runs.
     """
     from steptwin.host.common.errors import InputError, StepTwinError
     from steptwin.host.twin.fixtures.artefacts import last_frames

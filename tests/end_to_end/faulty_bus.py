@@ -3,7 +3,9 @@
 from typing import Final
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus import FaultScript
+from steptwin.emulator.faults.bus import BusFault
+from steptwin.host.faults.scenario import Fault, Scenario
+from steptwin.host.faults.triggers import AtTime
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
@@ -14,7 +16,14 @@ MS: Final = 72_000
 """Counts of the board's timer in a millisecond."""
 
 
-def drawer_pull(kernel: Kernel, script: FaultScript) -> Outcome:
-    """Run the drawer pull while the bus does what the script says."""
-    robot = load_robot("warehouse-scara")
-    return execute(plan(robot, make_job(robot, "pull-line", {})), "pull-line", kernel, bus_faults=script)
+def drawer_pull(kernel: Kernel, *faults: BusFault, seed: int = 1, from_s: float = 0.0) -> Outcome:
+    """Run the drawer pull while the bus has these faults, from an instant since power-up on."""
+    robot, begin = load_robot("warehouse-scara"), AtTime(from_s, from_power_up=True)
+    scenario = Scenario("bus", tuple(Fault(fault.do, begin, fault) for fault in faults), seed)
+    return execute(plan(robot, make_job(robot, "pull-line", {})), "pull-line", kernel, scenario=scenario)
+
+
+def strikes(outcome: Outcome) -> int:
+    """Return how often a run's faults have struck."""
+    assert outcome.scenario is not None
+    return sum(fault.strikes for fault in outcome.scenario.faults)

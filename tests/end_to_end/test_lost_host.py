@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.faults.bus import FaultScript, FrameLoss
+from steptwin.emulator.faults.bus import FrameLoss
 from steptwin.host.twin.embedded.outcome import Outcome
 from tests.end_to_end.faulty_bus import MS, drawer_pull
 
@@ -16,8 +16,7 @@ ARM = range(3, 6)
 
 def run_without_heartbeat(kernel: Kernel) -> Outcome:
     """Run the drawer pull; from 3 s after power-up on, no heartbeat reaches the board."""
-    script = FaultScript([FrameLoss((HEARTBEAT,), from_counts=SILENT_COUNTS)])
-    return drawer_pull(kernel, script)
+    return drawer_pull(kernel, FrameLoss((HEARTBEAT,)), from_s=SILENT_COUNTS / 72e6)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from math import floor
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.faults.bus import FaultScript
 from steptwin.emulator.faults.drivers import OscCapacitor
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
@@ -45,7 +44,6 @@ class EmbeddedBoard:
         kernel: Kernel,
         options: MachineOptions = AS_FILED,
         *,
-        bus_faults: FaultScript | None = None,
         schedule: Iterable[Scheduled] = (),
         commissioned: bool = True,
         shelf_sensors: bool = True,
@@ -56,7 +54,6 @@ class EmbeddedBoard:
             robot: the machine.
             kernel: form of the firmware's kernel.
             options: how it differs from the robot's file, and what happens to it.
-            bus_faults: script of the bus' faults.
             schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
             commissioned: True for a board whose flash holds the robot's settings, False for a new one.
             shelf_sensors: False if the shelf's sensors are not connected.
@@ -72,7 +69,7 @@ class EmbeddedBoard:
         self._parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
         self.driver_profile = self._parts.driver_profile
         self._start_steps = self._parts.start_steps
-        self._simulation = self._parts.simulation(Bus(options.bits_per_s(robot), bus_faults), schedule)
+        self._simulation = self._parts.simulation(Bus(options.bits_per_s(robot)), schedule)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
         if watch := self._simulation.rotor_watch:

@@ -8,7 +8,6 @@ from typing import Unpack
 import numpy as np
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.emulator.faults.bus import FaultScript
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, WaitTimeoutError
@@ -37,7 +36,6 @@ def execute(
     kernel: Kernel | None = None,
     *,
     cut_stream_s: float | None = None,
-    bus_faults: FaultScript | None = None,
     inputs: Sequence[InputChange] = (),
     errand: Errand | None = None,
     progress: Progress = lambda _: None,
@@ -51,7 +49,6 @@ def execute(
         job: name of the motion in reports.
         kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
-        bus_faults: script of the faults by which the bus loses, disturbs or delays frames.
         inputs: changes of the machine's digital inputs during the motion.
         errand: what the motion is planned to do with the boxes of the robot's shelf; the emulated shelf holds the
             errand's boxes unless `stock` says otherwise, and each box must be where it is planned in the end.
@@ -84,7 +81,6 @@ def execute(
         robot,
         kernel,
         options,
-        bus_faults=bus_faults,
         commissioned=False,  # `set_up` writes every setting
         shelf_sensors=_looks_at_sensors(plan),
     )

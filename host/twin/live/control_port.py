@@ -60,7 +60,7 @@ class MachineState:
             "bus": board.bus_figures()
             | {
                 "recent_load_percent": round(board.recent_bus_load_percent, 3),
-                "faults": len(board.bus.faults.faults),
+                "faults": len(board.bus.faults.in_force),
             },
             "real_time": board.real_time(),
             **({} if (shelf := board.shelf()) is None else {"shelf": shelf}),

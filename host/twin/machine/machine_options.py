@@ -17,6 +17,7 @@ from steptwin.host.common.numbers import finite_number, whole
 from steptwin.protocol.frame import BITRATES
 
 if TYPE_CHECKING:
+    from steptwin.emulator.faults.harm import Harm
     from steptwin.host.faults.scenario import Scenario
     from steptwin.host.robots.robot import Robot
 
@@ -98,7 +99,7 @@ class MachineKeywords(TypedDict, total=False):
     dip_microsteps: Mapping[str, int] | None
     stock: Mapping[str, str] | None
     locked_drawers: Collection[str]
-    scenario: "Scenario | Path | str | None"
+    scenario: "Scenario | Sequence[Harm] | Path | str | None"
     motors: bool
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
@@ -187,8 +188,8 @@ class MachineOptions:
     """An emulated machine beside its robot's file. Neither the plan nor the host is told of any of it.
 
     The spelling of each says what it does. In Python joints may stand by name, the others at home; `stock` None is a
-    box at each spot where boxes are taken; a path stands for the scenario in that file; one number for the crystals is
-    that of each board, and none means that all are exact.
+    box at each spot where boxes are taken; a path stands for the scenario in that file, and harms for one that begins
+    with them at power-up; one number for the crystals is that of each board, and none means that all are exact.
     """
 
     stand_at: Standing | None = field(default=None, metadata={SPELLING: _STANDING})
@@ -196,7 +197,7 @@ class MachineOptions:
     dip_microsteps: Mapping[str, int] | None = field(default=None, metadata={SPELLING: _DIP})
     stock: Mapping[str, str] | None = field(default=None, metadata={SPELLING: _STOCK})
     locked_drawers: Collection[str] = field(default=(), metadata={SPELLING: _LOCKED})
-    scenario: "Scenario | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
+    scenario: "Scenario | Sequence[Harm] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
     motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
@@ -261,11 +262,13 @@ class MachineOptions:
 
     def scenario_for(self, robot: "Robot") -> "Scenario | None":
         """Return the scenario, read for a robot if it is in a file; raise InputError for what is wrong in it."""
-        if not isinstance(self.scenario, Path | str):
-            return self.scenario
-        from steptwin.host.faults.scenario import read_scenario
+        if self.scenario is None:
+            return None
+        from steptwin.host.faults.scenario import Scenario, read_scenario
 
-        return read_scenario(str(self.scenario), robot)
+        if isinstance(self.scenario, Path | str):
+            return read_scenario(str(self.scenario), robot)
+        return self.scenario if isinstance(self.scenario, Scenario) else Scenario.from_power_up(self.scenario)
 
 
 AS_FILED: Final = MachineOptions()

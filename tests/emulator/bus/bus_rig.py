@@ -1,8 +1,10 @@
 """A bus with stations that the test controls."""
 
+from collections.abc import Iterable
+
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.faults.bus import FaultScript
+from steptwin.emulator.faults.bus import BusFault
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import Frame
 
@@ -10,8 +12,10 @@ from steptwin.protocol.frame import Frame
 class BusRig:
     """A bus whose stations note each frame that they receive, as (counts, frame)."""
 
-    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: FaultScript | None = None) -> None:
-        self.bus = Bus(bitrate, faults)
+    def __init__(self, bitrate: int = 1_000_000, stations: int = 2, faults: Iterable[BusFault] = ()) -> None:
+        self.bus = Bus(bitrate)
+        for fault in faults:
+            self.bus.faults.begin(fault)
         self.heard: list[list[tuple[int, Frame]]] = [[] for _ in range(stations)]
         self.errors: list[tuple[int, int, ErrorCode, bool]] = []
         """Reported errors as (counts, station, code, active)."""

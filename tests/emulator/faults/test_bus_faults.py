@@ -1,4 +1,4 @@
-"""Scripted faults: the attempts that they strike, and their effects."""
+"""Faults of the bus: the attempts that they strike, and their effects."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from steptwin.emulator.bus.can_timing import frame_bits
 from steptwin.emulator.bus.fault_confinement import ErrorState
 from steptwin.emulator.faults.bus import (
     BusFault,
-    FaultScript,
+    FaultsInForce,
     FrameCorruption,
     FrameDelay,
     FrameDuplicate,
@@ -24,7 +24,7 @@ ERROR_BITS = BITS - 13 + 7 + 8 + 3
 
 
 def rig_with(*faults: BusFault, stations: int = 2) -> BusRig:
-    return BusRig(stations=stations, faults=FaultScript(faults))
+    return BusRig(stations=stations, faults=faults)
 
 
 def test_a_loss_is_acknowledged_but_not_heard() -> None:
@@ -191,17 +191,26 @@ def test_the_end_of_another_fault_leaves_a_delay() -> None:
     assert rig.bus.log_counts[0] == 1_000_000 + rig.bits(BITS - 4)
 
 
-def test_a_fault_strikes_within_its_time_only() -> None:
-    script = FaultScript([FrameLoss(from_counts=100, until_counts=200)])
-    struck = [counts for counts in range(0, 300, 50) if script.strike(FRAME, counts)]
+def test_a_fault_strikes_from_its_beginning_to_its_end() -> None:
+    """The end is that of the very fault, not of an equal one."""
+    faults, fault = FaultsInForce(), FrameLoss()
+    struck = []
+    for counts in range(0, 300, 50):
+        if counts == 100:
+            faults.begin(fault)
+        faults.end(FrameLoss() if counts < 200 else fault)
+        if faults.strike(FRAME, counts):
+            struck.append(counts)
     assert struck == [100, 150]
-    assert script.struck == [(counts, script.faults[0], FRAME) for counts in struck]
+    assert faults.struck == [(counts, fault, FRAME) for counts in struck]
 
 
 def test_a_rate_is_drawn_from_the_seed() -> None:
     def strikes(seed: int) -> list[bool]:
-        script = FaultScript([FrameLoss(rate=0.3)], seed)
-        return [script.strike(FRAME, 0) is not None for _ in range(1000)]
+        faults = FaultsInForce()
+        faults.reseed(seed)
+        faults.begin(FrameLoss(rate=0.3))
+        return [faults.strike(FRAME, 0) is not None for _ in range(1000)]
 
     assert strikes(1) == strikes(1) != strikes(2)
     assert 250 < sum(strikes(1)) < 350

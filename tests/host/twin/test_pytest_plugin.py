@@ -168,7 +168,7 @@ FAILS_AFTER_A_LOSS = """
     LOST = FrameLoss(cob_ids=[0x610], count=1)
     UNUSED = FrameDelay(cob_ids=[0x555], delay_counts=72)
 
-    @pytest.mark.steptwin("lab-scara", bus_faults=[LOST, UNUSED])
+    @pytest.mark.steptwin("lab-scara", scenario=[LOST, UNUSED])
     @pytest.mark.parametrize("fails", [False, True])
     def test_board(steptwin_board, fails):
         assert steptwin_board.struck == []
@@ -191,7 +191,9 @@ def test_a_failure_shows_how_the_faults_of_the_bus_struck(failed: pytest.RunResu
         [
             "*Captured steptwin faults of the bus (SIMULATED) teardown*",
             "*0.0100* loss: SDO*d1*1000:00 Device type read",
-            "never struck: delay, cob_ids=[[]1365[]], delay_counts=72",
+            "*Captured steptwin faults (SIMULATED) teardown*",
+            "1 loss: at 0 s from power-up: struck at 0.010000 s, 1 times, no EMCY",
+            "2 delay: at 0 s from power-up: never struck, 0 times, no EMCY",
         ]
     )
 
@@ -273,7 +275,7 @@ def test_what_happens_to_the_machine(pytester: pytest.Pytester) -> None:
             assert inputs(steptwin_board) == bytes((0, 0, 1, 0))
 
         @pytest.mark.parametrize("again", [1, 2])
-        @pytest.mark.steptwin(bus_faults=[FrameLoss(cob_ids=[0x610], count=1)])
+        @pytest.mark.steptwin(scenario=[FrameLoss(cob_ids=[0x610], count=1)])
         def test_lost_frame(steptwin_board, again):
             ask = lambda: steptwin_board.network.send_message(0x610, bytes.fromhex("4000100000000000"))
             answers = lambda: sum(frame.cob_id == 0x590 for _, frame in steptwin_board.bus_log)

@@ -40,7 +40,7 @@ def test_the_gripper_closes(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     assert steptwin_board.outputs() == {"gripper": True}
 
 
-@pytest.mark.steptwin(bus_faults=[FrameLoss(cob_ids=range(0x510, 0x514), skip=20, count=1)])
+@pytest.mark.steptwin(scenario=[FrameLoss(cob_ids=range(0x510, 0x514), skip=20, count=1)])
 def test_a_lost_record_is_sent_again(steptwin_board: BoardUnderTest, arm: Arm) -> None:
     arm.move(MOVE)
     assert steptwin_board.verify(planned(steptwin_board, MOVE)).passed
