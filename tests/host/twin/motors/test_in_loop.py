@@ -29,8 +29,8 @@ from steptwin.host.twin.motors.mechanism import arm_of
 from steptwin.protocol import od
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 from tests.host.faults.short_runs import played
-from tests.host.twin.live_session import JOINT, NMT_START, LiveSession
-from tests.host.twin.test_excitation import HOMING, Master
+from tests.host.twin.embedded.test_excitation import HOMING, Master
+from tests.host.twin.live.live_session import JOINT, NMT_START, LiveSession
 
 TEACHING, LAB, WAREHOUSE = (load_robot(name) for name in ("teaching-scara", "lab-scara", "warehouse-scara"))
 LIMIT_METHOD = 17

@@ -22,7 +22,7 @@ from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, replay, stored
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame
 from tests.host.faults.short_runs import played
-from tests.host.twin.live_session import (
+from tests.host.twin.live.live_session import (
     JOINT,
     NMT_START,
     PROFILE_POSITION,

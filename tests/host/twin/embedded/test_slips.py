@@ -14,7 +14,7 @@ from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.verify import Slips
 from steptwin.host.verify.counted import counted_steps
 from steptwin.protocol import od
-from tests.host.twin.test_excitation import Master
+from tests.host.twin.embedded.test_excitation import Master
 
 LAB = load_robot("lab-scara")
 JOINT = "d1"

@@ -8,7 +8,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_recording, read_run, verify_folder
 from steptwin.protocol.pvt import PvtRecord
-from tests.host.twin.live_session import (
+from tests.host.twin.live.live_session import (
     JOINT,
     NMT_START,
     SYNC,

@@ -13,7 +13,7 @@ from steptwin.host.panel.replay.model import Replay
 from steptwin.host.record.folder import read_run, verify_folder
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
-from tests.host.twin.live_session import (
+from tests.host.twin.live.live_session import (
     JOINT,
     NMT_START,
     NODE,

@@ -14,7 +14,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges, read_report
 from steptwin.host.twin.live.live_board import RECORD_EVERY_S
 from steptwin.protocol.frame import Frame
-from tests.host.twin.live_session import (
+from tests.host.twin.live.live_session import (
     JOINT,
     NMT_START,
     NODE,
