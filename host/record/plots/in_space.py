@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES
@@ -29,12 +30,16 @@ _BESIDE_INCHES: Final = 1.6
 """Room for labels beside a view's box, on both sides together."""
 _AROUND_INCHES: Final = (0.65, 0.8)
 """Room above the box, for headings, and below it, for its labels."""
+_TICK_INCHES: Final = 0.7
+"""Length of an axis on paper for each piece between its ticks."""
 _TRIAD_PART: Final = 0.13
 """Length of a frame's axes in parts of the arm's extent."""
 _BASE_PART: Final = 0.08
 """Radius of the base's ring in parts of the arm's extent."""
 _DEPTH_PART: Final = 0.4
 """Least depth of the view's box in parts of its longest side."""
+_BESIDE_PART: Final = 0.45
+"""Distance between the labels of two axes that point the same way, level, in parts of their length."""
 _NEAR: Final = 0.03
 """Origins nearer than this part of the extent share a label."""
 _ELEVATION_DEG: Final = 24.0
@@ -62,6 +67,7 @@ def draw_arm_in_space(robot: Robot, joints: tuple[float, ...] | None = None) -> 
     _draw_parts(views[0], parts, within=_around(parts))
     drawn = [_around(parts), _draw_base(views[0], parts, robot), _draw_dimensions(views[0], robot, position)]
     drawn.append(_draw_joint_axes(views[0], robot, position))
+    _name_slides(views[0], robot, parts)
     shown = [np.vstack(drawn)]
     if guided:
         _draw_parts(views[1], parts)
@@ -94,7 +100,7 @@ def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figu
     """Return a figure of positions of the tool, of shape (n, 3), and the arm at home."""
     parts = make_kinematics(robot).links(np.array([robot.home]))
     figure, (axes,) = _space(parts)
-    axes.plot(*cloud_mm.T, "o", markeredgewidth=0, markersize=1.1, color=colour, alpha=0.5)
+    axes.plot(*cloud_mm.T, "o", markeredgewidth=0, markersize=1.5, color=colour, alpha=0.7)
     drawn = np.vstack([cloud_mm, _around(parts), _draw_base(axes, parts, robot)])
     _draw_parts(axes, parts, within=drawn)
     _fit(figure, [axes], [drawn])
@@ -227,8 +233,8 @@ def _draw_dimensions(axes: Any, robot: Robot, position: FloatArray) -> FloatArra
             axes.plot(*np.array([end - aside_mm, end]).T, color=_DIMENSION, linewidth=0.5)
         place = (ends[0] + ends[1]) / 2 + 0.5 * aside_mm
         upright = aside_mm[2] == 0.0
-        axes.text(*place, f"{name} = {abs(length_mm):g} mm", color=_DIMENSION, fontsize=9,
-                  ha="left" if upright else "center", va="center" if upright else "bottom")  # fmt: skip
+        ways = ("left", "center") if upright else ("center", "bottom")
+        _write(axes, place, f"{name} = {abs(length_mm):g} mm", _DIMENSION, *ways)
         places += [place, place + 0.2 * extent_mm * right] if upright else [place]
     return np.array(places)
 
@@ -257,8 +263,18 @@ def _draw_joint_axes(axes: Any, robot: Robot, position: FloatArray) -> FloatArra
                 named.append((top_mm, end_mm, names))
     for top_mm, end_mm, names in named:
         axes.plot(*np.array([top_mm, end_mm]).T, color=_AXIS, linewidth=1.0, linestyle="-.")
-        axes.text(*(end_mm + 0.1 * (end_mm - top_mm)), ", ".join(names), color=_AXIS, ha="center", va="top", fontsize=9)
+        _write(axes, end_mm + 0.1 * (end_mm - top_mm), ", ".join(names), _AXIS, "center", "top")
     return np.array([end for top_mm, end_mm, _ in named for end in (top_mm, end_mm)])
+
+
+def _name_slides(axes: Any, robot: Robot, parts: tuple[ArmPart, ...]) -> None:
+    """Write the joints' names at slides that the DH table knows nothing of: those of a parallel mechanism."""
+    known = make_kinematics(robot).dh_variables(np.array([robot.home]))
+    unknown = [name for name in robot.joint_names if name not in known]
+    for part in parts:
+        joint = part.name.split()[-1]
+        if part.role is Role.SLIDE and joint in unknown:
+            _write(axes, part.points_mm[0, 0], joint, _AXIS, "center", "top")
 
 
 def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray:
@@ -304,10 +320,17 @@ def _draw_frames(axes: Any, frames: FloatArray, numbers: list[int], length_mm: f
             else:
                 labels.append((direction, f"{letter}{number}", colour))
     for i, (direction, name, colour) in enumerate(labels):
-        away = 1.22 + 0.24 * sum(bool(np.allclose(direction, other, atol=1e-6)) for other, _, _ in labels[:i])
+        before = sum(bool(np.allclose(direction, other, atol=1e-6)) for other, _, _ in labels[:i])
+        away = 1.22 + before * (0.24 if abs(direction[2]) > 0.5 else _BESIDE_PART)
         axes.quiver(*origin_mm, *(length_mm * direction), color=colour, linewidth=1.8, arrow_length_ratio=0.18)
-        axes.text(*(origin_mm + away * length_mm * direction), name, color=colour, ha="center", va="center", fontsize=9)
+        _write(axes, origin_mm + away * length_mm * direction, name, colour, "center", "center")
     return np.array([origin_mm + 1.25 * length_mm * direction for direction, _, _ in labels])
+
+
+def _write(axes: Any, place_mm: FloatArray, text: str, colour: str, across: str, up: str) -> None:
+    """Write a label, aligned `across` and `up` in matplotlib's words, on a ground that no line crosses."""
+    ground = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}
+    axes.text(*place_mm, text, color=colour, ha=across, va=up, fontsize=9, bbox=ground)
 
 
 def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
@@ -316,12 +339,17 @@ def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Seq
     drawn = []
     for axes, points_mm, width_inches in zip(views, points, widths_inches, strict=True):
         _set_view(axes, points_mm)
-        axes.locator_params(nbins=round(2 + 3 * width_inches / WIDTH_INCHES))
         corners = np.array(list(product(*(axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()))))
         seen = np.column_stack([corners, np.ones(len(corners))]) @ axes.get_proj().T
         flat = seen[:, :2] / seen[:, 3:]
         lower, upper = flat.min(axis=0), flat.max(axis=0)
         scale = float(np.min(np.array([width_inches - _BESIDE_INCHES, _HIGHEST_INCHES]) / (upper - lower)))
+        for axis, other in zip((axes.xaxis, axes.yaxis, axes.zaxis), (4, 2, 1), strict=True):
+            long_inches = scale * float(np.linalg.norm(flat[other] - flat[0]))
+            between = min(5, max(1, round(long_inches / _TICK_INCHES)))
+            least = min(between, 2)
+            axis.set_major_locator(MaxNLocator(between, steps=[1, 2, 2.5, 5, 10], min_n_ticks=least))
+            axis.labelpad = 7.0
         drawn.append((lower, upper, scale))
     above_inches, below_inches = _AROUND_INCHES
     box_inches = max(scale * (upper[1] - lower[1]) for lower, upper, scale in drawn)

@@ -40,6 +40,9 @@ TH1, Z5, Z6, TH4 = range(4)
 SINGULAR: Final = 0.005
 """Least sine of a link's slope or of the angle between the links, 0.29 degrees; below it the arm is near singular."""
 
+GUIDE_PART: Final = 0.15
+"""Distance of the third chain's link, as it is drawn, above that of Z5, as a fraction of its length."""
+
 
 @dataclass(frozen=True, slots=True)
 class HybridGeometry:
@@ -169,7 +172,11 @@ class HybridArm(OnBase):
         )
 
     def links_from_base(self, joints: FloatArray) -> tuple[ArmPart, ...]:
-        """Return waist, screws, sliders with their links, arm and tool, for joints of shape (n, 4)."""
+        """Return waist, screws, sliders with their links, guide, platform, arm and tool, for joints of shape (n, 4).
+
+        The paper's third chain, which keeps the platform level, is drawn as a link beside that of Z5, as long and
+        parallel to it: our reading of the pivots of its figure 1, whose lengths are lost.
+        """
         geometry, poses = self.geometry, self.forward_from_base(joints)
         th1_rad = np.deg2rad(joints[:, TH1])
         outwards = point(np.cos(th1_rad), np.sin(th1_rad), 0.0)
@@ -190,11 +197,15 @@ class HybridArm(OnBase):
                 slide(f"slider {limits.name}", at(radius_mm, slid_mm), reach_mm),
                 line(f"link {limits.name}", Role.LINK, at(radius_mm, slid_mm), platform_mm),
             ]
+        apart_mm = point(0.0, 0.0, GUIDE_PART * geometry.L_mm)
+        carriage_mm = at(geometry.l2_mm - geometry.h_mm, geometry.l1_mm + joints[:, Z5])
         frame = (at(geometry.l2_mm - geometry.h_mm, geometry.l1_mm), at(geometry.l2_mm + geometry.h_mm, geometry.l1_mm))
         return (
             line("waist", Role.GUIDE, at(0.0, 0.0), at(0.0, geometry.l1_mm)),
             line("frame", Role.GUIDE, at(0.0, geometry.l1_mm), *frame),
             *parts,
+            line("guide link", Role.LINK, carriage_mm + apart_mm, platform_mm + apart_mm),
+            line("platform", Role.SLIDE, platform_mm, platform_mm + apart_mm),
             line("arm", Role.LINK, platform_mm, wrist_mm),
             *tool(wrist_mm, poses, reach_mm),
         )

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
@@ -100,7 +101,7 @@ def _figure(picture: "Picture[Any]", paper: EvaluatedPaper, runs: Runs) -> Figur
         outcome = runs.outcome(robot, picture.job)
         figure = PICTURES[picture.kind](outcome.comparison, outcome.report.run, DEFAULT_VIEW)
         figure.align_ylabels()
-        said = figure.get_suptitle().removeprefix(f"{robot} ")
+        said = figure.get_suptitle().removeprefix(f"{robot} · ")
     else:
         loaded = load_robot(robot)
         cloud = monte_carlo(loaded, 100_000, 1)
@@ -117,13 +118,13 @@ def _plot(picture: "Plot[Any]", panels: tuple[Panel, ...]) -> Figure:
     height_inches = rows * (TRUE_TO_SCALE_INCHES if scaled else ROW_INCHES) + 0.5
     figure = Figure(figsize=(WIDTH_INCHES, height_inches), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
-    named: set[tuple[str, ...]] = set()
+    named: dict[str, Artist] = {}
     for axes, panel in zip(grid.flat, panels, strict=False):
         _draw(axes, panel)
-        names = tuple(curve.name for curve in panel.curves)
-        if len(names) > 1 and names not in named:  # one legend for all panels with the same curves
-            axes.legend(frameon=True, edgecolor="none")
-            named.add(names)
+        if len(panel.curves) > 1:
+            named |= {str(line.get_label()): line for line in axes.get_lines()}
+    if named:  # below the panels, where no curve is
+        figure.legend(list(named.values()), list(named), loc="outside lower left", ncols=4)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
     figure.align_ylabels()

@@ -187,7 +187,7 @@ def _simulated_joint_rows(study: HybridStudy) -> list[list[str]]:
     """Return, as table 5 of the paper, the joints of the loop driven at the tool, and how far ours are from them."""
     solved = LoopClosure.of(study.robot).driven_at_the_tool(study.points).joints
     return [
-        [str(n), *(f"{value:z.6f}" for value in row), f"{apart:.1e}"]
+        [str(n), *(f"{value:z.6f}" for value in row), f"{apart:z.9f}"]
         for n, (row, apart) in enumerate(
             zip(solved[:, :3].tolist(), np.abs(solved - study.point_joints).max(axis=1).tolist(), strict=True), 1)
     ]  # fmt: skip
@@ -198,7 +198,7 @@ def _simulated_tool_rows(study: HybridStudy) -> list[list[str]]:
     solved = LoopClosure.of(study.robot).driven_at_the_joints(study.point_joints).poses[:, :3]
     apart_mm = np.linalg.norm(solved - study.arm.forward(study.point_joints)[:, :3], axis=1)
     return [
-        [str(n), *(f"{value:z.6f}" for value in row), f"{apart:.1e}"]
+        [str(n), *(f"{value:z.6f}" for value in row), f"{apart:z.9f}"]
         for n, (row, apart) in enumerate(zip(solved.tolist(), apart_mm.tolist(), strict=True), 1)
     ]
 
@@ -270,8 +270,8 @@ MECHANISM: Final[Item[HybridStudy]] = Item(
     f" is driven. At th1 = {AT[0]:g} deg and the sliders and the gripper at 0, as `steptwin fk hybrid-arm 20 0 0 0"
     " --matrices` prints them too:",
     parts=(
-        Part("fig. 1", "parallel mechanism: links 1 to 13, three chains", "picture below", Coverage.PARTLY,
-             "the third chain, which only guides, is not drawn; its links' lengths are not in our copy"),
+        Part("fig. 1", "parallel mechanism: links 1 to 13, three chains",
+             "picture below; the third chain's place and length are ours"),
         Part("figs. 2, 3", "equivalent mechanism and frames", "picture below"),
         Part("table 1", "DH parameters", "table below: the equivalent serial arm", Coverage.PARTLY,
              "the paper's own cells are lost in our copy"),

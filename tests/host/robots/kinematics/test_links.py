@@ -109,3 +109,12 @@ def test_the_sliders_of_the_hybrid_arm() -> None:
     apart_mm = part(parts, "screw Z6")[:, 0, :2] - part(parts, "screw Z5")[:, 0, :2]
     assert np.hypot(*apart_mm.T) == pytest.approx(300.0)
     assert lengths_mm(part(parts, "arm")) == pytest.approx(300.0)
+
+
+def test_the_third_chain_of_the_hybrid_arm_keeps_its_platform_level() -> None:
+    """A parallelogram: the guide is parallel to the link of Z5, and the platform's pivots stay above each other."""
+    parts = HYBRID.kinematics.links(HYBRID.random_joints(50, seed=4))
+    guide_mm, link_mm, platform_mm = (part(parts, name) for name in ("guide link", "link Z5", "platform"))
+    assert np.diff(guide_mm, axis=1) == pytest.approx(np.diff(link_mm, axis=1), abs=1e-9)
+    assert guide_mm[:, 1] == pytest.approx(platform_mm[:, 1])
+    assert np.diff(platform_mm, axis=1)[:, 0] == pytest.approx(np.broadcast_to([0.0, 0.0, 52.5], (50, 3)), abs=1e-9)
