@@ -1,4 +1,7 @@
-"""Run homings from the host: write the settings, start, wait for success or failure."""
+"""Run homings from the host: write the settings, start, wait for success or failure.
+
+The client follows a homing by the axes' own reports, and asks an axis only once it says that its homing has ended.
+"""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -7,8 +10,9 @@ from math import inf
 from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.drive_status import FAULT_STATES
+from steptwin.host.client.drive_status import FAULT_STATES, DriveStatus
 from steptwin.host.client.links.link import Link
+from steptwin.host.client.reports import Listening
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until
 from steptwin.host.client.words import state_text, state_words
@@ -73,11 +77,12 @@ def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[
         axis.write(od.MODE_OF_OPERATION, Mode.HOMING)
         for address, value in settings.objects():
             axis.write(address, value)
-    for axis, _ in homings:
-        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     axes = [axis for axis, _ in homings]
+    old_reports = [axis.drive_status for axis in axes]
+    for axis in axes:
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     try:
-        _await_all(link, homings, one_homed)
+        _await_all(link, homings, old_reports, one_homed)
     except BaseException:
         with suppress(StepTwinError):  # the first error is the one to report
             _release(link, axes)
@@ -85,18 +90,35 @@ def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[
     _release(link, axes)
 
 
-def _await_all(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
-    waiting = [axis for axis, _ in homings]
+def _await_all(
+    link: Link,
+    homings: Sequence[AxisHoming],
+    old_reports: Sequence[DriveStatus | None],
+    one_homed: Callable[[], None],
+) -> None:
+    """Wait until all axes are homed; reports from before the start say nothing."""
+    waiting = [(axis, old) for (axis, _), old in zip(homings, old_reports, strict=True)]
+    listening = Listening(link, [axis for axis, _ in homings])
 
     def all_homed() -> bool:
-        for axis in list(waiting):
-            if _homed(link, axis):
-                waiting.remove(axis)
+        listening.check()
+        for each in list(waiting):
+            axis, old = each
+            if _says_it_ended(axis, old) and _homed(link, axis):
+                waiting.remove(each)
                 one_homed()
         return not waiting
 
     if not wait_until(link, all_homed, max(_timeout_s(settings) for _, settings in homings)):
-        raise BusError(f"{waiting[0].name}: homing neither ends nor fails")
+        raise BusError(f"{waiting[0][0].name}: homing neither ends nor fails")
+
+
+def _says_it_ended(axis: AxisClient, old: DriveStatus | None) -> bool:
+    """Return whether an axis has reported anything but a homing under way; its last report before the start is old."""
+    report = axis.drive_status
+    if axis.in_fault or axis.restarted:
+        return True
+    return report is not None and report is not old and not report.homing
 
 
 def _timeout_s(settings: HomingSettings) -> float:
@@ -105,7 +127,7 @@ def _timeout_s(settings: HomingSettings) -> float:
 
 
 def _homed(link: Link, axis: AxisClient) -> bool:
-    """Return whether an axis is homed and at rest; raise DeviceFaultError if its homing has failed."""
+    """Ask an axis whether it is homed and at rest; raise DeviceFaultError if its homing has failed."""
     statusword = axis.read(od.STATUSWORD)
     state = State.of(statusword)
     if state in FAULT_STATES:

@@ -43,6 +43,12 @@ class DriveStatus(NamedTuple):
         return active and bool(self.statusword & _IP_ACTIVE)
 
     @property
+    def homing(self) -> bool:
+        """True while a homing is under way."""
+        ended = self.statusword & (Status.TARGET_REACHED | Status.HOMING_ERROR)
+        return self.state is _ENABLED and self.mode == Mode.HOMING and not ended
+
+    @property
     def halted(self) -> bool:
         """True while the axis rests amid its records because its group is halted."""
         return self.interpolating and bool(self.statusword & Status.TARGET_REACHED)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.faults import await_reports, check_faults
 from steptwin.host.client.machine import Machine
+from steptwin.host.client.reports import await_reports, check_faults
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, REST_TIMEOUT_S, require
 from steptwin.host.common.errors import InputError
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control

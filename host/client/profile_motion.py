@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.drive_status import DriveStatus
-from steptwin.host.client.faults import check_enabled, check_faults
 from steptwin.host.client.links.link import Link
-from steptwin.host.client.waiting import POLL_S, SILENCE_S, silent
+from steptwin.host.client.reports import Listening, check_enabled, check_faults
+from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.errors import BusError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode, Status
@@ -131,25 +130,19 @@ def reports_zero_speed(axis: AxisClient) -> bool:
 
 def follow(link: Link, axes: Sequence[AxisClient], done: Callable[[], bool], stall_s: float = float("inf")) -> None:
     """Wait until `done` returns True; raises as `move_together`, with a stall after `stall_s` without motion."""
-    heard: list[DriveStatus | None] = [None] * len(axes)
-    heard_s = [link.now_s()] * len(axes)
-    positions = [status and status.position_units for status in heard]
+    listening = Listening(link, axes)
+    positions: list[int | None] = [None] * len(axes)
     moved_s = link.now_s()
     while True:
         check_faults(link, axes)
         check_enabled(axes)
         if done():
             return
-        now_s = link.now_s()
-        for i, axis in enumerate(axes):
-            if axis.drive_status is not heard[i]:
-                heard[i], heard_s[i] = axis.drive_status, now_s
-            elif now_s - heard_s[i] > SILENCE_S:
-                raise silent(axis.name)
-        present = [status and status.position_units for status in heard]
+        listening.check()
+        present = [axis.drive_status and axis.drive_status.position_units for axis in axes]
         if present != positions:
-            positions, moved_s = present, now_s
-        elif now_s - moved_s > stall_s:
+            positions, moved_s = present, link.now_s()
+        elif link.now_s() - moved_s > stall_s:
             raise BusError(f"the axes have not moved for {stall_s:g} s and have not arrived")
         link.wait(POLL_S)
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from steptwin.host.client import Machine, Progress
-from steptwin.host.client.faults import check_enabled, check_faults
+from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_motion, waits_document, waits_made
 from steptwin.host.operate.moving import move_within, together

@@ -10,8 +10,8 @@ import numpy as np
 from steptwin.host.client import Link, Machine
 from steptwin.host.client.axis import AxisClient, Objects
 from steptwin.host.client.drive_status import FAULT_STATES, at_rest
-from steptwin.host.client.faults import await_reports
 from steptwin.host.client.lease import Lease
+from steptwin.host.client.reports import await_reports
 from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.joint_positions import faulty_drive

@@ -13,7 +13,7 @@ import canopen
 
 from steptwin.host.client.axis import AxisClient, Objects
 from steptwin.host.client.drive_status import DriveStatus, at_rest
-from steptwin.host.client.faults import await_reports
+from steptwin.host.client.reports import await_reports
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od

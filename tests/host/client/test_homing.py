@@ -186,3 +186,30 @@ class TestFailures:
         settings = how(WAREHOUSE)[TH1]
         assert settings is not None
         assert board.now_s() - begun_s > settings.timeout_ms / 1000
+
+
+class TestReports:
+    """A homing is followed by what the axis reports; it is asked only once that says that the homing has ended."""
+
+    def test_a_search_of_seconds_asks_for_its_statusword_thrice(
+        self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Once for success, twice before and after the start bit is taken back."""
+        board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+        board.wait(0.5)
+        axis, asked = machine.axes[TH1], list[int]()
+        read = axis.read
+        monkeypatch.setattr(axis, "read", lambda address: (asked.append(address), read(address))[1])
+        began_s = board.now_s()
+        machine.home_axes(how(WAREHOUSE, "th1"))
+        assert board.now_s() - began_s > 1.0
+        assert asked.count(od.STATUSWORD) <= 4
+
+    def test_an_axis_that_falls_silent(self, fast_kernel: Kernel) -> None:
+        board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
+        board.network.unsubscribe(0x180 + machine.axes[TH1].node_id)
+        with pytest.raises(BusError, match=r"^th1: no status for 1 s$"):
+            machine.home_axes(how(WAREHOUSE, "th1"))
+        at_rest = board.driver_positions()
+        board.wait(1.0)
+        assert board.driver_positions() == at_rest

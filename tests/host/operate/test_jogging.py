@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.client import AxisClient, faults, profile_motion
+from steptwin.host.client import AxisClient, profile_motion, reports
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.jogging import check_jog, jog, jog_tool
@@ -68,7 +68,7 @@ def test_a_limit_switch_stops_it_with_a_fault(board: EmbeddedBoard) -> None:
 
 
 def interrupted_after(looks: int, patch: pytest.MonkeyPatch) -> None:
-    check = faults.check_enabled
+    check = reports.check_enabled
     left = [looks]
 
     def check_or_interrupt(axes: Sequence[AxisClient]) -> None:

@@ -5,7 +5,7 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.links.link import Clock
-from steptwin.host.client.waiting import POLL_S, wait_until
+from steptwin.host.client.waiting import POLL_S, SILENCE_S, silent, wait_until
 from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol.cia402 import ErrorCode, State
@@ -18,6 +18,24 @@ _REPORT_TIMEOUT_S: Final = 0.3
 def await_reports(clock: Clock, axes: Sequence[AxisClient]) -> None:
     """Wait until every axis has reported its drive's status, but no longer than OPERATIONAL nodes need for it."""
     wait_until(clock, lambda: all(axis.drive_status is not None for axis in axes), _REPORT_TIMEOUT_S)
+
+
+class Listening:
+    """Notices when an axis no longer reports its drive's status, which it does ten times a second."""
+
+    def __init__(self, clock: Clock, axes: Sequence[AxisClient]) -> None:
+        """Listen from now on."""
+        self._clock = clock
+        self._heard = [(axis, axis.drive_status, clock.now_s()) for axis in axes]
+
+    def check(self) -> None:
+        """Raise BusError if an axis has not reported for SILENCE_S; call it at every look."""
+        now_s = self._clock.now_s()
+        for i, (axis, report, heard_s) in enumerate(self._heard):
+            if axis.drive_status is not report:
+                self._heard[i] = axis, axis.drive_status, now_s
+            elif now_s - heard_s > SILENCE_S:
+                raise silent(axis.name)
 
 
 def check_faults(clock: Clock, axes: Sequence[AxisClient]) -> None:
