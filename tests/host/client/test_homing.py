@@ -1,5 +1,6 @@
 """The client homes whole machines on the embedded board, from any position, and reports why a homing failed."""
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -191,19 +192,24 @@ class TestFailures:
 class TestReports:
     """A homing is followed by what the axis reports; it is asked only once that says that the homing has ended."""
 
-    def test_a_search_of_seconds_asks_for_its_statusword_thrice(
+    def test_a_search_of_seconds_asks_for_few_statuswords(
         self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Once for success, twice before and after the start bit is taken back."""
+        """When a report may be from before the start, at success, before and after the start bit is taken back."""
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         board.wait(0.5)
-        axis, asked = machine.axes[TH1], list[int]()
+        axis, asked = machine.axes[TH1], Counter[int]()
         read = axis.read
-        monkeypatch.setattr(axis, "read", lambda address: (asked.append(address), read(address))[1])
+
+        def counted(address: int) -> int:
+            asked[address] += 1
+            return read(address)
+
+        monkeypatch.setattr(axis, "read", counted)
         began_s = board.now_s()
         machine.home_axes(how(WAREHOUSE, "th1"))
         assert board.now_s() - began_s > 1.0
-        assert asked.count(od.STATUSWORD) <= 4
+        assert asked[od.STATUSWORD] <= 4
 
     def test_an_axis_that_falls_silent(self, fast_kernel: Kernel) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
