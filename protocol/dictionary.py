@@ -1,6 +1,6 @@
 """Hold the values of one node's object dictionary, with the checks of CiA 301, bound to the parts of the firmware."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
@@ -9,7 +9,6 @@ from typing import Any, Final
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.entry import Access, DataType, Entry, decode, encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
-from steptwin.protocol.handlers import OBEYED_BY, READ_FROM
 from steptwin.protocol.objects import ENTRIES
 
 _RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
@@ -54,17 +53,17 @@ _NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.i
 _WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
 
 
-def _by_class(handlers: dict[int, str]) -> dict[str, list[tuple[int, str]]]:
+def _by_class(handlers: Iterable[tuple[int, str]]) -> dict[str, list[tuple[int, str]]]:
     """Return the addresses, and the names within the class, of what "Class.name" names, by class."""
     by_class: dict[str, list[tuple[int, str]]] = {}
-    for address, handler in handlers.items():
+    for address, handler in handlers:
         owner, _, name = handler.partition(".")
         by_class.setdefault(owner, []).append((address, name))
     return by_class
 
 
-_READ_FROM: Final = _by_class(READ_FROM)
-_OBEYED_BY: Final = _by_class(OBEYED_BY)
+_READ_FROM: Final = _by_class((address, entry.read) for address, entry in ENTRIES.items())
+_OBEYED_BY: Final = _by_class((address, entry.write) for address, entry in ENTRIES.items())
 
 
 class Cell:
@@ -122,8 +121,8 @@ class ObjectDictionary:
     """One node's object dictionary.
 
     The bus uses `read` and `write`, which check access, length and range and raise SdoAbortError. The firmware uses
-    `get` and `set`, which check nothing. The tables of `handlers` name the firmware's part that supplies an entry's
-    present value, and the one that obeys a value written; `bind` finds them there.
+    `get` and `set`, which check nothing. The rows of `od` name the firmware's part that supplies an entry's present
+    value, and the one that obeys a value written; `bind` finds them there.
     """
 
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:

@@ -15,7 +15,7 @@ from typing import Final
 
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
-from steptwin.protocol.objects import HISTORY_DEPTH
+from steptwin.protocol.od import HISTORY_DEPTH
 
 PLACES: Final = len(ErrorCode)
 """Frames that may wait. One more, and two of them have the same code; "no error" is a code, too."""

@@ -94,6 +94,7 @@ class Entry:
     `title` is the name, with "{unit}" where it says the unit, and perhaps an explanation after a colon. `default` is
     the value after power-up, with the node id added if `plus_node_id`. `low` and `high` bound the values that
     may be written; None is the bound of the type. `values` are those allowed within the bounds, if not all are.
+    `read` and `write` name the firmware's part behind the entry (see `od`); empty: none.
     """
 
     title: str
@@ -106,6 +107,8 @@ class Entry:
     plus_node_id: bool = False
     unit: EntryUnit = EntryUnit.NONE
     values: Collection[int] | None = None
+    read: str = ""
+    write: str = ""
 
     @property
     def name(self) -> str:

@@ -1,10 +1,25 @@
-"""Names for the addresses of all entries of the object dictionary; an address is index << 8 | sub-index.
+"""The object dictionary of one axis node as one table: a row gives an entry its name, its place and all that it is.
 
-All code that reads or writes an entry names it by these. Only frames, the EDS and messages split an address into index
-and sub-index again. A name ends with a unit where the unit is easily mistaken; `objects.py` has the unit of each entry.
+An entry is named by its address, index << 8 | sub-index, in all code that reads or writes it; only frames, the EDS and
+messages split an address into index and sub-index again. A name ends with a unit where the unit is easily mistaken.
+Everything else is made from the rows: the board's storage, the SDO server's checks, the PDO mappings, the EDS and the
+DBC. Positions are in wire units of 1/16 384 full motor step, velocities in units per second, accelerations in units per
+second squared; the PVT record has its own, finer velocity.
+
+`read` names the attribute, property or method of the firmware that supplies an entry's present value, `write` the
+method that obeys a value written, or refuses it: after the checks of the row and before the value is stored. A name is
+"Class.name"; `ObjectDictionary.bind` finds it when the part is made. A method whose name ends with "_at" is given the
+entry's address. An entry with neither is a stored value, which has no effect until it is read.
 """
 
+from collections.abc import Collection
 from typing import Final
+
+from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, RAMPS, AbortConnection, DigitalOutput, Mode
+from steptwin.protocol.entry import Access, DataType, Entry, EntryUnit, Mapping, ObjectCode
+from steptwin.protocol.frame import COB_EMCY, COB_SYNC
+from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
+from steptwin.protocol.nmt import ErrorBehaviour
 
 
 def address_of(index: int, subindex: int = 0) -> int:
@@ -22,37 +37,186 @@ def place_text(address: int) -> str:
     return f"0x{address >> 8:04X}:{address & 0xFF:02X}"
 
 
+ROWS: Final[dict[int, Entry]] = {}
+"""The entries by address, without those of PDOs and those that count sub-indexes, which `objects` adds."""
+NAMES: Final[dict[int, tuple[str, ObjectCode]]] = {}
+"""Name and code of each object that has several entries, by index."""
+
+I8, I16, I24, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER24, DataType.INTEGER32
+U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
+STRING: Final = DataType.VISIBLE_STRING
+RX, TX, RXTX = Mapping.RECEIVE, Mapping.TRANSMIT, Mapping.BOTH
+POSITION, VELOCITY, ACCELERATION = EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit.ACCELERATION
+NS, US, HUNDRED_US, MS = EntryUnit.NS, EntryUnit.US, EntryUnit.HUNDRED_US, EntryUnit.MS
+TEN_MV, TENTH_DEGC, PERCENT = EntryUnit.TEN_MV, EntryUnit.TENTH_DEGC, EntryUnit.PERCENT
+STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.RECORDS
+
+UNITS_PER_FULL_STEP: Final = 16_384
+"""Wire units in a full step, whatever the microstep setting."""
+FULL_STEPS_PER_REVOLUTION: Final = 200
+"""Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
+_UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
+
+IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
+"""CiA 402 (0x192 = 402), bit 18: stepper motor."""
+PULSE_NS_MIN: Final = 4_000
+TIMING_NS_MAX: Final = 1_000_000
+"""Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
+CYCLE_MS_MAX: Final = 10
+"""The longest period of cyclic synchronous position."""
+MILLI: Final = -3
+WINDOW_OFF: Final = U32.high
+"""The value that switches the following error window (6065h) and the position window (6067h) off."""
+
+
+def array(index: int, name: str) -> None:
+    """Name an object whose entries, in the rows that follow, are alike."""
+    NAMES[index] = name, ObjectCode.ARRAY
+
+
+def record(index: int, name: str) -> None:
+    """Name an object whose entries, in the rows that follow, are of several kinds."""
+    NAMES[index] = name, ObjectCode.RECORD
+
+
+def const(
+    address: int,
+    data_type: DataType,
+    title: str,
+    value: int | str,
+    unit: EntryUnit = EntryUnit.NONE,
+    *,
+    plus_node_id: bool = False,
+) -> int:
+    """Add a constant; return its address."""
+    ROWS[address] = Entry(title, data_type, Access.CONST, value, plus_node_id=plus_node_id, unit=unit)
+    return address
+
+
+def ro(
+    address: int,
+    data_type: DataType,
+    title: str,
+    unit: EntryUnit = EntryUnit.NONE,
+    mapping: Mapping = Mapping.NONE,
+    *,
+    default: int = 0,
+    read: str = "",
+) -> int:
+    """Add an entry that is only read; return its address."""
+    ROWS[address] = Entry(title, data_type, Access.READ_ONLY, default, mapping=mapping, unit=unit, read=read)
+    return address
+
+
+def wo(
+    address: int, data_type: DataType, title: str, low: int | None = None, high: int | None = None, *, write: str
+) -> int:
+    """Add an entry that is only written; return its address."""
+    ROWS[address] = Entry(title, data_type, Access.WRITE_ONLY, low=low, high=high, write=write)
+    return address
+
+
+def rw(
+    address: int,
+    data_type: DataType,
+    title: str,
+    default: int | str = 0,
+    low: int | None = None,
+    high: int | None = None,
+    *,
+    unit: EntryUnit = EntryUnit.NONE,
+    mapping: Mapping = Mapping.NONE,
+    values: Collection[int] | None = None,
+    plus_node_id: bool = False,
+    read: str = "",
+    write: str = "",
+) -> int:
+    """Add an entry that is read and written; return its address."""
+    ROWS[address] = Entry(
+        title, data_type, Access.READ_WRITE, default, low, high, mapping, plus_node_id, unit, values, read, write
+    )
+    return address
+
+
+def _rate(address: int, title: str, full_steps: int, unit: EntryUnit, mapping: Mapping = Mapping.NONE) -> int:
+    """Add a speed, an acceleration or a jerk, whose default is given in full steps and seconds."""
+    return rw(address, U32, title, full_steps * UNITS_PER_FULL_STEP, 1, unit=unit, mapping=mapping)
+
+
+def _timing(address: int, title: str, default_ns: int, low_ns: int) -> int:
+    """Add a time of the step timing."""
+    title = f"{title} in {{unit}}"
+    return rw(address, U32, title, default_ns, low_ns, TIMING_NS_MAX, unit=NS, write="DriverSettings.change_at")
+
+
+def _percent(address: int, title: str, default: int, values: tuple[int, ...]) -> int:
+    """Add a setting of the TB6560 in percent; `values` are those that its pins can select."""
+    return rw(address, U8, title, default, values[0], values[-1], unit=PERCENT, values=values)
+
+
 # --- communication (CiA 301)
 
-DEVICE_TYPE: Final = 0x1000_00
-ERROR_REGISTER: Final = 0x1001_00
-ERROR_HISTORY_COUNT: Final = 0x1003_00
-ERROR_HISTORY: Final = tuple(range(0x1003_01, 0x1003_09))
+DEVICE_TYPE = const(0x1000_00, U32, "Device type", IDENTITY_DEVICE_TYPE)
+ERROR_REGISTER = ro(0x1001_00, U8, "Error register", mapping=TX, read="AxisErrors.register")
+array(0x1003, "Pre-defined error field")
+# Writing 0 clears the history (CiA 301, section 7.5.2.4).
+ERROR_HISTORY_COUNT = rw(
+    0x1003_00, U8, "Number of errors", 0, 0, 0, read="AxisErrors.history_length", write="AxisErrors.clear_history"
+)
+HISTORY_DEPTH: Final = 8
+ERROR_HISTORY: Final = tuple(
+    ro(0x1003_00 + i, U32, f"Standard error field {i}", read="AxisErrors.history_at")
+    for i in range(1, HISTORY_DEPTH + 1)
+)
 """The newest error first."""
-SYNC_COB_ID: Final = 0x1005_00
-COMMUNICATION_CYCLE_PERIOD: Final = 0x1006_00
-DEVICE_NAME: Final = 0x1008_00
-HARDWARE_VERSION: Final = 0x1009_00
-SOFTWARE_VERSION: Final = 0x100A_00
-STORE_ALL: Final = 0x1010_01
-STORE_COMMUNICATION: Final = 0x1010_02
-STORE_APPLICATION: Final = 0x1010_03
-STORE_BOARD: Final = 0x1010_04
-RESTORE_ALL: Final = 0x1011_01
-RESTORE_COMMUNICATION: Final = 0x1011_02
-RESTORE_APPLICATION: Final = 0x1011_03
-RESTORE_BOARD: Final = 0x1011_04
-TIME_STAMP: Final = 0x1013_00
-EMCY_COB_ID: Final = 0x1014_00
-EMCY_INHIBIT_TIME: Final = 0x1015_00
-CONSUMER_HEARTBEATS: Final = (0x1016_01, 0x1016_02, 0x1016_03, 0x1016_04)
-PRODUCER_HEARTBEAT_TIME: Final = 0x1017_00
-VENDOR_ID: Final = 0x1018_01
-PRODUCT_CODE: Final = 0x1018_02
-REVISION_NUMBER: Final = 0x1018_03
-SERIAL_NUMBER: Final = 0x1018_04
-SYNC_COUNTER_OVERFLOW: Final = 0x1019_00
-COMMUNICATION_ERROR_BEHAVIOUR: Final = 0x1029_01
+SYNC_COB_ID = const(0x1005_00, U32, "COB-ID SYNC", COB_SYNC)
+COMMUNICATION_CYCLE_PERIOD = rw(0x1006_00, U32, "Communication cycle period in {unit}", unit=US)
+DEVICE_NAME = const(0x1008_00, STRING, "Manufacturer device name", "StepTwin TB6560 axis (SIMULATED)")
+HARDWARE_VERSION = const(0x1009_00, STRING, "Manufacturer hardware version", "STM32F103 + TB6560")
+SOFTWARE_VERSION = const(0x100A_00, STRING, "Manufacturer software version", "0.1.0")
+_GROUPS: Final = ("all parameters", "communication parameters", "application parameters", "board parameters")
+array(0x1010, "Store parameters")
+STORES: Final = tuple(
+    rw(0x1010_01 + i, U32, f"Save {group}", 1, read="ParameterStorage.ability", write="ParameterStorage.save_at")
+    for i, group in enumerate(_GROUPS)
+)
+STORE_ALL, STORE_COMMUNICATION, STORE_APPLICATION, STORE_BOARD = STORES
+array(0x1011, "Restore default parameters")
+RESTORES: Final = tuple(
+    rw(0x1011_01 + i, U32, f"Restore {group}", 1, read="ParameterStorage.ability", write="ParameterStorage.load_at")
+    for i, group in enumerate(_GROUPS)
+)
+RESTORE_ALL, RESTORE_COMMUNICATION, RESTORE_APPLICATION, RESTORE_BOARD = RESTORES
+TIME_STAMP = rw(
+    0x1013_00,
+    U32,
+    "High resolution time stamp in {unit}",
+    unit=US,
+    mapping=RXTX,
+    read="AxisNode.time_stamp_us",
+    write="AxisNode.set_clock",
+)
+EMCY_COB_ID = rw(0x1014_00, U32, "COB-ID EMCY", COB_EMCY, plus_node_id=True, write="AxisErrors.check_new_cob_id")
+EMCY_INHIBIT_TIME = rw(0x1015_00, U16, "Inhibit time EMCY in {unit}", unit=HUNDRED_US)
+array(0x1016, "Consumer heartbeat time")
+_CONSUMER: Final = "node id in bits 16 to 23, time in ms in bits 0 to 15"
+CONSUMER_HEARTBEATS: Final = tuple(
+    rw(0x1016_00 + i, U32, f"Producer {i}: {_CONSUMER}", 0, 0, 0x00FF_FFFF, write="HeartbeatConsumer.watch_at")
+    for i in range(1, 5)
+)
+PRODUCER_HEARTBEAT_TIME = rw(
+    0x1017_00, U16, "Producer heartbeat time in {unit}", unit=MS, write="AxisNode.set_heartbeat_period"
+)
+record(0x1018, "Identity object")
+VENDOR_ID = const(0x1018_01, U32, "Vendor-ID", 0)
+PRODUCT_CODE = const(0x1018_02, U32, "Product code", 0x6560)
+REVISION_NUMBER = const(0x1018_03, U32, "Revision number", 0x0001_0000)
+SERIAL_NUMBER = const(0x1018_04, U32, "Serial number", 0, plus_node_id=True)
+SYNC_COUNTER_OVERFLOW = rw(
+    0x1019_00, U8, "Synchronous counter overflow value", low=0, high=240, write="ProcessData.check_sync_overflow"
+)
+array(0x1029, "Error behaviour")
+COMMUNICATION_ERROR_BEHAVIOUR = rw(0x1029_01, U8, "Communication error", ErrorBehaviour.PRE_OPERATIONAL, 0, 2)
 RPDO_COMMUNICATION: Final = (0x1400, 0x1401, 0x1402, 0x1403)
 RPDO_MAPPING: Final = (0x1600, 0x1601, 0x1602, 0x1603)
 TPDO_COMMUNICATION: Final = (0x1800, 0x1801, 0x1802, 0x1803)
@@ -66,119 +230,235 @@ PDO_SYNC_START: Final = 6
 
 # --- this board
 
-MICROSTEPS: Final = 0x2000_01
-TORQUE_PERCENT: Final = 0x2000_02
-FAST_DECAY_PERCENT: Final = 0x2000_03
-REST_TORQUE_PERCENT: Final = 0x2000_04
-STEPLEN_NS: Final = 0x2001_01
-STEPSPACE_NS: Final = 0x2001_02
-DIRSETUP_NS: Final = 0x2001_03
-DIRHOLD_NS: Final = 0x2001_04
-INVERT_MASK: Final = 0x2001_05
-BOARD_TEMPERATURE: Final = 0x2002_01
-SUPPLY_VOLTAGE: Final = 0x2002_02
-SUPPLY_VOLTAGE_MIN: Final = 0x2002_03
-SUPPLY_VOLTAGE_MAX: Final = 0x2002_04
-BOARD_TEMPERATURE_MAX: Final = 0x2002_05
-GROUP_STOP: Final = 0x2010_01
-QUEUE_LOW_WATER: Final = 0x2010_02
-PVT_NEXT_SEQUENCE: Final = 0x2012_01
-PVT_FREE_RECORDS: Final = 0x2012_02
-PVT_FLAGS: Final = 0x2012_03
-PVT_EXECUTING_SEQUENCE: Final = 0x2012_04
-BOARD_CLOCK_US: Final = 0x2012_05
-PVT_ACCEPTED: Final = 0x2013_01
-PVT_GAPS: Final = 0x2013_02
-PVT_OVERFLOWS: Final = 0x2013_03
-PVT_UNDERRUNS: Final = 0x2013_04
-PVT_LEAST_FILL: Final = 0x2013_05
-DELAYED_STEPS: Final = 0x2013_06
-FRAMES_LOST: Final = 0x2014_01
-EMCYS_LOST: Final = 0x2014_02
-RPDO_VALUES_REFUSED: Final = 0x2014_03
-RPDO_LAST_REFUSED: Final = 0x2014_04
-EMERGENCY_STOP: Final = 0x2015_00
-ROBOT_NAME: Final = 0x2016_01
-ROBOT_NAME_CRC: Final = 0x2016_02
-CHARGE_TOKEN: Final = 0x2017_01
-CHARGE_RELEASE: Final = 0x2017_02
-FAULT_NUMBER: Final = 0x2018_01
-FAULT_AGE_MS: Final = 0x2018_02
-FAULT_RESET: Final = 0x2018_03
-HOMING_TIMEOUT_MS: Final = 0x2020_01
-HOMING_ERROR: Final = 0x2020_02
+record(0x2000, "TB6560 settings")
+MICROSTEPS = rw(0x2000_01, U8, "Microsteps per full step", 16, 1, 16, write="DriverSettings.change_at")
+TORQUE_PERCENT = _percent(0x2000_02, "Torque in {unit} of the full current", 100, (20, 50, 75, 100))
+FAST_DECAY_PERCENT = _percent(0x2000_03, "Fast decay in {unit} of a chopping period", 0, (0, 25, 50, 100))
+REST_TORQUE_PERCENT = _percent(0x2000_04, "Torque at rest in {unit} of the full current", 100, (20, 50, 75, 100))
+record(0x2001, "Step timing")
+STEPLEN_NS = _timing(0x2001_01, "steplen: CLK high", 33_000, PULSE_NS_MIN)
+STEPSPACE_NS = _timing(0x2001_02, "stepspace: CLK low", 33_666, PULSE_NS_MIN)
+DIRSETUP_NS = _timing(0x2001_03, "dirsetup: DIR stable before a CLK rise", 15_000, 0)
+DIRHOLD_NS = _timing(0x2001_04, "dirhold: DIR stable after a CLK rise", 15_000, 0)
+INVERT_MASK = rw(0x2001_05, U8, "Invert mask: 2 inverts DIR", 0, 0, 2, write="DriverSettings.change_at")
+record(0x2002, "Board measurements and their limits")
+BOARD_TEMPERATURE = ro(
+    0x2002_01, I16, "Board temperature in {unit}", TENTH_DEGC, TX, read="BoardReadings.temperature_decidegc"
+)
+SUPPLY_VOLTAGE = ro(0x2002_02, U16, "Motor supply in {unit}", TEN_MV, TX, read="BoardReadings.supply_10mv")
+SUPPLY_VOLTAGE_MIN = rw(0x2002_03, U16, "Least motor supply in {unit}", 1000, unit=TEN_MV)
+SUPPLY_VOLTAGE_MAX = rw(
+    0x2002_04, U16, "Highest motor supply in {unit}: 34 V, TB6560AHQ datasheet page 8", 3400, unit=TEN_MV
+)
+BOARD_TEMPERATURE_MAX = rw(0x2002_05, I16, "Highest board temperature in {unit}", 850, unit=TENTH_DEGC)
+record(0x2010, "Interpolation group")
+GROUP_STOP = rw(0x2010_01, U8, "Group stop: a fault stops all interpolating axes", 1, 0, 1)
+QUEUE_LOW_WATER = rw(0x2010_02, U8, "Low-water mark of the queue in {unit}", 16, 0, 64, unit=RECORDS)
+record(0x2012, "PVT status")
+PVT_NEXT_SEQUENCE = ro(0x2012_01, U8, "Next sequence number", mapping=TX, read="Interpolation.next_sequence")
+PVT_FREE_RECORDS = ro(0x2012_02, U8, "Free records", RECORDS, TX, read="Interpolation.free_records")
+PVT_FLAGS = ro(0x2012_03, U8, "Flags", mapping=TX, read="Interpolation.flags")
+PVT_EXECUTING_SEQUENCE = ro(
+    0x2012_04, U8, "Executing sequence number", mapping=TX, read="Interpolation.executing_sequence"
+)
+BOARD_CLOCK_US = ro(0x2012_05, U32, "Board clock in {unit}", US, TX, read="AxisNode.board_clock_us")
+record(0x2013, "PVT counters")
+PVT_ACCEPTED = ro(0x2013_01, U32, "Records accepted", RECORDS)
+PVT_GAPS = ro(0x2013_02, U16, "Gaps")
+PVT_OVERFLOWS = ro(0x2013_03, U16, "Overflows")
+PVT_UNDERRUNS = ro(0x2013_04, U16, "Underruns")
+PVT_LEAST_FILL = ro(0x2013_05, U8, "Least fill while running", RECORDS)
+DELAYED_STEPS = ro(0x2013_06, U32, "Delayed steps", STEPS, read="BoardMotion.delayed_steps")
+record(0x2014, "Transmission counters")
+FRAMES_LOST = ro(0x2014_01, U32, "Frames lost because the bus was too busy")
+EMCYS_LOST = ro(0x2014_02, U32, "Emergencies lost because of the inhibit time EMCY", read="AxisErrors.lost")
+RPDO_VALUES_REFUSED = ro(0x2014_03, U32, "Values of RPDOs refused")
+RPDO_LAST_REFUSED = ro(0x2014_04, U32, "Entry of the last of them, as a mapping names it")
+EMERGENCY_STOP = rw(
+    0x2015_00,
+    U8,
+    "Emergency stop: 1 stops the axis until the fault reset",
+    0,
+    0,
+    1,
+    read="AxisDrive.emergency_stopped",
+    write="AxisDrive.stop_at_once",
+)
+record(0x2016, "Robot")
+ROBOT_NAME = rw(0x2016_01, STRING, "Name of the robot that this axis belongs to", "")
+ROBOT_NAME_CRC = ro(0x2016_02, U32, "CRC-32 of the name", read="AxisNode.robot_name_crc")
+record(0x2017, "Program in charge")
+CHARGE_TOKEN = rw(
+    0x2017_01,
+    U32,
+    "Token: claims the axis for a program; 0: none is in charge",
+    read="Charge.token",
+    write="Charge.claim",
+)
+CHARGE_RELEASE = wo(0x2017_02, U32, "Release: takes the token of the program in charge", write="Charge.release")
+CHARGE_FREE: Final = 0
+"""The token that is read while no program is in charge.
+
+Programs that do not know the object drive the axis as ever: it only lets programs that ask for it take turns.
+"""
+CHARGE_UNWATCHED_MS: Final = 1000
+"""Time until a node that monitors no heartbeat forgets the program in charge."""
+record(0x2018, "Faults and emergency stops")
+FAULT_NUMBER = ro(
+    0x2018_01, U32, "Number of the last fault or emergency stop since power-up; 0: none", read="AxisDrive.fault_number"
+)
+FAULT_AGE_MS = ro(
+    0x2018_02, U32, "Age of the last fault or emergency stop in {unit}", MS, read="AxisDrive.fault_age_ms"
+)
+FAULT_RESET = wo(
+    0x2018_03,
+    U32,
+    "Fault reset: the number of the fault or emergency stop that it answers",
+    write="AxisDrive.reset_numbered_fault",
+)
+record(0x2020, "Homing")
+HOMING_TIMEOUT_MS = rw(0x2020_01, U32, "Timeout in {unit}; 0: none", 120_000, unit=MS)
+HOMING_ERROR = ro(0x2020_02, U8, "Why the last homing has failed")
 
 # --- the emulator, which no real board has
 
-ROTOR_POSITION_STEPS: Final = 0x2F00_01
-LOST_STEPS: Final = 0x2F00_02
-DRIVER_VIOLATIONS: Final = 0x2F00_03
-DRIVER_MICROSTEPS: Final = 0x2F00_04
-SHAFT_POSITION: Final = 0x2F00_05
-SLIPPED_FULL_STEPS: Final = 0x2F00_06
+record(0x2F00, "Emulator only: what the driver has made of the pulses since power-up")
+ROTOR_POSITION_STEPS = ro(0x2F00_01, I32, "Driver's count in {unit}", STEPS, TX, read="EmulatedAxis.count_at")
+LOST_STEPS = ro(0x2F00_02, I32, "Lost steps", STEPS, TX, read="EmulatedAxis.count_at")
+DRIVER_VIOLATIONS = ro(0x2F00_03, U32, "Driver violations", mapping=TX, read="EmulatedAxis.count_at")
+DRIVER_MICROSTEPS = ro(
+    0x2F00_04, U8, "Microsteps per full step that the driver makes", mapping=TX, read="EmulatedAxis.count_at"
+)
+SHAFT_POSITION = ro(0x2F00_05, I32, "True position of the rotor in {unit}", POSITION, TX, read="EmulatedAxis.rotor_at")
+SLIPPED_FULL_STEPS = ro(
+    0x2F00_06, I32, "Full steps by which the rotor has slipped", mapping=TX, read="EmulatedAxis.rotor_at"
+)
 
 # --- the drive (CiA 402-2)
 
-ABORT_CONNECTION_OPTION: Final = 0x6007_00
-ERROR_CODE: Final = 0x603F_00
-CONTROLWORD: Final = 0x6040_00
-STATUSWORD: Final = 0x6041_00
-QUICK_STOP_OPTION: Final = 0x605A_00
-SHUTDOWN_OPTION: Final = 0x605B_00
-DISABLE_OPERATION_OPTION: Final = 0x605C_00
-HALT_OPTION: Final = 0x605D_00
-FAULT_REACTION_OPTION: Final = 0x605E_00
-MODE_OF_OPERATION: Final = 0x6060_00
-MODE_OF_OPERATION_DISPLAY: Final = 0x6061_00
-POSITION_DEMAND: Final = 0x6062_00
-POSITION_ACTUAL: Final = 0x6064_00
-FOLLOWING_ERROR_WINDOW: Final = 0x6065_00
-FOLLOWING_ERROR_TIMEOUT_MS: Final = 0x6066_00
-POSITION_WINDOW: Final = 0x6067_00
-POSITION_WINDOW_TIME_MS: Final = 0x6068_00
-VELOCITY_ACTUAL: Final = 0x606C_00
-TARGET_POSITION: Final = 0x607A_00
-HOME_OFFSET: Final = 0x607C_00
-POSITION_LIMIT_MIN: Final = 0x607D_01
-POSITION_LIMIT_MAX: Final = 0x607D_02
-POLARITY: Final = 0x607E_00
-MAX_PROFILE_VELOCITY: Final = 0x607F_00
-PROFILE_VELOCITY: Final = 0x6081_00
-PROFILE_ACCELERATION: Final = 0x6083_00
-PROFILE_DECELERATION: Final = 0x6084_00
-QUICK_STOP_DECELERATION: Final = 0x6085_00
-MOTION_PROFILE_TYPE: Final = 0x6086_00
-ENCODER_UNITS: Final = 0x608F_01
-ENCODER_MOTOR_REVOLUTIONS: Final = 0x608F_02
-GEAR_MOTOR_REVOLUTIONS: Final = 0x6091_01
-GEAR_SHAFT_REVOLUTIONS: Final = 0x6091_02
-FEED_UNITS: Final = 0x6092_01
-FEED_SHAFT_REVOLUTIONS: Final = 0x6092_02
-HOMING_METHOD: Final = 0x6098_00
-HOMING_SEARCH_SPEED: Final = 0x6099_01
-HOMING_ZERO_SPEED: Final = 0x6099_02
-HOMING_ACCELERATION: Final = 0x609A_00
-PROFILE_JERK: Final = 0x60A4_01
-INTERPOLATION_SUBMODE: Final = 0x60C0_00
-PVT_DISPLACEMENT: Final = 0x60C1_01
-PVT_END_VELOCITY: Final = 0x60C1_02
-PVT_DURATION_MS: Final = 0x60C1_03
-PVT_SEQUENCE: Final = 0x60C1_04
-INTERPOLATION_PERIOD: Final = 0x60C2_01
-INTERPOLATION_PERIOD_EXPONENT: Final = 0x60C2_02
-BUFFER_SIZE_MAX: Final = 0x60C4_01
-BUFFER_SIZE: Final = 0x60C4_02
-BUFFER_ORGANIZATION: Final = 0x60C4_03
-BUFFER_POSITION: Final = 0x60C4_04
-BUFFER_RECORD_BYTES: Final = 0x60C4_05
-BUFFER_CLEAR: Final = 0x60C4_06
-MAX_ACCELERATION: Final = 0x60C5_00
-MAX_DECELERATION: Final = 0x60C6_00
-SUPPORTED_HOMING_METHODS: Final = tuple(range(0x60E3_01, 0x60E3_11))
-FOLLOWING_ERROR_ACTUAL: Final = 0x60F4_00
-POSITION_DEMAND_STEPS: Final = 0x60FC_00
-DIGITAL_INPUTS: Final = 0x60FD_00
-DIGITAL_OUTPUTS: Final = 0x60FE_01
-DIGITAL_OUTPUTS_MASK: Final = 0x60FE_02
-TARGET_VELOCITY: Final = 0x60FF_00
-SUPPORTED_DRIVE_MODES: Final = 0x6502_00
+ABORT_CONNECTION_OPTION = rw(0x6007_00, I16, "Abort connection option code", AbortConnection.FAULT_SIGNAL, 0, 3)
+ERROR_CODE = ro(0x603F_00, U16, "Error code", mapping=TX)
+CONTROLWORD = rw(0x6040_00, U16, "Controlword", mapping=RX, write="AxisDrive.obey_controlword")
+STATUSWORD = ro(0x6041_00, U16, "Statusword", mapping=TX, read="AxisNode.statusword")
+QUICK_STOP_OPTION = rw(0x605A_00, I16, "Quick stop option code", 2, 0, 6, values=(0, 1, 2, 5, 6))
+# CiA 402's own default is 0, which cuts the current: a vertical axis would fall.
+SHUTDOWN_OPTION = rw(0x605B_00, I16, "Shutdown option code", 1, 0, 1)
+DISABLE_OPERATION_OPTION = rw(0x605C_00, I16, "Disable operation option code", 1, 0, 1)
+HALT_OPTION = rw(0x605D_00, I16, "Halt option code", 1, 1, 2)
+FAULT_REACTION_OPTION = rw(0x605E_00, I16, "Fault reaction option code", 2, 0, 2)
+MODE_OF_OPERATION = rw(
+    0x6060_00, I8, "Modes of operation", Mode.NONE, mapping=RX, values=tuple(Mode), write="AxisDrive.select_mode"
+)
+MODE_OF_OPERATION_DISPLAY = ro(0x6061_00, I8, "Modes of operation display", mapping=TX, read="AxisDrive.mode_number")
+POSITION_DEMAND = ro(0x6062_00, I32, "Position demand value", POSITION, TX, read="BoardMotion.demand_units")
+POSITION_ACTUAL = ro(0x6064_00, I32, "Position actual value", POSITION, TX, read="BoardMotion.counter_units")
+FOLLOWING_ERROR_WINDOW = rw(
+    0x6065_00, U32, "Following error window in {unit}; all ones: off", WINDOW_OFF, unit=POSITION
+)
+FOLLOWING_ERROR_TIMEOUT_MS = rw(0x6066_00, U16, "Following error time out in {unit}", 0, unit=MS)
+POSITION_WINDOW = rw(0x6067_00, U32, "Position window in {unit}; all ones: off", WINDOW_OFF, unit=POSITION)
+POSITION_WINDOW_TIME_MS = rw(0x6068_00, U16, "Position window time in {unit}", 0, unit=MS)
+VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="BoardMotion.velocity_units_per_s")
+TARGET_POSITION = rw(
+    0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point"
+)
+HOME_OFFSET = rw(0x607C_00, I32, "Home offset", unit=POSITION)
+array(0x607D, "Software position limit")
+POSITION_LIMIT_MIN = rw(
+    0x607D_01, I32, "Min position limit in {unit}", I32.low, unit=POSITION, write="SoftLimits.check_low"
+)
+POSITION_LIMIT_MAX = rw(
+    0x607D_02, I32, "Max position limit in {unit}", I32.high, unit=POSITION, write="SoftLimits.check_high"
+)
+POLARITY = rw(0x607E_00, U8, "Polarity: 0xC0 reverses the axis", 0, 0, 0xC0, write="DriverSettings.change_at")
+MAX_PROFILE_VELOCITY = rw(
+    0x607F_00,
+    U32,
+    "Max profile velocity",
+    8_000 * UNITS_PER_FULL_STEP,
+    1,
+    unit=VELOCITY,
+    write="DriverSettings.change_at",
+)
+PROFILE_VELOCITY = _rate(0x6081_00, "Profile velocity", 1_000, VELOCITY, RX)
+PROFILE_ACCELERATION = _rate(0x6083_00, "Profile acceleration", 5_000, ACCELERATION, RX)
+PROFILE_DECELERATION = _rate(0x6084_00, "Profile deceleration", 5_000, ACCELERATION, RX)
+QUICK_STOP_DECELERATION = _rate(0x6085_00, "Quick stop deceleration", 20_000, ACCELERATION)
+MOTION_PROFILE_TYPE = rw(
+    0x6086_00, I16, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", LINEAR_RAMP, 0, 3, values=RAMPS
+)
+array(0x608F, "Position encoder resolution")
+ENCODER_UNITS = const(0x608F_01, U32, "Units", _UNITS_PER_REVOLUTION, POSITION)
+ENCODER_MOTOR_REVOLUTIONS = const(0x608F_02, U32, "Motor revolutions", 1, REVOLUTIONS)
+array(0x6091, "Gear ratio")
+GEAR_MOTOR_REVOLUTIONS = const(0x6091_01, U32, "Motor revolutions", 1, REVOLUTIONS)
+GEAR_SHAFT_REVOLUTIONS = const(0x6091_02, U32, "Shaft revolutions", 1, REVOLUTIONS)
+array(0x6092, "Feed constant")
+FEED_UNITS = const(0x6092_01, U32, "Feed in {unit}", _UNITS_PER_REVOLUTION, POSITION)
+FEED_SHAFT_REVOLUTIONS = const(0x6092_02, U32, "Shaft revolutions", 1, REVOLUTIONS)
+HOMING_METHOD = rw(
+    0x6098_00, I8, "Homing method", HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS), values=HOMING_METHODS
+)
+array(0x6099, "Homing speeds")
+HOMING_SEARCH_SPEED = _rate(0x6099_01, "Speed during search for switch", 500, VELOCITY)
+HOMING_ZERO_SPEED = _rate(0x6099_02, "Speed during search for zero", 50, VELOCITY)
+HOMING_ACCELERATION = _rate(0x609A_00, "Homing acceleration", 2_000, ACCELERATION)
+array(0x60A4, "Profile jerk")
+PROFILE_JERK = _rate(0x60A4_01, "Profile jerk 1 in {unit}", 100_000, EntryUnit.JERK)
+INTERPOLATION_SUBMODE = rw(0x60C0_00, I16, "Interpolation sub mode select", PVT_SUBMODE, PVT_SUBMODE, PVT_SUBMODE)
+record(0x60C1, "Interpolation data record (PVT)")
+PVT_DISPLACEMENT = rw(0x60C1_01, I24, "Displacement in {unit}", unit=POSITION, mapping=RX)
+PVT_END_VELOCITY = rw(0x60C1_02, I24, "End velocity in {unit}", unit=EntryUnit.PVT_VELOCITY, mapping=RX)
+PVT_DURATION_MS = rw(0x60C1_03, U8, "Duration in {unit}", unit=MS, mapping=RX)
+PVT_SEQUENCE = rw(
+    0x60C1_04, U8, "Sequence number: writing it queues the record", mapping=RX, write="Interpolation.take_record"
+)
+record(0x60C2, "Interpolation time period")
+# A period of value 10^index seconds. At 1 ms, CiA 402's default, eight axes would fill a bus of 1 Mbit/s.
+INTERPOLATION_PERIOD = rw(
+    0x60C2_01,
+    U8,
+    "Interpolation time period value",
+    CYCLE_MS_MAX,
+    1,
+    CYCLE_MS_MAX,
+    unit=MS,
+    write="CyclicPosition.check_period",
+)
+INTERPOLATION_PERIOD_EXPONENT = rw(0x60C2_02, I8, "Interpolation time index: -3 is ms", MILLI, MILLI, MILLI)
+record(0x60C4, "Interpolation data configuration")
+BUFFER_SIZE_MAX = ro(0x60C4_01, U32, "Maximum buffer size in {unit}", RECORDS, default=64)
+BUFFER_SIZE = ro(0x60C4_02, U32, "Actual buffer size in {unit}", RECORDS, default=64)
+BUFFER_ORGANIZATION = ro(0x60C4_03, U8, "Buffer organization: 0 is FIFO")
+BUFFER_POSITION = ro(0x60C4_04, U16, "Buffer position in {unit}", RECORDS, read="BoardMotion.queued")
+BUFFER_RECORD_BYTES = ro(0x60C4_05, U8, "Size of data record in {unit}", EntryUnit.BYTES, default=8)
+BUFFER_CLEAR = wo(0x60C4_06, U8, "Buffer clear: 0 clears", 0, 1, write="Interpolation.clear")
+MAX_ACCELERATION = rw(0x60C5_00, U32, "Max acceleration", U32.high, 1, unit=ACCELERATION)
+MAX_DECELERATION = rw(0x60C6_00, U32, "Max deceleration", U32.high, 1, unit=ACCELERATION)
+array(0x60E3, "Supported homing methods")
+SUPPORTED_HOMING_METHODS: Final = tuple(
+    const(0x60E3_00 + i, I8, f"Supported homing method {i}", method) for i, method in enumerate(HOMING_METHODS, start=1)
+)
+FOLLOWING_ERROR_ACTUAL = ro(
+    0x60F4_00, I32, "Following error actual value", POSITION, TX, read="PositionReference.following_error_units"
+)
+POSITION_DEMAND_STEPS = ro(
+    0x60FC_00, I32, "Position demand internal value in {unit}", STEPS, TX, read="BoardMotion.demand_steps"
+)
+DIGITAL_INPUTS = ro(0x60FD_00, U32, "Digital inputs", mapping=TX, read="Supervision.inputs")
+array(0x60FE, "Digital outputs")
+# Bits without an output are stored and do nothing, as in CiA 402 drives: one word may serve unlike drives, and a PDO
+# that carries such a bit is not lost. The mask lets both outputs through from the start, where many drives begin with
+# 0, so that a plain write of sub-index 1 switches them.
+DIGITAL_OUTPUTS = rw(0x60FE_01, U32, "Physical outputs", mapping=RX, write="AxisNode.switch_outputs_at")
+DIGITAL_OUTPUTS_MASK = rw(
+    0x60FE_02,
+    U32,
+    "Bit mask: an output whose bit is 0 is off",
+    DigitalOutput.OUT1 | DigitalOutput.OUT2,
+    write="AxisNode.switch_outputs_at",
+)
+TARGET_VELOCITY = rw(
+    0x60FF_00, I32, "Target velocity", unit=VELOCITY, mapping=RX, write="ProfileVelocity.follow_target"
+)
+SUPPORTED_DRIVE_MODES = const(0x6502_00, U32, "Supported drive modes", sum(mode.supported_bit for mode in Mode))

@@ -12,13 +12,14 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, Entry, Mapping
-from steptwin.protocol.objects import PARAMETER_GROUPS, RESTORES, STORES
 
+_GROUPS: Final = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
+"""First and last index of each group of parameters that can be stored and restored."""
 _Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
-_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, *STORES, *RESTORES))
+_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, *od.STORES, *od.RESTORES))
 
 
 class ParameterStorage:
@@ -36,7 +37,7 @@ class ParameterStorage:
     def save_at(self, address: int, signature: int) -> None:
         """Store the parameters of the group that belongs to an entry of 1010h."""
         self._check(signature, _SAVE)
-        first, last = PARAMETER_GROUPS[STORES.index(address)]
+        first, last = _GROUPS[od.STORES.index(address)]
         for place, entry in self._dictionary.entries.items():
             if not (first <= place >> 8 <= last and _is_parameter(place, entry)):
                 continue
@@ -48,7 +49,7 @@ class ParameterStorage:
     def load_at(self, address: int, signature: int) -> None:
         """Forget the stored parameters of the group that belongs to an entry of 1011h."""
         self._check(signature, _LOAD)
-        first, last = PARAMETER_GROUPS[RESTORES.index(address)]
+        first, last = _GROUPS[od.RESTORES.index(address)]
         self._page.values = _outside(first, last, self._page.values)
         self._page.texts = _outside(first, last, self._page.texts)
 

@@ -65,7 +65,7 @@ PROMISES = [
     Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", heartbeat.PERIOD_S, 0.1),
     Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", heartbeat.WATCH_HOST, 0x7F015E),
     Promise("docs/hardware.md", "misses its host's heartbeat for 350 ms", heartbeat.TIMEOUT_MS, 350),
-    Promise("docs/canopen.md", "when it has monitored no heartbeat for 1 s", objects.CHARGE_UNWATCHED_MS, 1000),
+    Promise("docs/canopen.md", "when it has monitored no heartbeat for 1 s", od.CHARGE_UNWATCHED_MS, 1000),
     Promise("docs/hardware.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
     Promise("docs/live.md", "wait 0.8 s for an answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "A node has 0.8 s to answer", shared_node._PATIENCE_S, 0.8),

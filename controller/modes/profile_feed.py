@@ -15,7 +15,7 @@ from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.stops import HALTS, StopKind
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 AHEAD_MS = 48

@@ -20,7 +20,7 @@ from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Status
-from steptwin.protocol.objects import WINDOW_OFF
+from steptwin.protocol.od import WINDOW_OFF
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 

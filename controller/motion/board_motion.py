@@ -10,7 +10,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import GroupTime
 from steptwin.controller.motion.kernel import Cells
 from steptwin.controller.motion.step_config import UNCONFIGURED, StepConfig
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 

@@ -13,7 +13,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pdo import ProcessData
 
 

@@ -4,7 +4,7 @@ from typing import Final
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
+from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
 
 _UNWATCHED_US: Final = 1000 * CHARGE_UNWATCHED_MS
 

@@ -13,8 +13,18 @@ from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.objects import STEP_ENTRIES
 
+_STEP_ENTRIES: Final = (
+    od.MICROSTEPS,
+    od.STEPLEN_NS,
+    od.STEPSPACE_NS,
+    od.DIRSETUP_NS,
+    od.DIRHOLD_NS,
+    od.MAX_PROFILE_VELOCITY,
+    od.POLARITY,
+    od.INVERT_MASK,
+)
+"""The entries that say how steps are made, in the order of `StepConfig`'s fields."""
 IDLE_AFTER_US: Final = 500_000
 """Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
 _CHOICES: Final = {
@@ -61,7 +71,7 @@ class DriverSettings:
     def apply(self, changes: dict[int, int] | None = None) -> None:
         """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
         changes, get = changes or {}, self._dictionary.get
-        config = StepConfig(*(changes.get(address, get(address)) for address in STEP_ENTRIES))
+        config = StepConfig(*(changes.get(address, get(address)) for address in _STEP_ENTRIES))
         if config.microsteps != self._motion.config(self._axis).microsteps:
             self._select_microsteps(config.microsteps)
         self._motion.configure(self._axis, config)

@@ -11,7 +11,7 @@ from typing import Final
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
-from steptwin.protocol.objects import WINDOW_OFF
+from steptwin.protocol.od import WINDOW_OFF
 
 LIMIT_PERIOD_US: Final = 1_000
 FOLLOWING_PERIOD_US: Final = 10_000

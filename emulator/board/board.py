@@ -24,7 +24,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import PvtRecord
 
 

@@ -36,7 +36,7 @@ from steptwin.emulator.motors.rotor_kernel import (
 from steptwin.emulator.motors.rotors import Drive, RotorRecord, Rotors
 from steptwin.emulator.world.shelf_watch import OutputWire
 from steptwin.emulator.world.switches import WEIGHT_ONE
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 REST_TICKS: Final = 40

@@ -15,7 +15,7 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.entry import DataType
-from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
+from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
 
 
 class Lease:

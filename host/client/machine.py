@@ -20,7 +20,8 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status
 from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.homing_methods import HOME_HERE
-from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE, TPDO_DEFAULTS
+from steptwin.protocol.objects import TPDO_DEFAULTS
+from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
 
 _STATUS_PERIOD: Final = od.address_of(od.TPDO_COMMUNICATION[2], od.PDO_EVENT_TIMER)
 """Address of the event timer of TPDO3, which reports a queue's free places."""

@@ -14,7 +14,7 @@ from steptwin.host.operate.status import active_inputs, error_history
 from steptwin.host.robots.board_settings import SWITCHED_PROFILES, Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
-from steptwin.protocol.objects import IDENTITY_DEVICE_TYPE
+from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
 from steptwin.protocol.robot_name import stored_name
 
 _POWERED: Final = (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)

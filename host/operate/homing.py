@@ -13,7 +13,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming
 from steptwin.protocol.homing_methods import HOMING_METHODS
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _TIMEOUT_MARGIN = 2.0
 _LATENCY_S = 0.05

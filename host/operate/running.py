@@ -15,7 +15,7 @@ from steptwin.host.operate.moving import move_within, together
 from steptwin.host.operate.session import MachineAtRest, MachineCharge, Session
 from steptwin.host.planning.clearance import first_contact, ways_around
 from steptwin.host.planning.plan import Plan
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16
 """The largest distance of the step counter from the demanded position, by the firmware's hysteresis."""

@@ -12,7 +12,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import LINEAR_RAMP
 from steptwin.protocol.entry import DataType
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6
 """Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""

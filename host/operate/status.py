@@ -18,7 +18,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
-from steptwin.protocol.objects import HISTORY_DEPTH
+from steptwin.protocol.od import HISTORY_DEPTH
 from steptwin.protocol.pvt import PvtFlag
 
 

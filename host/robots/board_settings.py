@@ -10,7 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.frame import BITRATES
-from steptwin.protocol.objects import PULSE_NS_MIN, TIMING_NS_MAX
+from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

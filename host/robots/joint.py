@@ -11,7 +11,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.motor import JointLink, JointMotor
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 MICROSTEPS: Final = (1, 2, 8, 16)
 """Microsteps per full step that a TB6560's pins M1 and M2 can choose."""

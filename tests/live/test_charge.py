@@ -6,7 +6,7 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.protocol import od
-from steptwin.protocol.objects import CHARGE_FREE
+from steptwin.protocol.od import CHARGE_FREE
 from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
 from tests.end_to_end.served import Server, in_real_time, serving

@@ -20,7 +20,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
 from steptwin.host.panel.desk.reports import AxisReports, ReportListener, Thinned
 from steptwin.host.planning.plan import Plan
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _QUEUED_S: Final = 0.005

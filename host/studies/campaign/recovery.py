@@ -10,7 +10,7 @@ from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _WAY: Final = 0.01
 """Part of each joint's range by which it moves at the end."""

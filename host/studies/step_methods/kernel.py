@@ -12,7 +12,7 @@ from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.studies.step_methods.loads import Record, run_records
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.host.studies.step_methods.pulses import AxisPulses, PlacedPulses
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 REPEATS = 3
 """Number of timed runs; the fastest counts. One run before them compiles."""

@@ -26,7 +26,7 @@ from steptwin.host.twin.embedded.outcome import Outcome, RunFault
 from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
 from steptwin.host.verify import Comparison, Expectation, Report, RunInfo, compare, verify_comparison
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

@@ -24,7 +24,7 @@ from steptwin.emulator.board.board import Board
 from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, Frame
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
 
 NO_MOTION: Final = "no trajectory was run; a jog, a move or a homing has no plan"

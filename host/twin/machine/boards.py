@@ -23,7 +23,7 @@ from steptwin.host.robots.robot import AXES_MAX, Robot
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.robot_name import stored_name
 
 

@@ -11,7 +11,7 @@ from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.plan import Plan
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 __all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_files", "kernel_named", "soonest_kernel"]
 

@@ -10,7 +10,6 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
-from steptwin.protocol.handlers import OBEYED_BY, READ_FROM
 from steptwin.protocol.objects import ENTRIES, OBJECTS
 from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
@@ -174,9 +173,11 @@ def test_every_handler_is_a_part_of_the_firmware(board: BenchBoard) -> None:
     """All but the emulator's: each entry that the tables name is bound, and no other."""
     dictionary = board.firmware.nodes[0].dictionary
     numbers = [address for address, entry in ENTRIES.items() if entry.data_type is not DataType.VISIBLE_STRING]
-    emulated = {address for address, handler in READ_FROM.items() if handler.startswith("EmulatedAxis.")}
-    assert {a for a in numbers if dictionary.cell(a).supply} == set(READ_FROM) - emulated
-    assert {a for a in numbers if dictionary.cell(a).obey} == set(OBEYED_BY)
+    emulated = {address for address, entry in ENTRIES.items() if entry.read.startswith("EmulatedAxis.")}
+    assert {a for a in numbers if dictionary.cell(a).supply} == {
+        a for a, entry in ENTRIES.items() if entry.read
+    } - emulated
+    assert {a for a in numbers if dictionary.cell(a).obey} == {a for a, entry in ENTRIES.items() if entry.write}
 
 
 @pytest.mark.parametrize(

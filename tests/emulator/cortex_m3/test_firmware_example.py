@@ -11,7 +11,7 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.image import COMPILER
 from steptwin.host.cli.app import run
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.controller.motion.kernel_rig import KernelRig
 
 pytest.importorskip("unicorn", reason="the extra `m3` (unicorn) is not installed")

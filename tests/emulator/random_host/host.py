@@ -28,7 +28,8 @@ from steptwin.protocol.frame import (
     Frame,
 )
 from steptwin.protocol.homing_methods import HOMING_METHODS
-from steptwin.protocol.objects import ENTRIES, RESTORES, STORES
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.od import RESTORES, STORES
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS
 from tests.emulator.random_host.machine import ACCELERATION, STEP, VELOCITY_MAX, Machine

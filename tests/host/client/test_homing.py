@@ -21,7 +21,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode, State
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.compiled import on_sources_only
 from tests.host.client.machines import L1, SETTINGS, TH1, TH3, WAREHOUSE
 

@@ -19,7 +19,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control
 from steptwin.protocol.frame import COB_NMT
 from steptwin.protocol.nmt import NmtCommand
-from steptwin.protocol.objects import CHARGE_FREE, CHARGE_UNWATCHED_MS
+from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
 from tests.host.client.machines import TH2, Neighbour
 from tests.host.operate.sessions import HOME, ROBOT
 

@@ -21,7 +21,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.verify import AxisEvidence
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.host.studies.campaign.campaigns import SMALL, campaign_of
 
 

@@ -22,7 +22,7 @@ from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import FIRST_NODE_ID
-from steptwin.protocol.objects import UNITS_PER_FULL_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 LAB, WAREHOUSE = load_robot("lab-scara"), load_robot("warehouse-scara")
 AXES = [(LAB, "d1"), (LAB, "th2"), (WAREHOUSE, "sx"), (WAREHOUSE, "th1")]
