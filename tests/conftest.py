@@ -5,7 +5,6 @@ import signal
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import workspace
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.kernels import KERNELS
+from tests.kernel_forms import FORMS, kernel_form
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 from tests.shared_folders import made_once
@@ -90,22 +89,20 @@ def _each_workspace_once() -> Iterator[None]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--kernel NAME`, with which the tests of the firmware run on one form of the kernel, as on a Cortex-M3."""
-    parser.addoption("--kernel", choices=[*KERNELS], help="form of the kernel that the fixtures give")
+    parser.addoption("--kernel", choices=[*FORMS], help="form of the kernel that the fixtures give")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give a test of the kernel the one that is asked for, or else plain Python and numba in turn."""
+    """Give a test of the kernel the one that is asked for, or else all its forms in turn."""
     if "kernel" in metafunc.fixturenames:
         chosen = metafunc.config.getoption("--kernel")
-        metafunc.parametrize("kernel", [chosen] if chosen else ["python", "numba"], indirect=True)
+        metafunc.parametrize("kernel", [chosen] if chosen else [*FORMS], indirect=True)
 
 
 @pytest.fixture
 def kernel(request: pytest.FixtureRequest) -> Kernel:
-    """Return a form of the kernel; the compiled one only where the extra `fast` is installed."""
-    if request.param == "numba" and not find_spec("numba"):
-        pytest.skip("the extra `fast` (numba) is not installed")
-    return KERNELS[request.param]()
+    """Return a form of the kernel, where it is installed."""
+    return kernel_form(request.param)
 
 
 @pytest.fixture
@@ -119,7 +116,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def fast_kernel(request: pytest.FixtureRequest) -> Kernel:
     """Return the fastest installed kernel, or the one that is asked for, for tests that do not depend on its form."""
     chosen: str | None = request.config.getoption("--kernel")
-    return KERNELS[chosen or ("numba" if find_spec("numba") else "python")]()
+    return FORMS[chosen]() if chosen else fastest_kernel()
 
 
 @pytest.fixture(scope="session")

@@ -9,8 +9,8 @@ and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is 
 
 The functions are written in an integer subset of Python over flat, indexable storage, as C for a Cortex-M3 would be.
 Run as plain Python on lists they are the reference: unbounded integers would show any overflow. Compiled by numba on
-int64 arrays (see `backend`) they give the same bits, and so does their translation to C. An annotation such as U17
-promises the width of a value (see `widths`). The storage is
+int64 arrays (see `backend`) they give the same bits. `emulator/kernel_c` has them once more in C, where values have
+widths: a change here is a change there too, and tests compare all bits. The storage is
 
     axes        AXIS_FIELDS integers for each axis,
     queue       QUEUE_DEPTH entries of SEGMENT_FIELDS integers for each axis,
@@ -24,37 +24,7 @@ Q16 ticks, so that axes in step stay so to the last bit and keep to the planned 
 """
 
 from collections.abc import Callable
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
-
-from steptwin.controller.motion.widths import (
-    I32,
-    I34,
-    I40,
-    I42,
-    I44,
-    I49,
-    I60,
-    I63,
-    I64,
-    Q30,
-    Q32,
-    U1,
-    U2,
-    U3,
-    U4,
-    U5,
-    U6,
-    U7,
-    U8,
-    U10,
-    U12,
-    U17,
-    U30,
-    U31,
-    U44,
-    U47,
-    U48,
-)  # fmt: skip
+from typing import Any, Final, TypeAlias, TypeVar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -94,58 +64,56 @@ NEVER_COUNTS: Final = -(1 << 62)
 NEVER_TICK: Final = 1 << 62
 """A tick that never comes."""
 
-# A field's annotation is the width of the cell that it is the index of (see `widths`).
-
 # Fields of one axis in `axes`: its configuration,
-MICROSTEPS: Final[Annotated[int, U5]] = 0
-STEPLEN_COUNTS: Final[Annotated[int, U17]] = 1
-STEPSPACE_COUNTS: Final[Annotated[int, U17]] = 2
-DIRSETUP_COUNTS: Final[Annotated[int, U17]] = 3
-DIRHOLD_COUNTS: Final[Annotated[int, U17]] = 4
-RATE_LIMIT_Q16_PER_MS: Final[Annotated[int, U31]] = 5
-DIR_INVERTED: Final[Annotated[int, U1]] = 6
+MICROSTEPS: Final = 0
+STEPLEN_COUNTS: Final = 1
+STEPSPACE_COUNTS: Final = 2
+DIRSETUP_COUNTS: Final = 3
+DIRHOLD_COUNTS: Final = 4
+RATE_LIMIT_Q16_PER_MS: Final = 5
+DIR_INVERTED: Final = 6
 # its motion,
-RUNNING: Final[Annotated[int, U1]] = 7
-COUNTER: Final[Annotated[int, I32]] = 8
-POSITION_Q16: Final[Annotated[int, I40]] = 9
-START_Q16: Final[Annotated[int, I40]] = 10
-COEFFICIENT_A: Final[Annotated[int, I32]] = 11
-COEFFICIENT_B: Final[Annotated[int, I32]] = 12
-COEFFICIENT_C: Final[Annotated[int, I32]] = 13
-DURATION_TICKS: Final[Annotated[int, U10]] = 14
-ELAPSED_Q16: Final[Annotated[int, I32]] = 15
-END_VELOCITY: Final[Annotated[int, I32]] = 16
-IN_GROUP: Final[Annotated[int, U1]] = 17
+RUNNING: Final = 7
+COUNTER: Final = 8
+POSITION_Q16: Final = 9
+START_Q16: Final = 10
+COEFFICIENT_A: Final = 11
+COEFFICIENT_B: Final = 12
+COEFFICIENT_C: Final = 13
+DURATION_TICKS: Final = 14
+ELAPSED_Q16: Final = 15
+END_VELOCITY: Final = 16
+IN_GROUP: Final = 17
 # its queue, whose tail is where the next segment starts,
-QUEUE_HEAD: Final[Annotated[int, U6]] = 18
-QUEUE_COUNT: Final[Annotated[int, U7]] = 19
-TAIL_Q16: Final[Annotated[int, I40]] = 20
-TAIL_VELOCITY: Final[Annotated[int, I32]] = 21
+QUEUE_HEAD: Final = 18
+QUEUE_COUNT: Final = 19
+TAIL_Q16: Final = 20
+TAIL_VELOCITY: Final = 21
 # its pins,
-EARLIEST_RISE_COUNTS: Final[Annotated[int, I63]] = 22
-LAST_RISE_COUNTS: Final[Annotated[int, I63]] = 23
-DIR_LEVEL: Final[Annotated[int, U1]] = 24
+EARLIEST_RISE_COUNTS: Final = 22
+LAST_RISE_COUNTS: Final = 23
+DIR_LEVEL: Final = 24
 # and its reports.
-EVENT: Final[Annotated[int, U2]] = 25
-DELAYED_STEPS: Final[Annotated[int, U31]] = 26
-CLK_EDGES: Final[Annotated[int, U30]] = 27
-DIR_EDGES: Final[Annotated[int, U30]] = 28
+EVENT: Final = 25
+DELAYED_STEPS: Final = 26
+CLK_EDGES: Final = 27
+DIR_EDGES: Final = 28
 AXIS_FIELDS: Final = 29
 
 # The time of the group: a ramp of its rate that begins at the start of a tick and takes a number of ticks.
-RATE_FROM_Q16: Final[Annotated[int, U17]] = 0
-RATE_TO_Q16: Final[Annotated[int, U17]] = 1
-RAMP_TICK: Final[Annotated[int, I44]] = 2
-RAMP_TICKS: Final[Annotated[int, U17]] = 3
+RATE_FROM_Q16: Final = 0
+RATE_TO_Q16: Final = 1
+RAMP_TICK: Final = 2
+RAMP_TICKS: Final = 3
 GROUP_FIELDS: Final = 4
 
 # Fields of one queued segment.
-SEGMENT_START_Q16: Final[Annotated[int, I40]] = 0
-SEGMENT_A: Final[Annotated[int, I32]] = 1
-SEGMENT_B: Final[Annotated[int, I32]] = 2
-SEGMENT_C: Final[Annotated[int, I32]] = 3
-SEGMENT_TICKS: Final[Annotated[int, U10]] = 4
-SEGMENT_END_VELOCITY: Final[Annotated[int, I32]] = 5
+SEGMENT_START_Q16: Final = 0
+SEGMENT_A: Final = 1
+SEGMENT_B: Final = 2
+SEGMENT_C: Final = 3
+SEGMENT_TICKS: Final = 4
+SEGMENT_END_VELOCITY: Final = 5
 SEGMENT_FIELDS: Final = 6
 
 # Why an axis needs the firmware's attention in a tick.
@@ -166,21 +134,16 @@ Cells: TypeAlias = Any
 """list[int] or an int64 array."""
 Rows: TypeAlias = Any
 """list[list[int]] or a two-dimensional int64 array."""
-# What the cells are, which only C distinguishes.
-Axes: TypeAlias = Cells
-Queue: TypeAlias = Cells
-Group: TypeAlias = Cells
-Edges: TypeAlias = Cells
 
 
 @kernel_function
-def way_q16(velocity: I32, duration_ticks: U10, microsteps: U5) -> I42:
+def way_q16(velocity: int, duration_ticks: int, microsteps: int) -> int:
     """Return the distance, in Q16 steps, that a velocity in 1/64 unit per ms covers; rounded once."""
     return (velocity * duration_ticks * microsteps + 32) >> 6
 
 
 @kernel_function
-def push(axes: Axes, queue: Queue, axis: U3, displacement_units: I32, end_velocity: I32, duration_ticks: I32) -> U3:
+def push(axes: Cells, queue: Cells, axis: int, displacement_units: int, end_velocity: int, duration_ticks: int) -> int:
     """Queue the cubic from the tail of the queue to the tail + displacement; return ACCEPTED or why it is refused.
 
     The displacement is in wire units (1/16 384 full step), the end velocity in 1/64 unit per ms. With D the
@@ -189,7 +152,7 @@ def push(axes: Axes, queue: Queue, axis: U3, displacement_units: I32, end_veloci
     all values checked below inside i32, every intermediate of the evaluation is inside i32 too. A refused segment
     changes nothing.
     """
-    base: U8 = axis * AXIS_FIELDS
+    base = axis * AXIS_FIELDS
     count = axes[base + QUEUE_COUNT]
     if count >= QUEUE_DEPTH:
         return REFUSED_QUEUE_FULL
@@ -210,8 +173,8 @@ def push(axes: Axes, queue: Queue, axis: U3, displacement_units: I32, end_veloci
     tail = axes[base + TAIL_Q16]
     if abs(tail + distance) > I32_MAX * microsteps << 2:
         return REFUSED_POSITION
-    slot: U6 = (axes[base + QUEUE_HEAD] + count) % QUEUE_DEPTH
-    entry: U12 = (axis * QUEUE_DEPTH + slot) * SEGMENT_FIELDS
+    slot = (axes[base + QUEUE_HEAD] + count) % QUEUE_DEPTH
+    entry = (axis * QUEUE_DEPTH + slot) * SEGMENT_FIELDS
     queue[entry + SEGMENT_START_Q16] = tail
     queue[entry + SEGMENT_A] = a
     queue[entry + SEGMENT_B] = b
@@ -225,15 +188,15 @@ def push(axes: Axes, queue: Queue, axis: U3, displacement_units: I32, end_veloci
 
 
 @kernel_function
-def next_segment(axes: Axes, queue: Queue, axis: U3) -> bool:
+def next_segment(axes: Cells, queue: Cells, axis: int) -> bool:
     """Take the oldest segment off the queue and make it the running one; return False if there is none."""
-    base: U8 = axis * AXIS_FIELDS
+    base = axis * AXIS_FIELDS
     count = axes[base + QUEUE_COUNT]
     if count == 0:
         axes[base + RUNNING] = 0
         return False
     head = axes[base + QUEUE_HEAD]
-    entry: U12 = (axis * QUEUE_DEPTH + head) * SEGMENT_FIELDS
+    entry = (axis * QUEUE_DEPTH + head) * SEGMENT_FIELDS
     axes[base + START_Q16] = queue[entry + SEGMENT_START_Q16]
     axes[base + COEFFICIENT_A] = queue[entry + SEGMENT_A]
     axes[base + COEFFICIENT_B] = queue[entry + SEGMENT_B]
@@ -249,7 +212,7 @@ def next_segment(axes: Axes, queue: Queue, axis: U3) -> bool:
 
 @kernel_function
 def place_steps(
-    axes: Axes, clk: Edges, direction: Edges, base: U8, tick_counts: I60, travel: U31, to_threshold: U31, up: U1
+    axes: Cells, clk: Cells, direction: Cells, base: int, tick_counts: int, travel: int, to_threshold: int, up: int
 ) -> bool:
     """Place the steps of one tick, all of them up or down (1 or 0); return False if one is over a tick late.
 
@@ -262,25 +225,24 @@ def place_steps(
     # `travel` is never negative; testing for it lets the compiler divide unsigned.
     if travel <= 0 or to_threshold > travel:
         return True
-    earliest: I63 = axes[base + EARLIEST_RISE_COUNTS]
+    earliest = axes[base + EARLIEST_RISE_COUNTS]
     level = up ^ axes[base + DIR_INVERTED]
     if axes[base + DIR_LEVEL] != level:
-        edge: I60 = max(tick_counts, axes[base + LAST_RISE_COUNTS] + max(axes[base + DIRHOLD_COUNTS], 1))
+        edge = max(tick_counts, axes[base + LAST_RISE_COUNTS] + max(axes[base + DIRHOLD_COUNTS], 1))
         earliest = max(earliest, edge + axes[base + DIRSETUP_COUNTS])
         axes[base + DIR_LEVEL] = level
         direction[axes[base + DIR_EDGES]] = 2 * edge + level
         axes[base + DIR_EDGES] += 1
-    steps: U30 = (travel - to_threshold) // STEP_Q16 + 1
+    steps = (travel - to_threshold) // STEP_Q16 + 1
     interval_q16 = (TICK_COUNTS << 32) // travel
-    due_q32: U47 = to_threshold * interval_q16  # at most a tick, since the threshold is on the chord
-    due_q16: U48 = due_q32 >> 16
+    due_q16 = to_threshold * interval_q16 >> 16  # at most a tick, since the threshold is on the chord
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    first: U30 = axes[base + CLK_EDGES] & I32_MAX  # never negative; the mask shows it, so that the loop is vectorised
-    last: U30 = first + 2 * steps
+    first = axes[base + CLK_EDGES] & I32_MAX  # never negative; the mask shows it, so that the loop is vectorised
+    last = first + 2 * steps
     axes[base + COUNTER] += steps if up else -steps
     axes[base + CLK_EDGES] = last
-    rise: I60 = tick_counts + (due_q16 >> 16)
+    rise = tick_counts + (due_q16 >> 16)
     if earliest > rise or pulse > interval_q16 >> 16:
         return place_waiting_steps(axes, clk, base, first, last, tick_counts, due_q16, interval_q16, earliest)
     # The first step need not wait, and the others are at least a pulse apart: all are placed when they are due.
@@ -296,15 +258,15 @@ def place_steps(
 
 @kernel_function
 def place_waiting_steps(
-    axes: Axes,
-    clk: Edges,
-    base: U8,
-    first: U30,
-    last: U30,
-    tick_counts: I60,
-    due_q16: U48,
-    interval_q16: U47,
-    earliest: I63,
+    axes: Cells,
+    clk: Cells,
+    base: int,
+    first: int,
+    last: int,
+    tick_counts: int,
+    due_q16: int,
+    interval_q16: int,
+    earliest: int,
 ) -> bool:
     """Place the edges first .. last - 1: each step when it is due, or later when the driver is ready for it.
 
@@ -313,11 +275,11 @@ def place_waiting_steps(
     """
     steplen = axes[base + STEPLEN_COUNTS]
     pulse = steplen + axes[base + STEPSPACE_COUNTS]
-    first_due: I60 = tick_counts + (due_q16 >> 16)
-    first_late: I60 = max(earliest - first_due, 0)
-    due: I60 = 0
-    rise: I60 = 0
-    delayed: U31 = 0
+    first_due = tick_counts + (due_q16 >> 16)
+    first_late = max(earliest - first_due, 0)
+    due = 0
+    rise = 0
+    delayed = 0
     for k in range(first, last, 2):
         due = tick_counts + (due_q16 >> 16)
         rise = max(due, earliest)
@@ -333,22 +295,22 @@ def place_waiting_steps(
 
 
 @kernel_function
-def group_time_q16(group: Group, tick: I44) -> I63:
+def group_time_q16(group: Cells, tick: int) -> int:
     """Return the trajectory time from the start of the group's ramp to the start of `tick`, in Q16 ticks.
 
     After j of the ramp's K ticks it is r0 j + (r1 - r0) j^2 / 2K, rounded down; then it grows by r1 a tick. So a ramp
     covers (r0 + r1) K / 2. Between full rate and 0, with an even number of ticks, that is a whole number of ticks.
     """
-    since: U44 = tick - group[RAMP_TICK]
-    ramped: U17 = min(since, group[RAMP_TICKS])
-    time_q16: I63 = group[RATE_FROM_Q16] * ramped + group[RATE_TO_Q16] * (since - ramped)
+    since = tick - group[RAMP_TICK]
+    ramped = min(since, group[RAMP_TICKS])
+    time_q16 = group[RATE_FROM_Q16] * ramped + group[RATE_TO_Q16] * (since - ramped)
     if ramped > 0:
         time_q16 += (group[RATE_TO_Q16] - group[RATE_FROM_Q16]) * ramped * ramped // (2 * group[RAMP_TICKS])
     return int(time_q16)
 
 
 @kernel_function
-def makes_no_step(start: I49, a: I32, b: I32, c: I32) -> bool:
+def makes_no_step(start: int, a: int, b: int, c: int) -> bool:
     """Return True if a segment that starts at this distance from the counter cannot reach a threshold.
 
     A cubic stays within its Bernstein coefficients: start, start + a/3, end - e/3 and end, with e = a + 2b + 3c. They
@@ -360,7 +322,7 @@ def makes_no_step(start: I49, a: I32, b: I32, c: I32) -> bool:
 
 
 @kernel_function
-def run_ticks(axes: Axes, clk: Edges, direction: Edges, base: U8, tick: I44, until_tick: I44, rate_q16: U17) -> I44:
+def run_ticks(axes: Cells, clk: Cells, direction: Cells, base: int, tick: int, until_tick: int, rate_q16: int) -> int:
     """Evaluate the segment at the end of each tick and place the steps, to `until_tick` or to a late step.
 
     Trajectory time advances by `rate_q16` a tick, so (i << 30) // n is updated by additions: quotient and remainder
@@ -373,27 +335,27 @@ def run_ticks(axes: Axes, clk: Edges, direction: Edges, base: U8, tick: I44, unt
     b = axes[base + COEFFICIENT_B]
     c = axes[base + COEFFICIENT_C]
     n = axes[base + DURATION_TICKS]
-    p: I40 = axes[base + POSITION_Q16]
+    p = axes[base + POSITION_Q16]
     elapsed_q16 = axes[base + ELAPSED_Q16]
     from_tick = tick
-    s_per_tick: U31 = (rate_q16 << 14) // n
-    s_remainder_per_tick: U10 = (rate_q16 << 14) - s_per_tick * n
+    s_per_tick = (rate_q16 << 14) // n
+    s_remainder_per_tick = (rate_q16 << 14) - s_per_tick * n
     on_time = True
     if until_tick - tick > 1 and makes_no_step(start - axes[base + COUNTER] * STEP_Q16, a, b, c):
         # Only the position at the end is needed: skip to the last tick.
         tick = max(tick, until_tick - 1)
-    since_q16: I32 = elapsed_q16 + (tick - from_tick) * rate_q16
-    s: Q30 = (since_q16 << 14) // n
-    s_remainder: U12 = (since_q16 << 14) - s * n
+    since_q16 = elapsed_q16 + (tick - from_tick) * rate_q16
+    s = (since_q16 << 14) // n
+    s_remainder = (since_q16 << 14) - s * n
     while tick < until_tick and on_time:
         s += s_per_tick
         s_remainder += s_remainder_per_tick
         if s_remainder >= n:
             s_remainder -= n
             s += 1
-        chord: I32 = ((c * s + half) >> 30) + b
+        chord = ((c * s + half) >> 30) + b
         chord = ((chord * s + half) >> 30) + a
-        q: I40 = start + ((chord * s + half) >> 30)
+        q = start + ((chord * s + half) >> 30)
         # One call for each direction: the compiler inlines a version for each, which is faster by a sixth.
         counter_q16 = axes[base + COUNTER] * STEP_Q16
         tick_counts = tick * TICK_COUNTS
@@ -413,7 +375,7 @@ def run_ticks(axes: Axes, clk: Edges, direction: Edges, base: U8, tick: I44, unt
 
 
 @kernel_function
-def full_rate_from(axes: Axes, group: Group, axis: U3, tick: I44) -> I64:
+def full_rate_from(axes: Cells, group: Cells, axis: int, tick: int) -> int:
     """Return the first tick, not before `tick`, from which on an axis' trajectory time runs at full rate."""
     if axes[axis * AXIS_FIELDS + IN_GROUP] == 0:
         return tick
@@ -424,21 +386,21 @@ def full_rate_from(axes: Axes, group: Group, axis: U3, tick: I44) -> I64:
 
 @kernel_function
 def advance_axis(
-    axes: Axes, queue: Queue, group: Group, clk: Edges, direction: Edges, axis: U3, tick: I44, until_tick: I44
-) -> I44:
+    axes: Cells, queue: Cells, group: Cells, clk: Cells, direction: Cells, axis: int, tick: int, until_tick: int
+) -> int:
     """Run one axis from the start of `tick` to the start of `until_tick`, or until it needs attention.
 
     Return the tick reached; if it is before `until_tick`, EVENT tells why. At full rate all whole ticks of a segment
     are run in one call. A tick at another rate is run alone, and so is a tick within which a segment ends: the rest of
     the tick belongs to the next segment, or the axis rests if there is none.
     """
-    base: U8 = axis * AXIS_FIELDS
+    base = axis * AXIS_FIELDS
     if axes[base + RUNNING] == 1:
         axes[base + EVENT] = EVENT_NONE
     full_from = full_rate_from(axes, group, axis, tick)
     while tick < until_tick and axes[base + RUNNING] == 1:
-        left_q16: I32 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
-        rate_q16: U17 = FULL_RATE_Q16
+        left_q16 = (axes[base + DURATION_TICKS] << 16) - axes[base + ELAPSED_Q16]
+        rate_q16 = FULL_RATE_Q16
         ticks = max(left_q16 >> 16, 1)
         if tick < full_from:
             rate_q16 = group_time_q16(group, tick + 1) - group_time_q16(group, tick)
@@ -462,16 +424,16 @@ def advance_axis(
 
 @kernel_function
 def advance(
-    axes: Axes,
-    before: Axes,
-    queue: Queue,
-    group: Group,
+    axes: Cells,
+    before: Cells,
+    queue: Cells,
+    group: Cells,
     clk: Rows,
     direction: Rows,
-    axis_count: U4,
-    tick: I44,
-    until_tick: I44,
-) -> tuple[I44, U4]:
+    axis_count: int,
+    tick: int,
+    until_tick: int,
+) -> tuple[int, int]:
     """Run all axes from `tick` to `until_tick`, or to the first tick when one of them needs attention.
 
     The group's ramp must not begin after `tick`. `before` is as long as `axes` and is overwritten. Return the tick
@@ -479,26 +441,26 @@ def advance(
     """
     if until_tick - tick > 1:  # within one tick no axis can run too far
         before[:] = axes
-    reached: I44 = until_tick
+    reached = until_tick
     for axis in range(axis_count):
         reached = advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
     if reached < until_tick:  # axes run one after the other, and some ran too far: repeat up to the common tick
         axes[:] = before
         for axis in range(axis_count):
             advance_axis(axes, queue, group, clk[axis], direction[axis], axis, tick, reached)
-    asking: U4 = 0
+    asking = 0
     for axis in range(axis_count):
         asking += axes[axis * AXIS_FIELDS + EVENT] != EVENT_NONE
     return reached, asking
 
 
 @kernel_function
-def demand_rate(axes: Axes, axis: U3) -> I34:
+def demand_rate(axes: Cells, axis: int) -> int:
     """Return the slope of the present segment, or of the last one at its end, in Q16 steps per duration.
 
     That is a + 2 b s + 3 c s^2 at full rate; the caller scales it by the group's rate.
     """
-    base: U8 = axis * AXIS_FIELDS
-    s: Q30 = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
-    slope: Q32 = ((3 * axes[base + COEFFICIENT_C] * s) >> 30) + 2 * axes[base + COEFFICIENT_B]
+    base = axis * AXIS_FIELDS
+    s = (axes[base + ELAPSED_Q16] << 14) // axes[base + DURATION_TICKS]
+    slope = ((3 * axes[base + COEFFICIENT_C] * s) >> 30) + 2 * axes[base + COEFFICIENT_B]
     return int(((slope * s) >> 30) + axes[base + COEFFICIENT_A])

@@ -15,8 +15,7 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.core import EDGES, RAM, ROW_BYTES, ROWS, Core, signed, words64
 from steptwin.emulator.cortex_m3.image import Image, kernel_image
-from steptwin.emulator.cortex_m3.layout import Cells, Layout, kernel_on_arrays, whole_edges
-from steptwin.emulator.kernel_c.source import kernel_source
+from steptwin.emulator.kernel_c.layout import Cells, Layout, kernel_on_arrays, whole_edges
 
 AXES_MAX: Final = ROWS // 2
 TICKS_A_CALL: Final = 1 << 15
@@ -35,9 +34,8 @@ class CoreKernel:
     """The kernel's functions, executed by a core."""
 
     def __init__(self, image: Image) -> None:
-        records = kernel_source().records
         self.core = Core(image)
-        self._axis, self._segment, self._group = (Layout(records[name]) for name in ("axis", "segment", "group"))
+        self._axis, self._segment, self._group = map(Layout, ("axis", "segment", "group"))
         for table, first in ((_CLK_ROWS, 0), (_DIRECTION_ROWS, AXES_MAX)):
             rows = [EDGES + (first + axis) * ROW_BYTES for axis in range(AXES_MAX)]
             self.core.write(table, np.array(rows, np.uint32).tobytes())

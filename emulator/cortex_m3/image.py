@@ -4,13 +4,11 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from steptwin.emulator.kernel_c.source import PUBLIC
-from steptwin.emulator.kernel_c.translation import BODY, HEADER, CSource, translate
+from steptwin.emulator.kernel_c import BODY, MEMORY_COPY, kernel_files
 
 COMPILER: Final = "arm-none-eabi-gcc"
 PACKAGE: Final = "gcc-arm-none-eabi"
@@ -25,12 +23,10 @@ WARNINGS: Final = (
     "-Wshadow",
     "-Werror",
 )
-"""The translation and everything beside it compile without one of these warnings."""
-CORE_OPTIONS: Final = ("-mcpu=cortex-m3", "-mthumb", "-O2", "-ffreestanding", "-ffunction-sections", "-fno-common")
+"""The kernel and everything beside it compile without one of these warnings."""
+CORE_OPTIONS: Final = ("-mcpu=cortex-m3", "-mthumb", "-O2", "-ffreestanding", "-fno-common")
 FLASH: Final = 0x0800_0000
 """Address of the flash of an STM32F1."""
-MEMORY_COPY: Final = "memory.c"
-"""What gcc calls on its own: memcpy."""
 
 
 class CompilerMissingError(Exception):
@@ -42,25 +38,38 @@ class Image:
     """The kernel's code: what stands in flash from FLASH on.
 
     Attributes:
-        code: the bytes.
+        code: the bytes, with the constants and what gcc's library adds.
         symbols: address of each function of the interface.
         listing: the disassembly, as objdump prints it.
-        text_bytes: length of code and constants, with what gcc's library adds.
     """
 
     code: bytes
     symbols: dict[str, int]
     listing: str
-    text_bytes: int
 
 
-def build(source: CSource | None = None) -> Image:
-    """Compile and link; raise CompilerMissingError without the compiler, CalledProcessError for wrong source."""
+def build(files: dict[str, str]) -> Image:
+    """Compile and link the kernel's files, texts by name.
+
+    Raises:
+        CompilerMissingError: the compiler is not installed.
+        CalledProcessError: the source is wrong.
+    """
     if shutil.which(COMPILER) is None:
         raise CompilerMissingError(f"{COMPILER} is not installed (apt-get install {PACKAGE})")
-    source = source or translate()
-    with TemporaryDirectory() as folder:
-        return _built(Path(folder), source)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        layout = ("-nostdlib", f"-Wl,-Ttext={FLASH:#x}", "-Wl,--entry=st_advance")
+        _run(folder, COMPILER, *WARNINGS, *CORE_OPTIONS, BODY, MEMORY_COPY, *layout, "-lgcc", "-o", "kernel.elf")
+        _run(folder, "arm-none-eabi-objcopy", "-O", "binary", "-j", ".text", "-j", ".rodata", "kernel.elf", "code")
+        symbols = [line.split() for line in _run(folder, "arm-none-eabi-nm", "kernel.elf").splitlines()]
+        return Image(
+            (folder / "code").read_bytes(),
+            {name: int(address, 16) for address, _, name in symbols if name.startswith("st_")},
+            _run(folder, "arm-none-eabi-objdump", "-d", "kernel.elf"),
+        )
 
 
 def compiler_version() -> str:
@@ -70,30 +79,8 @@ def compiler_version() -> str:
 
 @cache
 def kernel_image() -> Image:
-    """Build the kernel that is imported, once."""
-    return build()
-
-
-def _built(folder: Path, source: CSource) -> Image:
-    (folder / HEADER).write_text(source.header, encoding="utf-8")
-    (folder / BODY).write_text(source.body, encoding="utf-8")
-    (folder / MEMORY_COPY).write_text(memory_copy(), encoding="utf-8")
-    kept = [f"-Wl,--undefined=st_{name}" for name in PUBLIC]
-    layout = ("-nostdlib", f"-Wl,-Ttext={FLASH:#x}", "-Wl,--gc-sections", "-Wl,--entry=st_advance", *kept)
-    _run(folder, COMPILER, *WARNINGS, *CORE_OPTIONS, BODY, MEMORY_COPY, *layout, "-lgcc", "-o", "kernel.elf")
-    _run(folder, "arm-none-eabi-objcopy", "-O", "binary", "-j", ".text", "-j", ".rodata", "kernel.elf", "kernel.bin")
-    symbols = {
-        name: int(address, 16)
-        for address, _, name in (line.split() for line in _run(folder, "arm-none-eabi-nm", "kernel.elf").splitlines())
-        if name.startswith("st_")
-    }
-    code = (folder / "kernel.bin").read_bytes()
-    return Image(code, symbols, _run(folder, "arm-none-eabi-objdump", "-d", "kernel.elf"), len(code))
-
-
-def memory_copy() -> str:
-    """Return the C text of memcpy for a core without a C library."""
-    return (files("steptwin.emulator.kernel_c") / "parts" / MEMORY_COPY).read_text(encoding="utf-8")
+    """Build the kernel, once."""
+    return build(kernel_files())
 
 
 def _run(folder: Path, *command: str) -> str:

@@ -13,7 +13,7 @@ from steptwin.emulator.cortex_m3.core import STACK_TOP, Core
 from steptwin.emulator.cortex_m3.core_kernel import CoreKernel
 from steptwin.emulator.cortex_m3.cycles import REFILL, WAIT_STATES, Block, Disassembly, Ends
 from steptwin.emulator.cortex_m3.image import Image
-from steptwin.emulator.cortex_m3.layout import Cells
+from steptwin.emulator.kernel_c.layout import Cells
 
 EDGES_A_TICK: Final = 64
 """Room for the edges of one pin: 15 kHz make 8."""

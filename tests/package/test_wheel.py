@@ -11,6 +11,7 @@ from zipfile import ZipFile
 import pytest
 
 import steptwin
+from steptwin.emulator.kernel_c import kernel_files
 from steptwin.host.studies.campaign.sources import digest_of
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
@@ -59,6 +60,7 @@ def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/lab-scara.toml"} <= names
+    assert {f"steptwin/emulator/kernel_c/{name}" for name in kernel_files()} <= names
 
 
 def test_the_wheel_has_the_digest_of_the_checkout(wheel: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.kernel_c.source import kernel_source
+from steptwin.emulator.kernel_c.layout import Layout
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.kernel import place_once
 from steptwin.host.studies.step_methods.loads import POINTS_AHEAD
@@ -88,7 +88,7 @@ def core_figures(motion: PlannedMotion, fast: Kernel) -> list[CoreFigures]:
                 metered.busiest_percent,
                 metered.worst_percent,
                 metered.stack_bytes,
-                image.text_bytes,
+                len(image.code),
                 ram_bytes(motion.axes, ticks_a_call, metered.stack_bytes),
             )
         )
@@ -97,11 +97,11 @@ def core_figures(motion: PlannedMotion, fast: Kernel) -> list[CoreFigures]:
 
 def ram_bytes(axes: int, ticks_a_call: int, stack_bytes: int) -> int:
     """Return the RAM of the kernel: axes and their copy, queues, group, rows of edges at 15 kHz, and its stack."""
-    size = {name: record.size for name, record in kernel_source().records.items()}
     clk_edges = 8 * ticks_a_call + 4
     direction_edges = ticks_a_call  # a tick turns an axis once at most
     rows = axes * (4 * (clk_edges + direction_edges) + 2 * 4)  # the edges, and pointers to both rows
-    return axes * (2 * size["axis"] + k.QUEUE_DEPTH * size["segment"]) + size["group"] + rows + stack_bytes
+    axis, segment, group = (Layout(name).size for name in ("axis", "segment", "group"))
+    return axes * (2 * axis + k.QUEUE_DEPTH * segment) + group + rows + stack_bytes
 
 
 def core_rows(figures: list[CoreFigures]) -> list[list[str]]:

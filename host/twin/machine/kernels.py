@@ -71,6 +71,6 @@ def soonest_kernel(plan: Plan) -> Kernel:
 
 def kernel_files() -> dict[str, str]:
     """Return the text of each file of the kernel as C, by its name."""
-    from steptwin.emulator.kernel_c.folder import kernel_files as files_in_c
+    from steptwin.emulator.kernel_c import kernel_files as files_in_c
 
     return files_in_c()

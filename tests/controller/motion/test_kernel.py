@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from steptwin.controller.motion import kernel as k
-from steptwin.controller.motion.backend import KERNELS, Kernel, compiled_kernel, python_kernel
+from steptwin.controller.motion.backend import Kernel, python_kernel
 from tests.controller.motion.kernel_rig import KernelRig, Timing, timing_faults
 from tests.controller.units import MS, STEP
+from tests.kernel_forms import FORMS, kernel_form
 
 ONE_STEP_PER_MS = 64 * STEP
 """1000 steps/s as a record's velocity, in 1/64 unit per ms."""
@@ -231,7 +232,7 @@ class TestPulseTiming:
         assert timing_faults(rig, timing) == []
         assert sum(rig.signs()) == rig.get(k.COUNTER)
 
-    @pytest.mark.parametrize("name", ["python", "numba"])
+    @pytest.mark.parametrize("name", FORMS)
     @given(
         units_per_ms=st.integers(100, 60_000),
         sign=st.sampled_from([1, -1]),
@@ -246,8 +247,6 @@ class TestPulseTiming:
 
         The driver is ready just before or after the first step is due; pulses are just under or over an interval.
         """
-        if name == "numba":
-            pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
         travel_q16 = 16 * units_per_ms  # a quarter of a millisecond, 64 Q16 a unit
         to_threshold_q16 = k.THRESHOLD_Q16 - sign * 64 * start_units
         interval_q16 = (k.TICK_COUNTS << 32) // travel_q16
@@ -261,7 +260,7 @@ class TestPulseTiming:
         for due in dues:
             expected.append(max(due, expected[-1] + pulse if expected else ready))
 
-        rig = KernelRig(KERNELS[name](), timing=Timing(pulse // 3, pulse - pulse // 3, 0, 0))
+        rig = KernelRig(kernel_form(name), timing=Timing(pulse // 3, pulse - pulse // 3, 0, 0))
         rig.set(k.RATE_LIMIT_Q16_PER_MS, 60 * k.STEP_Q16)
         rig.set(k.POSITION_Q16, 64 * start_units)
         rig.set(k.TAIL_Q16, 64 * start_units)
@@ -288,18 +287,32 @@ SEGMENTS = st.lists(
 )
 
 
+TIMINGS = st.builds(
+    Timing,
+    steplen=st.integers(1, 2500),
+    stepspace=st.integers(1, 2500),
+    dirsetup=st.integers(0, 9000),
+    dirhold=st.integers(0, 9000),
+)
+
+
 class TestIndependence:
-    @given(axes=st.lists(SEGMENTS, min_size=1, max_size=3), microsteps=st.sampled_from([1, 2, 8, 16]))
+    @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
+    @given(
+        axes=st.lists(SEGMENTS, min_size=1, max_size=3),
+        microsteps=st.sampled_from([1, 2, 8, 16]),
+        timing=st.one_of(st.just(Timing(300, 300, 500, 500)), TIMINGS),
+        inverted=st.integers(0, 1),
+    )
     @settings(max_examples=150)
-    def test_plain_python_and_numba_give_the_same_bits(
-        self, axes: list[list[tuple[int, int, int]]], microsteps: int
+    def test_every_form_gives_the_bits_of_plain_python(
+        self, name: str, axes: list[list[tuple[int, int, int]]], microsteps: int, timing: Timing, inverted: int
     ) -> None:
-        pytest.importorskip("numba", reason="the extra `fast` (numba) is not installed")
         results = []
-        for kernel in (python_kernel(), compiled_kernel()):
-            rig = KernelRig(
-                kernel, len(axes), microsteps, Timing(300, 300, 500, 500), rate_limit_q16_per_ms=100 * k.STEP_Q16
-            )
+        for kernel in (python_kernel(), kernel_form(name)):
+            rig = KernelRig(kernel, len(axes), microsteps, timing, rate_limit_q16_per_ms=100 * k.STEP_Q16)
+            for axis in range(len(axes)):
+                rig.set(k.DIR_INVERTED, inverted, axis)
             answers = [rig.push(*segment, axis) for axis, segments in enumerate(axes) for segment in segments]
             started = [rig.start(axis) for axis in range(len(axes))]
             while rig.tick < 2000 and rig.advance(2000 - rig.tick) < 2000:

@@ -1,5 +1,5 @@
-/* memcpy for firmware without a C library: the kernel calls it to copy the axes. Blocks of four words go first, each with
-   one load and one store on a Cortex-M3; then what is left, byte by byte. */
+/* memcpy for firmware without a C library: the kernel calls it to copy the axes. Blocks of four words go first, each
+   with one load and one store on a Cortex-M3; then what is left, byte by byte. */
 #include <stddef.h>
 #include <stdint.h>
 

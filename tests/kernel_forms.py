@@ -1,0 +1,21 @@
+"""The forms of the kernel that tests compare: those of `run --kernel`, and its C on this machine with all checks."""
+
+from collections.abc import Callable
+from typing import Final
+
+import pytest
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.cortex_m3.image import CompilerMissingError
+from steptwin.host.twin.machine.kernels import KERNELS
+from tests.emulator.kernel_c.native_kernel import native_kernel
+
+FORMS: Final[dict[str, Callable[[], Kernel]]] = {**KERNELS, "c": native_kernel}
+
+
+def kernel_form(name: str) -> Kernel:
+    """Return a form of the kernel; skip the test where its extra or compiler is not installed."""
+    try:
+        return FORMS[name]()
+    except (ModuleNotFoundError, CompilerMissingError) as missing:
+        pytest.skip(str(missing))
