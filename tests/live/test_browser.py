@@ -119,14 +119,6 @@ def foreign_requests(browser: Browser, url: str) -> list[str]:
     return [name for name in asked if not name.startswith((url, url.replace("http", "ws"), "data:", "blob:"))]
 
 
-def lasting_findings(browser: Browser, part: str | None = None, rule: str | None = None) -> list[str]:
-    """Return what axe finds, once the page's colours have changed, which takes a while."""
-    end_s = time.monotonic() + 10.0
-    while (found := browser.findings(part, rule)) and time.monotonic() < end_s:
-        time.sleep(0.2)
-    return found
-
-
 def test_letting_go_and_losing_the_focus_end_a_jog(operator: Browser) -> None:
     for event in (
         RELEASE,
@@ -221,10 +213,10 @@ def test_a_phone_shows_the_emergency_stop_first_and_all_of_the_width(watcher: Br
 @pytest.mark.skipif(AXE is None, reason="axe-core-python is not installed: accessibility is not tried")
 def test_no_view_has_a_serious_finding_of_axe_light_or_dark(operator: Browser) -> None:
     for theme, rule in enumerate((None, "color-contrast")):  # the second theme has other colours, and nothing else
-        assert lasting_findings(operator, rule=rule) == [], theme
+        assert operator.lasting_findings(rule=rule) == [], theme
         for tab in TABS:
             operator.tab(tab)
-            assert lasting_findings(operator, ".q-tab-panel", rule) == [], (theme, tab)
+            assert operator.lasting_findings(".q-tab-panel", rule) == [], (theme, tab)
         operator.dark()
 
 
@@ -234,7 +226,7 @@ def test_a_replay_asks_no_other_host_and_can_be_read(carry_run: Path, watcher: B
         watcher.until(lambda: watcher.shows("At the cursor"))
         assert foreign_requests(watcher, url) == []
         for _ in range(2 if AXE else 0):
-            assert lasting_findings(watcher) == []
+            assert watcher.lasting_findings() == []
             watcher.until(lambda: bool(watcher.run(LIGHT_OR_DARK)))
     watcher.open(machine.url)
 

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -27,7 +27,6 @@ from steptwin.host.panel.page.visitor import Answer, Visitor, apply_theme, note_
 from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 V = TypeVar("V", bound=View)
-_HARDWARE: Final = "Hardware"
 
 
 class Page:
@@ -63,28 +62,37 @@ class Page:
     async def _make_tabs(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the tabs; all of them are built at once, so that a change shows wherever the operator looks."""
         visitor, scene = self.visitor, self._scene.scene
+        makers: dict[str, Callable[[], View]] = {
+            "Jog": lambda: JogTab(visitor),
+            "Move": lambda: MoveTab(visitor, scene, positions_file),
+            "Run": lambda: RunTab(visitor, scene),
+            "Outputs": lambda: OutputsTab(visitor),
+            "Settings": lambda: SettingsTab(visitor),
+            "Result": lambda: ResultTab(visitor),
+        }
+        if control is not None:
+            makers["Hardware"] = lambda: HardwareTab(visitor, control)
         with ui.element("section").classes("panel-card flush place-tabs"):
-            names = ["Jog", "Move", "Run", "Outputs", "Settings", "Result"]
             with ui.tabs().props("dense no-caps align=left outside-arrows mobile-arrows") as tabs:
-                jog, move, run, outputs, settings, result = map(ui.tab, names)
-                hardware = ui.tab(_HARDWARE) if control is not None else None
-            with ui.tab_panels(tabs, value=jog, animated=False).props("keep-alive"):
-                with ui.tab_panel(jog).classes("stack"):
-                    await self._add(JogTab(visitor))
-                with ui.tab_panel(move).classes("stack"):
-                    await self._add(MoveTab(visitor, scene, positions_file))
-                with ui.tab_panel(run).classes("stack"):
-                    self.run = await self._add(RunTab(visitor, scene))
-                with ui.tab_panel(outputs).classes("stack"):
-                    await self._add(OutputsTab(visitor))
-                with ui.tab_panel(settings).classes("stack"):
-                    await self._add(SettingsTab(visitor))
-                with ui.tab_panel(result).classes("stack"):
-                    await self._add(ResultTab(visitor))
-                if control is not None and hardware is not None:
-                    with ui.tab_panel(hardware).classes("stack"):
-                        view = await self._add(HardwareTab(visitor, control))
-                    tabs.on_value_change(lambda event: view.open(event.value == _HARDWARE))
+                for name in makers:
+                    ui.tab(name)
+            with ui.tab_panels(tabs, value="Jog", animated=False).props("keep-alive"):
+                for name, make in makers.items():
+                    with ui.tab_panel(name).classes("stack") as panel:
+                        panel.props["aria-label"] = name
+                        await self._add(make())
+            tabs.on_value_change(lambda event: self._open(event.value))
+
+    def _open(self, name: str) -> None:
+        """Let the Hardware tab follow its machine while it is shown."""
+        for view in self.views:
+            if isinstance(view, HardwareTab):
+                view.open(name == "Hardware")
+
+    @property
+    def run(self) -> RunTab:
+        """The Run tab."""
+        return next(view for view in self.views if isinstance(view, RunTab))
 
     def arrive(self, before: "Page | None") -> None:
         """Show a browser that has connected the past; operate the machine if nobody does.

@@ -23,8 +23,8 @@ from steptwin.host.panel.page.elements import Tone
 
 _STATIC: Final = Path(__file__).parent / "static"
 
-_PRIMARY: Final = "#1257a8"
-"""Colour of a chosen button: white text on it can be read in light and dark."""
+_COLOURS: Final = {"primary": "#1257a8", "positive": "#1b6e3c", "negative": "#b3161b", "info": "#1257a8"}
+"""Colours of chosen buttons and of messages: white text on them can be read in light and dark."""
 
 FAVICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
@@ -42,7 +42,7 @@ def _read(name: str) -> str:
 
 def apply_theme(*, script: bool = True) -> None:
     """Give the page of this browser the style sheet, and the panel's script unless the page has no machine."""
-    ui.colors(primary=_PRIMARY)
+    ui.colors(**_COLOURS)
     ui.add_head_html(f"<style>{_read('panel.css')}</style>")
     if script:
         ui.add_body_html(f"<script>{_read('panel.js')}</script>")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Final
 
 from tests.end_to_end.command_line import PROGRAM
@@ -29,6 +30,10 @@ _FLAGS: Final = (
 TIMEOUT_S: Final = 120.0
 """For the page, the browser and each script in it, on a busy computer."""
 
+AGAIN_S: Final = 4.0
+"""Time after which a user presses a button again that has changed nothing."""
+LOOKS: Final = 15
+"""Looks by axe after which a finding is one: messages are gone after 6 s."""
 NOT_SEEN: Final = "not seen"
 
 
@@ -65,10 +70,15 @@ class Browser:
         return bool(self.run("return document.body.innerText.includes(arguments[0])", text))
 
     def tab(self, name: str) -> None:
-        """Open a tab."""
-        self.run(
-            "[...document.querySelectorAll('.q-tab')].find(e => e.innerText.trim() === arguments[0]).click()", name
-        )
+        """Open a tab, and wait until it is shown: the page asks its server for it."""
+        click = "[...document.querySelectorAll('.q-tab')].find(e => e.innerText.trim() === arguments[0]).click()"
+        shown = 'return Boolean(document.querySelector(`.q-tab-panel[aria-label="${arguments[0]}"]`)?.offsetParent)'
+
+        def opened() -> bool:
+            self.run(click, name)
+            return self.soon(lambda: bool(self.run(shown, name)), AGAIN_S)
+
+        self.until(opened)
 
     def click(self, text: str) -> None:
         """Click the first button that is shown with this text and enabled, as soon as there is one."""
@@ -88,9 +98,24 @@ class Browser:
                 return True
             if self.activity() != NOT_SEEN:
                 self.click(text)
-            return self.soon(condition, 4.0)
+            return self.soon(condition, AGAIN_S)
 
         self.until(clicked)
+
+    def operate(self) -> None:
+        """Take the operator's place, by the button that the page offers for it.
+
+        That is another one once the operator before has been away for long enough, which may be while it is pressed.
+        """
+        script = """[...document.querySelectorAll("button")].find((button) =>
+            ["Operate", "Take over"].includes(button.innerText.trim()) && button.offsetParent)?.click();"""
+
+        def operates() -> bool:
+            if not self.shows("you operate"):
+                self.run(script)
+            return self.soon(lambda: self.shows("you operate"), AGAIN_S)
+
+        self.until(operates)
 
     def fill(self, label: str, text: str) -> None:
         """Write into the first field that is shown with this label, as soon as there is one."""
@@ -115,8 +140,18 @@ class Browser:
             const options = { resultTypes: ["violations"], ...(rule && { runOnly: [rule] }) };
             axe.run(part || document, options).then((found) => done(found.violations
                 .filter((each) => ["serious", "critical"].includes(each.impact))
-                .map((each) => `${each.id}: ${each.nodes.map((node) => node.html.slice(0, 150)).join(" | ")}`)));"""
+                .map((each) => `${each.id}: ${each.nodes.map((node) => node.html.slice(0, 150)).join(" | ")}`)),
+                (error) => done([`${error}`]));"""
         return [str(finding) for finding in self.driver.execute_async_script(script, part, rule)]
+
+    def lasting_findings(self, part: str | None = None, rule: str | None = None) -> list[str]:
+        """Return the findings of the last of LOOKS looks: colours fade, and on a busy computer a look takes seconds."""
+        for _ in range(LOOKS):
+            found = self.findings(part, rule)
+            if not found:
+                break
+            time.sleep(0.5)
+        return found
 
     def position(self, joint: int) -> float:
         """Return a joint's position, as the page shows it."""
@@ -196,8 +231,11 @@ def open_browser(size: tuple[int, int] = (1440, 1000), *flags: str) -> Iterator[
 
 @contextmanager
 def panel_of(robot: str, folder: Path, *options: str, port: int = 0) -> Iterator[str]:
-    """Serve a robot's board, at a free port by default, with its panel, in a folder; yield the page's address."""
-    with _page_of(folder, "panel", "serve", robot, "--panel", "--port", str(port), *options) as url:
+    """Serve a robot's board, at a free port by default, with its panel, in a folder; yield the page's address.
+
+    At the page's usual port the browser of another run, or of a user, might still look for its own panel.
+    """
+    with _page_of(folder, "panel", "serve", robot, "--panel-port", "0", "--port", str(port), *options) as url:
         yield url
 
 
@@ -211,12 +249,17 @@ def view_of(*folders: Path) -> Iterator[str]:
 @contextmanager
 def _page_of(folder: Path, name: str, *words: str) -> Iterator[str]:
     """Run a command in a folder that prints a page's address under a name; yield it."""
-    command = [*PROGRAM, *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder) as process:
+    with (
+        TemporaryFile("w+") as errors,
+        subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, stderr=errors, text=True, cwd=folder) as process,
+    ):
         try:
             assert process.stdout
             addresses = (re.match(rf"{name}: (\S+)", line) for line in process.stdout)
-            yield next(found[1] for found in addresses if found)
+            address = next((found[1] for found in addresses if found), None)
+            errors.seek(0)
+            assert address is not None, errors.read()
+            yield address
         finally:
             process.terminate()  # it ends the panel, too
             process.wait(TIMEOUT_S)
