@@ -5,7 +5,7 @@ in them is escaped here. JSON escapes by itself.
 """
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
@@ -112,10 +112,20 @@ def warn(text: str) -> None:
     say(f"steptwin: warning: {text}", err=True)
 
 
-def pose_text(pose: dict[str, float]) -> str:
-    """Return the tool's pose in one line."""
-    x, y, z, attitude = (fixed(pose[key]) for key in ("x_mm", "y_mm", "z_mm", "attitude_deg"))
-    return f"tool: x {x} mm, y {y} mm, z {z} mm, {attitude} deg"
+def pose_text(pose: Mapping[str, Any]) -> str:
+    """Return the tool's pose, a document, in one line."""
+    return f"tool: {pose_words(pose, 4, 'deg')}"
+
+
+def pose_words(pose: Mapping[str, Any], decimals: int, attitude: str) -> str:
+    """Return a pose, a document, in words, with so many decimals; `attitude` says what a single angle is."""
+    words = [f"{axis} {fixed(pose[f'{axis}_mm'], decimals)} mm" for axis in "xyz"]
+    if "attitude_deg" in pose:
+        words.append(attitude.replace("deg", f"{fixed(pose['attitude_deg'], decimals)} deg"))
+    for key, name, unit in (("rpy_deg", "rpy", " deg"), ("direction", "direction", "")):
+        if key in pose:
+            words.append(f"{name} {' '.join(fixed(value, decimals) for value in pose[key])}{unit}")
+    return ", ".join(words)
 
 
 def number_of(count: int, noun: str) -> str:

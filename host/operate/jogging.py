@@ -52,7 +52,7 @@ def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[]
         InputError: the tool cannot move in this direction, with the reason; or as `execute_live`.
         DeviceFaultError, BusError: as `execute_live`.
     """
-    check_tool_jog(coordinate, speed)
+    check_tool_jog(session.robot, coordinate, speed)
     with session.charge("jog") as charge:
         plan = plan_tool_jog(session.robot, charge.start.joints, coordinate, speed)
         machine = charge.enable()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, nan
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.positions import ToolPosition
-from steptwin.host.robots.kinematics import make_kinematics, pose_words
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import Pose, PoseDocument
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
@@ -35,7 +36,7 @@ class Moved:
     goal: list[float]
     end: list[float]
     planned_s: float
-    pose: dict[str, float] | None
+    pose: PoseDocument | None
 
 
 def check_goal(robot: Robot, goal: Sequence[float | None]) -> None:
@@ -64,20 +65,26 @@ def joints_at(robot: Robot, position: ToolPosition, standing: list[float]) -> li
     return [float(each) for each in joints]
 
 
-def nearest_joints(robot: Robot, pose: list[float], near: list[float]) -> list[float]:
+def nearest_joints(robot: Robot, position: ToolPosition, near: list[float]) -> list[float]:
     """Return the joint position that has a tool pose and is reached in the least time from the joint position `near`.
 
-    The pose is x, y and z in mm and the attitude in degrees, NaN if it follows from the arm. Raises InputError if no
-    branch of the inverse kinematics reaches it; the message gives each branch's reason and the nearest pose in reach.
+    Coordinates that the position leaves out are those at `near`; an attitude may follow from the arm. Raises InputError
+    if the mechanism cannot be assembled at `near`, or if no branch of the inverse kinematics reaches the pose: the
+    message gives each branch's reason and the nearest pose in reach.
     """
-    standing = np.array(near)
-    branches = make_kinematics(robot).inverse(np.array([pose]), standing)
+    standing, kinematics = np.array(near), make_kinematics(robot)
+    present: Pose = tuple(kinematics.forward(standing[np.newaxis])[0].tolist())
+    if not np.isfinite(present).all():
+        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled at the axes' positions")
+    if kinematics.attitude_follows:
+        present = (*present[:3], nan)
+    pose = kinematics.task.changed(present, position.coordinates, position.orientation)
+    branches = kinematics.inverse(np.array([pose]), standing)
     within = [branch.joints[0] for branch in branches if branch.reachable[0]]
     if not within:
         reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
-        x_mm, y_mm, z_mm, phi_deg = pose
-        passing = passing_text(robot, (x_mm, y_mm, z_mm, phi_deg), standing)
-        raise InputError(f"no branch reaches {pose_words(pose)}: {reasons}{passing}")
+        passing = passing_text(robot, pose, standing)
+        raise InputError(f"no branch reaches {kinematics.task.words(pose)}: {reasons}{passing}")
     nearest = min(within, key=lambda joints: 1 / limits_along(robot, joints - standing)[0])
     return [float(position) for position in nearest]
 

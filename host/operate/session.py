@@ -17,7 +17,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, 
 from steptwin.host.operate.joint_positions import faulty_drive
 from steptwin.host.operate.setting_up import clear_targets, objects_of
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.base import POSE_KEYS
+from steptwin.host.robots.poses import PoseDocument
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State, Status
@@ -102,12 +102,11 @@ class Session:
         """Read the position demand value (6062h) of each axis, where the next motion begins."""
         return [axis.read(od.POSITION_DEMAND) for axis in self.machine.axes]
 
-    def pose(self, joints: list[float]) -> dict[str, float] | None:
-        """Return the tool's pose at a joint position; None where the mechanism cannot be assembled."""
-        pose = make_kinematics(self.robot).forward(np.array([joints]))[0]
-        if not np.isfinite(pose).all():
-            return None
-        return {key: float(value) for key, value in zip(POSE_KEYS, pose, strict=True)}
+    def pose(self, joints: list[float]) -> PoseDocument | None:
+        """Return the tool's pose at a joint position; None where the mechanism cannot be assembled or has no tool."""
+        kinematics = make_kinematics(self.robot)
+        pose = kinematics.forward(np.array([joints]))[0]
+        return kinematics.task.document(pose) if pose.size and np.isfinite(pose).all() else None
 
     # --- stops by others
 

@@ -16,6 +16,7 @@ from steptwin.host.operate.inputs_outputs import read_inputs
 from steptwin.host.operate.joint_positions import JointReading, joint_positions
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.poses import PoseDocument
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.od import HISTORY_DEPTH
@@ -92,7 +93,7 @@ class MachineStatus:
     robot: str
     streaming: bool
     axes: tuple[AxisStatus, ...]
-    pose: dict[str, float] | None
+    pose: PoseDocument | None
     inputs: dict[str, bool] | None
     """Whether each input of the robot's file is on; None while a trajectory is streamed."""
 

@@ -1,8 +1,8 @@
 """Paths of the tool: straight lines, arcs, curves through sampled poses and turns, as functions of the length.
 
-A path gives poses of shape (n, 4), x_mm, y_mm, z_mm and attitude_deg, and their derivatives by the length s in mm, for
-lengths of shape (n,) in [0, length_mm]. The attitude turns in proportion to the length. The paths share this file
-because each is only a few formulas that follow this convention.
+A path gives poses of shape (n, task.width) and their derivatives by the length s in mm, tool velocities of shape
+(n, task.rates), for lengths of shape (n,) in [0, length_mm]. The tool turns in proportion to the length. The paths
+share this file because each is only a few formulas that follow this convention.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ import scipy
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.poses import Pose, Task, Turning
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline, PPoly
@@ -23,10 +24,8 @@ class OutOfReachError(InputError):
     """A path leaves the mechanism's reach or comes near a singularity, or a joint leaves its limits."""
 
 
-Pose = tuple[float, float, float, float]
-
-COORDINATES: Final = ("x", "y", "z", "phi")
-"""The names that files have for a pose: x, y and z in mm, and the attitude phi in degrees."""
+_PLACE: Final = 3
+"""Columns of a place: x, y and z in mm."""
 
 
 class ToolPath(Protocol):
@@ -38,11 +37,11 @@ class ToolPath(Protocol):
         ...
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4)."""
+        """Return poses of shape (n, task.width)."""
         ...
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return the poses' derivatives by s, of shape (n, 4), in mm/mm and deg/mm."""
+        """Return the poses' derivatives by s, of shape (n, task.rates), in mm/mm and deg/mm."""
         ...
 
 
@@ -72,7 +71,7 @@ class FreeAttitude:
 
 @dataclass(frozen=True, slots=True)
 class StraightLine:
-    """A straight line from one pose to another; raises InputError if both are at the same place."""
+    """A line that is straight in every column of a pose; raises InputError if both ends are at the same place."""
 
     start: Pose
     goal: Pose
@@ -87,11 +86,11 @@ class StraightLine:
         return float(np.linalg.norm(self._way[:3]))
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4)."""
+        """Return poses of shape (n, columns)."""
         return np.array(self.start) + s_mm[:, np.newaxis] * (self._way / self.length_mm)
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return derivatives of shape (n, 4), all equal."""
+        """Return derivatives of shape (n, columns), all equal."""
         return np.tile(self._way / self.length_mm, (len(s_mm), 1))
 
     @property
@@ -109,7 +108,7 @@ class Arc:
         onward: shape (3,), unit vector of the motion at the start.
         radius_mm: radius of the circle.
         sweep_rad: angle from start to goal, above 0; below 2 pi if made by `through`.
-        attitudes_deg: attitudes at start and goal.
+        attitudes_deg: phi at start and goal; None for an arc of places alone, without phi.
     """
 
     centre_mm: FloatArray
@@ -117,11 +116,14 @@ class Arc:
     onward: FloatArray
     radius_mm: float
     sweep_rad: float
-    attitudes_deg: tuple[float, float]
+    attitudes_deg: tuple[float, float] | None
 
     @classmethod
     def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
-        """Return the arc from a pose through a point to a pose; raise InputError if the three points lie on a line."""
+        """Return the arc from a SCARA's pose or a place through a place to another.
+
+        Raises InputError if the three places lie on a line.
+        """
         a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
         normal = np.cross(b - a, c - a)
         area = float(np.linalg.norm(normal))
@@ -134,14 +136,14 @@ class Arc:
         onward = np.cross(normal / area, outward)
         end = c - centre
         sweep_rad = float(np.arctan2(end @ onward, end @ outward)) % (2.0 * np.pi)
-        return cls(centre, outward, onward, radius_mm, sweep_rad, (start[3], goal[3]))
+        return cls(centre, outward, onward, radius_mm, sweep_rad, (start[3], goal[3]) if len(start) > _PLACE else None)
 
     @classmethod
     def around(cls, start: Pose, centre_mm: tuple[float, float], sweep_deg: float, *, turned: bool) -> Self:
-        """Return the horizontal arc from a pose around a vertical axis, counter-clockwise seen from above.
+        """Return the horizontal arc from a pose or a place around a vertical axis, counter-clockwise seen from above.
 
-        A negative sweep goes clockwise, one beyond 360 degrees goes round several times. With `turned` the attitude
-        turns along, otherwise it stays. Raises InputError if the pose is on the axis.
+        A negative sweep goes clockwise, one beyond 360 degrees goes round several times. With `turned` phi turns along,
+        otherwise it stays. Raises InputError if the start is on the axis.
         """
         centre = np.array([*centre_mm, start[2]])
         spoke = np.array(start[:3]) - centre
@@ -150,8 +152,8 @@ class Arc:
             raise InputError(f"a circle around x {centre_mm[0]:g}, y {centre_mm[1]:g} mm: the tool is at its centre")
         outward = spoke / radius_mm
         onward = np.sign(sweep_deg) * np.array([-outward[1], outward[0], 0.0])
-        goal_deg = start[3] + (sweep_deg if turned else 0.0)
-        return cls(centre, outward, onward, radius_mm, abs(float(np.deg2rad(sweep_deg))), (start[3], goal_deg))
+        attitudes_deg = (start[3], start[3] + (sweep_deg if turned else 0.0)) if len(start) > _PLACE else None
+        return cls(centre, outward, onward, radius_mm, abs(float(np.deg2rad(sweep_deg))), attitudes_deg)
 
     @property
     def length_mm(self) -> float:
@@ -159,16 +161,20 @@ class Arc:
         return self.radius_mm * self.sweep_rad
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4)."""
+        """Return poses of shape (n, 4), or places of shape (n, 3)."""
         angle = s_mm[:, np.newaxis] / self.radius_mm
         points = self.centre_mm + self.radius_mm * (np.cos(angle) * self.outward + np.sin(angle) * self.onward)
+        if self.attitudes_deg is None:
+            return np.asarray(points)
         start_deg, goal_deg = self.attitudes_deg
         return np.column_stack([points, start_deg + (goal_deg - start_deg) * s_mm / self.length_mm])
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return derivatives of shape (n, 4)."""
+        """Return derivatives of shape (n, 4) or (n, 3)."""
         angle = s_mm[:, np.newaxis] / self.radius_mm
         tangents = np.cos(angle) * self.onward - np.sin(angle) * self.outward
+        if self.attitudes_deg is None:
+            return np.asarray(tangents)
         start_deg, goal_deg = self.attitudes_deg
         return np.column_stack([tangents, np.full(len(s_mm), (goal_deg - start_deg) / self.length_mm)])
 
@@ -182,7 +188,7 @@ def _centre(a: FloatArray, b: FloatArray, c: FloatArray, normal: FloatArray) -> 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A turn of the tool on the spot; its parameter is the angle turned, in degrees, in place of a length in mm."""
+    """A turn of a SCARA's tool on the spot; its parameter is the angle in degrees, in place of a length in mm."""
 
     start: Pose
     angle_deg: float
@@ -205,6 +211,54 @@ class Turn:
         return np.array([0.0, 0.0, 0.0, np.sign(self.angle_deg)])
 
 
+@dataclass(frozen=True, slots=True)
+class OnTheSpot:
+    """A path that stays at one place while the tool turns; its parameter is the angle, in degrees."""
+
+    place_mm: Pose
+    length_mm: float
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Return places of shape (n, 3), all equal."""
+        return np.tile(np.array(self.place_mm), (len(s_mm), 1))
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Return derivatives of shape (n, 3), all 0."""
+        return np.zeros((len(s_mm), len(self.place_mm)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Oriented:
+    """A path of places, on which the tool turns in space in proportion to the length."""
+
+    places: ToolPath
+    turning: Turning
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the path of places."""
+        return self.places.length_mm
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Return poses of shape (n, task.width)."""
+        return np.column_stack([self.places.poses(s_mm), self.turning.at(s_mm / self.length_mm)])
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Return derivatives of shape (n, 6)."""
+        rate = np.tile(self.turning.turn_deg / self.length_mm, (len(s_mm), 1))
+        return np.column_stack([self.places.derivatives(s_mm), rate])
+
+
+def straight(task: Task, start: Pose, goal: Pose) -> ToolPath:
+    """Return the straight way from a pose to another, on which the tool turns by the one shortest rotation.
+
+    Raises InputError if both are at the same place, or the tool turns by half a turn or more in space.
+    """
+    if task.is_flat:
+        return StraightLine(start, goal)
+    return Oriented(StraightLine(start[:_PLACE], goal[:_PLACE]), Turning.shortest(task, start, goal))
+
+
 class Smoothing(StrEnum):
     """Shape of a curve through points: with continuous curvature (C2), or without overshoot at corners (Akima)."""
 
@@ -217,14 +271,14 @@ class SampledPath:
     """A curve through poses; its parameter is the length of the polygon through them, in mm. Made by `through`.
 
     Attributes:
-        curve: piecewise cubic of the four pose coordinates.
+        curve: piecewise cubic of the columns of the poses.
     """
 
     curve: "PPoly"
 
     @classmethod
     def through(cls, poses: FloatArray, smoothing: Smoothing) -> Self:
-        """Return the curve through poses of shape (n, 4); attitudes are interpolated as given, without wrapping.
+        """Return the curve through poses of shape (n, task.width); every column is interpolated as given.
 
         Raises:
             InputError: there are fewer than three poses, or two successive ones are at the same place.
@@ -246,11 +300,11 @@ class SampledPath:
         return float(self.curve.x[-1])
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4)."""
+        """Return poses of shape (n, columns)."""
         return np.asarray(self.curve(s_mm))
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return derivatives of shape (n, 4)."""
+        """Return the columns' derivatives, of shape (n, columns)."""
         return np.asarray(self.curve(s_mm, 1))
 
 
@@ -318,16 +372,49 @@ class EvenPath:
         return float(self.parameter.x[-1])
 
     def poses(self, s_mm: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4)."""
+        """Return poses of shape (n, columns)."""
         return self.path.poses(self._polygon_mm(s_mm))
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return derivatives of shape (n, 4)."""
+        """Return the columns' derivatives, of shape (n, columns)."""
         return np.asarray(self.path.derivatives(self._polygon_mm(s_mm)) * self.parameter(s_mm, 1)[:, np.newaxis])
 
     def _polygon_mm(self, s_mm: FloatArray) -> FloatArray:
         """Return the length of the polygon, which rounding must not lead beyond its end: there is no curve."""
         return np.asarray(np.clip(self.parameter(s_mm), 0.0, self.path.length_mm))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurnedCurve:
+    """A curve through poses whose tool turns in space: the orientations' columns are made of length 1 again."""
+
+    task: Task
+    curve: EvenPath
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the curve."""
+        return self.curve.length_mm
+
+    def poses(self, s_mm: FloatArray) -> FloatArray:
+        """Return poses of shape (n, task.width)."""
+        poses = self.curve.poses(s_mm)
+        poses[:, _PLACE:] /= np.linalg.norm(poses[:, _PLACE:], axis=1, keepdims=True)
+        return poses
+
+    def derivatives(self, s_mm: FloatArray) -> FloatArray:
+        """Return derivatives of shape (n, 6)."""
+        columns, slopes = self.curve.poses(s_mm)[:, _PLACE:], self.curve.derivatives(s_mm)
+        length = np.linalg.norm(columns, axis=1, keepdims=True)
+        unit, change = columns / length, slopes[:, _PLACE:] / length
+        change -= unit * np.sum(unit * change, axis=1, keepdims=True)
+        return np.column_stack([slopes[:, :_PLACE], self.task.turning_deg(unit, change)])
+
+
+def curve_through(task: Task, poses: FloatArray, smoothing: Smoothing) -> ToolPath:
+    """Return the smooth curve through poses of shape (n, task.width); raise InputError as SampledPath and EvenPath."""
+    curve = EvenPath.of(SampledPath.through(task.continued(poses), smoothing))
+    return curve if task.is_flat else TurnedCurve(task, curve)
 
 
 def _speeds(path: SampledPath, parameter: FloatArray) -> FloatArray:

@@ -21,11 +21,12 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, present_branch
-from steptwin.host.planning.paths import COORDINATES, FreeAttitude, Pose, StraightLine, ToolPath, Turn
+from steptwin.host.planning.paths import FreeAttitude, OnTheSpot, Oriented, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.poses import STEP_NAMES, Pose, Task, Turning, turn_of
 from steptwin.host.robots.robot import Robot
 
 SPEED_MAX_MM_S: Final = 250.0
@@ -34,7 +35,8 @@ TURN_SPEED_MAX_DEG_S: Final = 90.0
 """Highest speed of a tool that turns on the spot by hand."""
 TURN_MAX_DEG: Final = 360.0
 
-COORDINATE_UNITS: Final = dict(zip(COORDINATES, ("mm", "mm", "mm", "deg"), strict=True))
+STEP_UNITS: Final = {name: "mm" if name in ("x", "y", "z") else "deg" for name in STEP_NAMES}
+"""The unit of each step of a tool by its name; which of them a robot's tool can make, its task says."""
 
 _QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
 _RAMP_S: Final = 0.3
@@ -52,15 +54,25 @@ class ToolStep:
 
     def __post_init__(self) -> None:
         for name in self.distances:
-            if name not in COORDINATES:
-                raise unknown("coordinate", name, COORDINATES)
+            if name not in STEP_UNITS:
+                raise unknown("coordinate", name, STEP_UNITS)
         if not any(self.distances.values()):
             raise InputError(f"a step of 0 moves nothing: {self}")
-        if abs(self.distances.get("phi", 0.0)) > TURN_MAX_DEG:
+        if not self.turn_deg <= TURN_MAX_DEG:
             raise InputError(f"{self}: a step turns the tool by at most {TURN_MAX_DEG:g} deg")
 
+    @property
+    def turn_deg(self) -> float:
+        """The angle by which the tool turns, by phi or about the station's axes."""
+        return max(abs(self.distances.get("phi", 0.0)), float(np.linalg.norm(turn_of(self.distances))))
+
+    @property
+    def moves(self) -> bool:
+        """True if the tool changes its place and does not only turn."""
+        return any(self.distances.get(name) for name in ("x", "y", "z"))
+
     def __str__(self) -> str:
-        return ", ".join(f"{name} {value:+g} {COORDINATE_UNITS[name]}" for name, value in self.distances.items())
+        return ", ".join(f"{name} {value:+g} {STEP_UNITS[name]}" for name, value in self.distances.items())
 
     def part(self, fraction: float) -> "ToolStep":
         """Return a part of the step, in the same direction."""
@@ -73,8 +85,10 @@ def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     Raises InputError, with the reason and the part of the step that would pass, if the path leaves the mechanism's
     reach or a joint's limits or comes near a singularity.
     """
-    if "phi" in step.distances and make_kinematics(robot).attitude_follows:
+    kinematics = make_kinematics(robot)
+    if "phi" in step.distances and kinematics.attitude_follows:
         raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
+    kinematics.task.check_steps(step.distances)
     try:
         return _plan(robot, standing, step)
     except InputError as error:
@@ -111,7 +125,7 @@ def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
     """Return the tool's path of a step from the joints `start`, of shape (joints,)."""
     kinematics = make_kinematics(robot)
     here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
-    path = _path(here, step)
+    path = _path(kinematics.task, here, step)
     return FreeAttitude(path) if kinematics.attitude_follows else path
 
 
@@ -132,7 +146,7 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
     branch = present_branch(robot, start)
     path = step_path(robot, start, step)
     goal = _goal(kinematics, path, branch, start)
-    speed = step.speed_percent / 100 * (TURN_SPEED_MAX_DEG_S if isinstance(path, Turn) else SPEED_MAX_MM_S)
+    speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
     if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
         return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
     return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
@@ -155,11 +169,12 @@ def _solve(kinematics: Kinematics, path: ToolPath, share: float, branch: str, ne
     return joints
 
 
-def _path(here: Pose, step: ToolStep) -> ToolPath:
-    dx, dy, dz, dphi = (step.distances.get(name, 0.0) for name in COORDINATES)
-    if not (dx or dy or dz):
-        return Turn(here, dphi)
-    return StraightLine(here, (here[0] + dx, here[1] + dy, here[2] + dz, here[3] + dphi))
+def _path(task: Task, here: Pose, step: ToolStep) -> ToolPath:
+    there = task.stepped(here, step.distances)
+    if task.is_flat:
+        return StraightLine(here, there) if step.moves else Turn(here, step.distances.get("phi", 0.0))
+    places = StraightLine(here[:3], there[:3]) if step.moves else OnTheSpot(here[:3], step.turn_deg)
+    return Oriented(places, Turning(task, np.array(here[3:]), turn_of(step.distances)))
 
 
 def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
@@ -180,17 +195,21 @@ _SHORTENINGS: Final = 4
 
 
 def tool_speed_max(coordinate: str) -> float:
-    """Return the highest speed of a jog along a coordinate, in mm/s or deg/s; InputError if there is no such one."""
-    if coordinate not in COORDINATES:
-        raise unknown("coordinate", coordinate, COORDINATES)
-    return TURN_SPEED_MAX_DEG_S if coordinate == "phi" else SPEED_MAX_MM_S
+    """Return the highest speed of a jog along a coordinate, in mm/s or deg/s."""
+    return TURN_SPEED_MAX_DEG_S if STEP_UNITS[coordinate] == "deg" else SPEED_MAX_MM_S
 
 
-def check_tool_jog(coordinate: str, speed: float) -> None:
-    """Raise InputError unless the coordinate exists and the speed, in mm/s or deg/s, is within its limit."""
+def check_tool_jog(robot: Robot, coordinate: str, speed: float) -> None:
+    """Raise InputError unless the robot's tool has the coordinate and the speed, in mm/s or deg/s, is within its limit.
+
+    A tool whose attitude follows from the arm is refused when the jog is planned.
+    """
+    steps = make_kinematics(robot).task.steps
+    if coordinate not in steps:
+        raise unknown("coordinate", coordinate, steps)
     speed_max = tool_speed_max(coordinate)
     if not 0 < abs(speed) <= speed_max:
-        unit = COORDINATE_UNITS[coordinate]
+        unit = STEP_UNITS[coordinate]
         limit = f"above 0 and up to {at_most(speed_max)} {unit}/s, with a sign"
         raise InputError(f"{coordinate}: a speed of {speed:g} {unit}/s is not {limit}")
 
@@ -201,8 +220,8 @@ def plan_tool_jog(robot: Robot, standing: list[float], coordinate: str, speed: f
     Raises:
         InputError: as `check_tool_jog`, or nothing passes in this direction; the message says why.
     """
-    check_tool_jog(coordinate, speed)
-    longest = TURN_MAX_DEG if coordinate == "phi" else WAY_MAX_MM
+    check_tool_jog(robot, coordinate, speed)
+    longest = TURN_MAX_DEG if STEP_UNITS[coordinate] == "deg" else WAY_MAX_MM
     percent = 100.0 * abs(speed) / tool_speed_max(coordinate)
     whole = ToolStep({coordinate: longest if speed > 0 else -longest}, percent)
     way, fraction = _farthest(_speeds_along(robot, within_limits(robot, standing), whole), abs(speed))

@@ -58,8 +58,7 @@ def round_below(value: float) -> float:
 def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
     """Return the path just before and just after each of m sorted instants, so that n = 2 m."""
     end_s = comparison.expected.trajectory.duration_s
-    errors_mm = np.concatenate(
-        [part.tool.position_mm.swapaxes(0, 1).reshape(-1, 3) for part in deviations(comparison, t_s)]
-    )
+    tools = (part.tool for part in deviations(comparison, t_s) if part.tool is not None)
+    errors_mm = np.concatenate([tool.position_mm.swapaxes(0, 1).reshape(-1, 3) for tool in tools])
     poses = comparison.expected.forward(comparison.expected.trajectory.positions(np.minimum(t_s, end_s)))
     return PathError(np.repeat(poses[:, :3], 2, axis=0), errors_mm)

@@ -12,6 +12,7 @@ from steptwin.host.planning.trajectory import Switching, Trajectory, left_open
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
+from steptwin.host.robots.poses import SCARA, Task
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify.counted import CountedSteps, counted_steps
 from steptwin.host.verify.evidence import Evidence
@@ -61,7 +62,7 @@ class AxisMotion:
 
 
 Forward = Callable[[FloatArray], FloatArray]
-"""Forward kinematics, from joints of shape (n, joints) to poses of shape (n, 4): x_mm, y_mm, z_mm, attitude_deg."""
+"""Forward kinematics, from joints of shape (n, joints) to poses of shape (n, task.width)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,7 @@ class Expectation:
             tool really is; None if it states none.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
         stock: the boxes and open drawers that the motion is planned to leave at a shelf; None: it planned none.
+        task: task of the tool, which says what the columns of poses are.
 
     Raises:
         ValueError: the lengths do not agree.
@@ -93,6 +95,7 @@ class Expectation:
     actual_forward: Forward | None = None
     robot: Robot | None = None
     stock: PlannedStock | None = None
+    task: Task = SCARA
 
     @classmethod
     def of(cls, robot: Robot, trajectory: Trajectory, stock: PlannedStock | None = None) -> Self:
@@ -101,10 +104,18 @@ class Expectation:
             stock = replace(stock or PlannedStock(), leaves_open=leaves_open)
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
-        forward, actual = make_kinematics(robot).forward, actual_chain(robot)
-        actual_forward = actual.poses if actual else None
+        kinematics, actual = make_kinematics(robot), actual_chain(robot)
         return cls(
-            trajectory, robot.steps_per_unit, units, forward, robot.coupling, microsteps, actual_forward, robot, stock
+            trajectory,
+            robot.steps_per_unit,
+            units,
+            kinematics.forward,
+            robot.coupling,
+            microsteps,
+            actual.poses if actual else None,
+            robot,
+            stock,
+            kinematics.task,
         )
 
     def __post_init__(self) -> None:

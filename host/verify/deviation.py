@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
-from steptwin.host.verify.comparison import Comparison, Forward
+from steptwin.host.verify.comparison import Comparison, Expectation, Forward
 
 INSTANTS_PER_CHUNK = 16_384
 """Number of instants evaluated at once; it bounds the memory for any number of steps."""
@@ -23,7 +22,7 @@ class ToolDeviation:
 
     Attributes:
         position_mm: shape (2, n, 3), in x, y and z.
-        attitude_deg: shape (2, n), in (-180, 180].
+        attitude_deg: shape (2, n), the angle between the orientations; of a SCARA in (-180, 180].
     """
 
     position_mm: FloatArray
@@ -44,13 +43,13 @@ class Deviation:
     Attributes:
         t_s: shape (n,), the instants in the trajectory's time.
         steps: shape (2, n, joints), the driver's count minus the planned axis position in steps.
-        tool: where the nominal kinematics has the tool at the counted joints.
+        tool: where the nominal kinematics has the tool at the counted joints; None without a tool.
         actual_tool: where the actual tool is at the counted joints; None if the robot's file states no errors.
     """
 
     t_s: FloatArray
     steps: FloatArray
-    tool: ToolDeviation
+    tool: ToolDeviation | None
     actual_tool: ToolDeviation | None = None
 
 
@@ -76,12 +75,14 @@ def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     return Deviation(
         t_s,
         counts - expected.axis_steps(planned),
-        _off(planned_pose, expected.forward, joints),
-        expected.actual_forward and _off(planned_pose, expected.actual_forward, joints),
+        _off(expected, planned_pose, expected.forward, joints) if expected.task.width else None,
+        expected.actual_forward and _off(expected, planned_pose, expected.actual_forward, joints),
     )
 
 
-def _off(planned_pose: FloatArray, forward: Forward, joints: Sequence[FloatArray]) -> ToolDeviation:
+def _off(
+    expected: Expectation, planned_pose: FloatArray, forward: Forward, joints: Sequence[FloatArray]
+) -> ToolDeviation:
     """Return the deviation of the tool at counted joints, before and after each edge, from the planned poses."""
-    errors = np.stack([forward(side) for side in joints]) - planned_pose
-    return ToolDeviation(errors[..., :3], wrapped_deg(errors[..., 3]))
+    poses = np.stack([forward(side) for side in joints])
+    return ToolDeviation(poses[..., :3] - planned_pose[..., :3], expected.task.off_deg(poses, planned_pose))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -167,7 +168,7 @@ class Report:
         reasons: one line for each failed check, naming axis, value and limit; empty if the run passed.
         axes: figures of each axis in joint order.
         joints: joint positions at start and end.
-        tool: deviation of the tool.
+        tool: deviation of the tool; without one its figures are NaN, and the document has null.
         outputs: each planned change of a digital output, with the time when it was made.
         violations: the drivers' limits that were broken.
         actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
@@ -201,7 +202,7 @@ class Report:
             "reasons": list(self.reasons),
             "axes": [_plain(asdict(axis)) for axis in self.axes],
             "joints": _plain(asdict(self.joints)),
-            "tool": _plain(asdict(self.tool)),
+            "tool": None if isnan(self.tool.position_error_mm_max) else _plain(asdict(self.tool)),
             **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
             "outputs": [_plain(asdict(output)) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],

@@ -8,6 +8,7 @@ threshold than the tolerance.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import nan
 
 import numpy as np
 
@@ -50,6 +51,9 @@ class _WorstTool:
         self.poses += distance_mm.size
 
     def report(self) -> ToolReport:
+        """Return the errors; NaN without a tool."""
+        if not self.poses:
+            return ToolReport(nan, nan, nan)
         return ToolReport(self.mm, float(np.sqrt(self.mm_squares / self.poses)), self.attitude_deg)
 
 
@@ -69,7 +73,8 @@ class _Worst:
         beyond = np.where(signs != 0, np.abs(-signs * before - THRESHOLD_STEPS), 0.0)
         self.threshold_steps = np.maximum(self.threshold_steps, beyond.max(axis=0))
         self.position_steps = np.maximum(self.position_steps, np.abs(deviation.steps).max(axis=(0, 1)))
-        self.tool.take(deviation.tool)
+        if deviation.tool is not None:
+            self.tool.take(deviation.tool)
         if deviation.actual_tool is not None:
             self.actual_tool.take(deviation.actual_tool)
 

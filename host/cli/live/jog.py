@@ -27,8 +27,8 @@ def jog(
         list[str] | None,
         typer.Argument(
             metavar="ROBOT WHAT AMOUNT",
-            help="The robot; one of its joints, or x, y, z or phi of its tool; and how far, such as +1, 1mm or -5deg,"
-            " or for a joint how fast, such as 5mm/s.",
+            help="The robot; one of its joints, or x, y, z, phi, rx, ry or rz of its tool; and how far, such as +1, 1mm"
+            " or -5deg, or for a joint how fast, such as 5mm/s.",
         ),
     ] = None,
     seconds: Annotated[
@@ -73,11 +73,12 @@ def jog(
 
 
 def _unit(robot: "Robot", name: str) -> str:
-    from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS
+    from steptwin.host.robots.kinematics import make_kinematics
 
-    units = {**COORDINATE_UNITS, **{joint.name: str(joint.unit) for joint in robot.joints}}
+    steps = make_kinematics(robot).task.steps
+    units = {**steps, **{joint.name: str(joint.unit) for joint in robot.joints}}
     if name not in units:
-        raise unknown("joint", name, [*robot.joint_names, *COORDINATE_UNITS])
+        raise unknown("joint", name, [*robot.joint_names, *steps])
     return units[name]
 
 

@@ -1,7 +1,6 @@
 """`steptwin home ROBOT` and `move ROBOT Q1 Q2 ... --connect ...`: let a live machine find its position, and move it."""
 
-from dataclasses import asdict, dataclass
-from math import nan
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,6 +15,7 @@ from steptwin.host.cli.arguments import (
     saved_position,
 )
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.orientation_options import OrientationOptions
 from steptwin.host.cli.output import fixed, pose_text, progress_bar
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import name_value_pairs
@@ -23,7 +23,7 @@ from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.operate.moving import Moved
-    from steptwin.host.operate.session import Session
+    from steptwin.host.planning.programs.positions import ToolPosition
     from steptwin.host.robots.robot import Robot
 
 
@@ -85,10 +85,16 @@ class PoseOptions:
         typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
     ] = None
 
-    def given(self) -> dict[str, float]:
-        """Return the coordinates that are given."""
-        texts = (("x_mm", "x", self.x), ("y_mm", "y", self.y), ("z_mm", "z", self.z), ("attitude_deg", "phi", self.phi))
-        return {key: finite_number(text, f"--{option}") for key, option, text in texts if text is not None}
+    turned: OrientationOptions = field(default_factory=OrientationOptions)
+
+    def given(self) -> "ToolPosition | None":
+        """Return the coordinates that are given; None without any."""
+        from steptwin.host.planning.programs.positions import ToolPosition
+
+        texts = (("x", self.x), ("y", self.y), ("z", self.z), ("phi", self.phi))
+        coordinates = {name: finite_number(text, f"--{name}") for name, text in texts if text is not None}
+        orientation = self.turned.orientation()
+        return ToolPosition(coordinates, orientation=orientation) if coordinates or orientation else None
 
 
 @command(
@@ -135,10 +141,10 @@ def move(
     with live.session(loaded) as session:
 
         def tool_goal(standing: list[float]) -> list[float]:
-            if not isinstance(saved, ToolPosition):
-                return nearest_joints(loaded, _whole_pose(session, standing, pose), standing)
-            with prefixed(f"--to {to}: "):
-                return joints_at(loaded, saved, standing)
+            if isinstance(saved, ToolPosition):
+                with prefixed(f"--to {to}: "):
+                    return joints_at(loaded, saved, standing)
+            return nearest_joints(loaded, pose or ToolPosition({}), standing)
 
         goal = tool_goal if pose or isinstance(saved, ToolPosition) else goal
         with progress_bar(f"{loaded.name} move") as progress:
@@ -152,14 +158,3 @@ def _joints(robot: "Robot", words: list[str]) -> dict[str, float]:
         values = joint_values(words, names, f"joints of {robot.name}") if words else []
         return dict(zip(names, values, strict=False))
     return {name: finite_number(text, name) for name, text in name_value_pairs(words).items()}
-
-
-def _whole_pose(session: "Session", standing: list[float], wanted: dict[str, float]) -> list[float]:
-    from steptwin.host.robots.kinematics import make_kinematics
-
-    present = session.pose(standing)
-    if present is None:
-        raise InputError("the tool's present pose is unknown: the mechanism cannot be assembled at the axes' positions")
-    if make_kinematics(session.robot).attitude_follows:
-        present["attitude_deg"] = nan
-    return list((present | wanted).values())

@@ -105,7 +105,8 @@ def _document(position: "Position") -> dict[str, Any]:
 
     if isinstance(position, JointPosition):
         return {"joints": dict(position.joints)}
-    return {"tool": dict(position.coordinates), "branch": position.branch}
+    turned = {position.orientation.key: list(position.orientation.values)} if position.orientation else {}
+    return {"tool": {**position.coordinates, **turned}, "branch": position.branch}
 
 
 def _words(position: "Position") -> str:

@@ -7,7 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotAndJoints, RobotFile, robot_and_joints
-from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.cli.output import fixed, pose_words, print_json, print_table, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -95,7 +95,6 @@ def fk(
     import numpy as np
 
     from steptwin.host.robots.kinematics import make_kinematics
-    from steptwin.host.robots.kinematics.base import POSE_KEYS
     from steptwin.host.robots.kinematics.chain import actual_chain
 
     loaded, values = robot_and_joints(words or [], robot_file)
@@ -111,12 +110,12 @@ def fk(
     document: dict[str, Any] = {
         "robot": loaded.name,
         "joints": dict(zip(loaded.joint_names, values, strict=True)),
-        "pose": {key: float(value) for key, value in zip(POSE_KEYS, pose, strict=True)},
+        "pose": kinematics.task.document(pose),
     }
     chain = actual_chain(loaded)
     if chain:
         actual = chain.poses(np.array([values]))[0]
-        document["actual_pose"] = dict(zip(POSE_KEYS, actual.tolist(), strict=True))
+        document["actual_pose"] = kinematics.task.document(actual)
         document["actual_tilt_deg"] = float(chain.tilts_deg(np.array([values]))[0])
         document["position_error_mm"] = float(np.linalg.norm(actual[:3] - pose[:3]))
     if matrices:
@@ -124,15 +123,11 @@ def fk(
     if as_json:
         print_json(document)
         return
-    say(_words(document["pose"]))
+    say(pose_words(document["pose"], 6, "attitude deg"))
     if chain:
         off = f"{document['position_error_mm']:.6f} mm away, tilted by {document['actual_tilt_deg']:.6f} deg"
-        say(f"actual: {_words(document['actual_pose'])}", f"{off}, by the dh_errors of the robot's file")
+        actually = pose_words(document["actual_pose"], 6, "attitude deg")
+        say(f"actual: {actually}", f"{off}, by the dh_errors of the robot's file")
     if matrices:
         say("")
         print_matrices(document["dh"])
-
-
-def _words(pose: dict[str, float]) -> str:
-    x, y, z, attitude = (fixed(value, 6) for value in pose.values())
-    return f"x {x} mm, y {y} mm, z {z} mm, attitude {attitude} deg"

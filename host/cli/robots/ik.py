@@ -7,6 +7,7 @@ import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotOptions, finite_number, joint_values
+from steptwin.host.cli.orientation_options import OrientationOptions
 from steptwin.host.cli.output import fixed, print_json, print_table, say
 from steptwin.host.common.errors import InputError
 
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from steptwin.host.robots.kinematics import Branch, Kinematics
-    from steptwin.host.robots.workspace.nearest_pose import Pose
+    from steptwin.host.robots.poses import Orientation, Pose
+    from steptwin.host.robots.robot import Robot
 
 
 _OUT_OF_REACH: Final = 1
@@ -27,6 +29,7 @@ def ik(
     x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
     y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
     z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
+    turned: OrientationOptions,
     phi: Annotated[
         str | None,
         typer.Option("--phi", metavar="DEG", help="Tool attitude; may be left out if it follows from the arm."),
@@ -47,12 +50,10 @@ def ik(
 
     loaded = which.load()
     kinematics = make_kinematics(loaded)
-    if phi is None and not kinematics.attitude_follows:
-        raise InputError(f"--phi is missing: the tool of {loaded.name} turns")
-    place = [finite_number(text, what) for text, what in ((x, "--x"), (y, "--y"), (z, "--z"))]
-    attitude_deg = nan if phi is None else finite_number(phi, "--phi")
+    options = (("x", x), ("y", y), ("z", z), ("phi", phi))
+    place = {name: finite_number(text, f"--{name}") for name, text in options if text is not None}
+    pose = _pose(loaded, kinematics, place, turned.orientation())
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
-    pose = (place[0], place[1], place[2], attitude_deg)
     branches = kinematics.inverse(np.array([pose]), standing)
     reached = any(branch.reachable[0] for branch in branches)
     slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
@@ -61,16 +62,31 @@ def ik(
     if which.as_json:
         listed = [_document(branch, loaded.joint_names, trip) for branch, trip in zip(branches, off, strict=True)]
         document = {"robot": loaded.name, "branches": listed}
-        print_json(document | ({} if reached else {"nearest": nearest and _pose_document(nearest)}))
+        print_json(document | ({} if reached else {"nearest": nearest and _pose_document(kinematics, nearest)}))
     else:
         _print_branches(branches, loaded.joint_names)
         _print_round_trips(
             {branch.name: trip for branch, trip in zip(branches, off, strict=True) if branch.reachable[0]}
         )
         if nearest:
-            say(f"the nearest pose in reach: {passing_words(pose, nearest)}")
+            say(f"the nearest pose in reach: {passing_words(kinematics.task, pose, nearest)}")
     if not reached:
         raise typer.Exit(_OUT_OF_REACH)
+
+
+def _pose(
+    robot: "Robot", kinematics: "Kinematics", place: dict[str, float], orientation: "Orientation | None"
+) -> "Pose":
+    """Return the pose that is asked for; raise InputError unless it is one that the tool can be told, and whole."""
+    from steptwin.host.robots.poses import DIRECTION_TASK
+
+    task = kinematics.task
+    task.check(place, orientation)
+    if "phi" in task.coordinates and "phi" not in place and not kinematics.attitude_follows:
+        raise InputError(f"--phi is missing: the tool of {robot.name} turns")
+    if not task.is_flat and orientation is None:
+        raise InputError(f"the orientation is missing: {'--direction' if task is DIRECTION_TASK else '--rpy'}")
+    return task.changed((nan,) * task.width, place, orientation)
 
 
 def _print_branches(branches: "Sequence[Branch]", names: tuple[str, ...]) -> None:
@@ -95,11 +111,9 @@ def _round_trip(kinematics: "Kinematics", branch: "Branch", pose: "Pose") -> _Ro
     """Return a branch's round trip; the attitude of a tool that does not turn by itself is its own."""
     import numpy as np
 
-    from steptwin.host.robots.kinematics.planar2r import wrapped_deg
-
-    *off_mm, turned_deg = (kinematics.forward(branch.joints)[0] - np.array(pose)).tolist()
-    off_deg = 0.0 if isnan(pose[3]) else abs(float(wrapped_deg(np.array(turned_deg))))
-    return _RoundTrip(hypot(*off_mm), off_deg)
+    reached, wanted = kinematics.forward(branch.joints)[0], np.array(pose)
+    off_deg = 0.0 if isnan(pose[-1]) else abs(float(kinematics.task.off_deg(reached, wanted)))
+    return _RoundTrip(hypot(*(reached - wanted)[:3].tolist()), off_deg)
 
 
 def _print_round_trips(trips: dict[str, _RoundTrip]) -> None:
@@ -120,10 +134,11 @@ def _document(branch: "Branch", names: tuple[str, ...], off: _RoundTrip) -> dict
     }
 
 
-def _pose_document(pose: "Pose") -> dict[str, float | None]:
-    from steptwin.host.robots.kinematics.base import POSE_KEYS
-
-    return dict(zip(POSE_KEYS, map(_finite, pose), strict=True))
+def _pose_document(kinematics: "Kinematics", pose: "Pose") -> dict[str, Any]:
+    return {
+        key: _finite(value) if isinstance(value, float) else value
+        for key, value in kinematics.task.document(pose).items()
+    }
 
 
 def _figure(value: float) -> str:

@@ -131,14 +131,14 @@ def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]
 
 def _print(robot: "Robot", document: dict[str, Any]) -> None:
     from steptwin.host.robots.base_frame import STATION
-    from steptwin.host.robots.kinematics import pose_words
+    from steptwin.host.robots.poses import SCARA
 
     say(f"{robot.name}: {robot.title} ({robot.kinematics})")
     columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
     print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
     say(*document["coupling"])
     if robot.base != STATION:
-        say(f"the base stands at {pose_words(astuple(robot.base))} in the station, the frame of all poses")
+        say(f"the base stands at {SCARA.words(astuple(robot.base))} in the station, the frame of all poses")
     if errors := document.get("dh_errors"):
         say(
             f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"

@@ -35,10 +35,11 @@ def print_report(document: Mapping[str, Any]) -> None:
     _print_shelf(document)
     _print_violations(document["violations"])
     tool, bus = document["tool"], document["bus"]
-    say(
-        f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
-        f"{tool['attitude_error_deg_max']:.4f} deg max"
-    )
+    if tool:
+        say(
+            f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
+            f"{tool['attitude_error_deg_max']:.4f} deg max"
+        )
     if actual := document.get("actual_tool"):
         say(
             f"actual tool, with the robot's dh_errors: {actual['position_error_mm_max']:.4f} mm max,"

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 EVENTS_MAX: Final = 2000
 """Number of events that are kept; the oldest go first, so that memory is bounded."""
@@ -132,7 +131,7 @@ class Drawing:
         """Lengthen the trace to the tool's pose, unless this is unknown or hardly away from the trace's end."""
         if pose is None:
             return
-        point = tuple(pose[key] for key in POSE_KEYS[:3])
+        point = tuple(pose[key] for key in ("x_mm", "y_mm", "z_mm"))
         with self._lock:
             if not self._trace_mm or np.linalg.norm(np.subtract(point, self._trace_mm[-1])) >= TRACE_STEP_MM:
                 self._trace_mm.append(point)

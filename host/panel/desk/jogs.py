@@ -71,9 +71,9 @@ class ToolJog:
         """Its name, with the coordinate."""
         return f"jog {self.coordinate}"
 
-    def check(self, _robot: Robot) -> None:
+    def check(self, robot: Robot) -> None:
         """Raise InputError unless the coordinate exists and takes the speed."""
-        check_tool_jog(self.coordinate, self.speed)
+        check_tool_jog(robot, self.coordinate, self.speed)
 
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
         """Jog until the button is released, or the tool can go no further."""

@@ -19,7 +19,6 @@ from steptwin.host.panel.desk.requests import Requests
 from steptwin.host.panel.desk.state import Activity, DeskState, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.base import POSE_KEYS
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
@@ -33,7 +32,7 @@ class DrawnArm:
         self._kinematics = make_kinematics(robot)
         self._positions: list[float] = []
         self.pose: Mapping[str, float] | None = None
-        """The tool's pose; None where the mechanism cannot be assembled."""
+        """The tool's coordinates; None where the mechanism cannot be assembled, or without a tool."""
         self.links_mm: tuple[FloatArray, ...] = ()
         """The arm's polylines, each of shape (n, 3)."""
 
@@ -43,9 +42,10 @@ class DrawnArm:
             return
         self._positions = positions
         joints = np.array([positions])
-        pose = self._kinematics.forward(joints)[0]
-        assembled = bool(np.isfinite(pose).all())
-        self.pose = dict(zip(POSE_KEYS, pose.tolist(), strict=True)) if assembled else None
+        task = self._kinematics.task
+        figures = task.figures(self._kinematics.forward(joints))[0]
+        assembled = bool(figures.size and np.isfinite(figures).all())
+        self.pose = dict(zip(task.keys, figures.tolist(), strict=True)) if assembled else None
         self.links_mm = tuple(link.points_mm[0] for link in self._kinematics.links(joints))
 
 

@@ -79,7 +79,7 @@ class Snapshot:
         why_not: why it is not connected, in one line; None while it is.
         simulated: True if the board says that it is emulated; None while that is unknown.
         joints: the joints in the robot's order; empty before the first connection.
-        pose: the tool's `x_mm`, `y_mm`, `z_mm`, `attitude_deg`; None unless every joint is homed.
+        pose: the tool's coordinates by the keys of its task; None unless every joint is homed.
         links_mm: the arm's polylines, each of shape (n, 3), in the world frame; also of an arm that is not homed, with
             NaN where the mechanism cannot be assembled.
         inputs: whether each digital input is on, by its name in the robot's file.

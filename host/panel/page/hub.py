@@ -24,7 +24,6 @@ from steptwin.host.panel.page.run import RunTab
 from steptwin.host.panel.page.scene import SceneCard, flat_lines
 from steptwin.host.panel.page.settings import SettingsTab
 from steptwin.host.panel.page.visitor import Answer, Visitor, apply_theme, note_shown, on_stop
-from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 V = TypeVar("V", bound=View)
 
@@ -125,9 +124,9 @@ def tick_of(snapshot: Snapshot) -> dict[str, Any]:
         "known": [joint.homed for joint in snapshot.joints],
         "v": [_rounded(joint.rate) for joint in snapshot.joints],
         "e": [_rounded(joint.following_error) for joint in snapshot.joints],
-        "pose": None if pose is None else [round(pose[key], 3) for key in POSE_KEYS],
+        "pose": None if pose is None else [round(figure, 3) for figure in pose.values()],
         "arm": _drawable(snapshot.links_mm),
-        "tool": None if pose is None else [round(pose[key], 2) for key in POSE_KEYS[:3]],
+        "tool": None if pose is None else [round(figure, 2) for figure in list(pose.values())[:3]],
         "load": _rounded(snapshot.bus_load_percent),
         "fill": None if snapshot.queue_fill is None else round(100 * snapshot.queue_fill),
         "late": _rounded(snapshot.late_ms),

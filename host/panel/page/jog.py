@@ -8,7 +8,8 @@ from nicegui import events, ui
 from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
 from steptwin.host.panel.page.elements import choice, heading, line, live, note, stack
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
-from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS, tool_speed_max
+from steptwin.host.planning.tool_by_hand import tool_speed_max
+from steptwin.host.robots.kinematics import make_kinematics
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
@@ -21,6 +22,7 @@ class JogTab:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
+        self._tool_steps = make_kinematics(visitor.desk.robot).task.steps
         self._percent = 20
         self._step: float | str = HOLD
         self._buttons: list[ui.button] = []
@@ -39,7 +41,7 @@ class JogTab:
                     self._row(joint.name, str(joint.unit), f"q{i}")
             with stack("tight"):
                 heading("Tool, along the world's axes")
-                for i, (name, unit) in enumerate(COORDINATE_UNITS.items()):
+                for i, (name, unit) in enumerate(self._tool_steps.items()):
                     self._row(name, unit, f"pose{i}")
                 self._why_no_tool = note("The tool can be jogged when every joint is homed.")
         ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
@@ -103,7 +105,7 @@ class JogTab:
                 pass
             case _:
                 return
-        if name not in (*self._visitor.desk.robot.joint_names, *COORDINATE_UNITS):
+        if name not in (*self._visitor.desk.robot.joint_names, *self._tool_steps):
             return
         try:
             self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign), SHOWN.get())

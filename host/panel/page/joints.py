@@ -21,6 +21,7 @@ from steptwin.host.panel.page.elements import (
     table,
 )
 from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.protocol.cia402 import State
 
 
@@ -75,7 +76,6 @@ def _switch(visitor: Visitor, name: str, *, on: bool) -> None:
     visitor.ask(SwitchOutput(output=name, on=on))
 
 
-_POSE = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("phi", "deg"))
 _ON, _OFF = state_words(State.OPERATION_ENABLED), state_words(State.SWITCH_ON_DISABLED)
 
 
@@ -105,7 +105,7 @@ class Joints:
                     for i, joint in enumerate(visitor.desk.robot.joints):
                         self._rows[joint.name] = _JointRow(visitor, i, joint.name, str(joint.unit))
             with ui.element("div").classes("pose"):
-                for i, (name, unit) in enumerate(_POSE):
+                for i, (name, unit) in enumerate(make_kinematics(visitor.desk.robot).task.coordinates.items()):
                     with ui.element("div"):
                         ui.label(f"tool {name}, {unit}").classes("muted small")
                         live(f"pose{i}", "value")

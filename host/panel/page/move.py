@@ -34,9 +34,7 @@ from steptwin.host.planning.programs.positions import (
     read_positions,
     save_position,
 )
-from steptwin.host.planning.tool_by_hand import COORDINATE_UNITS
 from steptwin.host.robots.kinematics import Branch, make_kinematics
-from steptwin.host.robots.kinematics.base import POSE_KEYS
 
 
 class SavedPositions:
@@ -119,11 +117,9 @@ class SavedPositions:
 
 def position_words(position: Position) -> str:
     """Return a position in one line."""
-    values = position.joints if isinstance(position, JointPosition) else position.coordinates
-    words = ", ".join(f"{name} {value:.6g}" for name, value in values.items())
     if isinstance(position, JointPosition):
-        return words
-    return f"tool: {words}" + (f" ({position.branch})" if position.branch else "")
+        return ", ".join(f"{name} {value:.6g}" for name, value in position.joints.items())
+    return f"tool: {position.words}" + (f" ({position.branch})" if position.branch else "")
 
 
 _KINDS: Final = {"joints": "Joints", "tool": "Tool pose", "saved": "Saved positions"}
@@ -249,6 +245,7 @@ class ToolForm:
         self._kinematics = make_kinematics(visitor.desk.robot)
         self._filled = False
         self._branch: str | None = None
+        self._task = self._kinematics.task
         follows = self._kinematics.attitude_follows
         with ui.element("div").classes("stack") as self.root:
             with ui.element("div").classes("form-grid"):
@@ -256,7 +253,7 @@ class ToolForm:
                     name: number_field(name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), self._look_for_branches).props(
                         'hint=""'
                     )
-                    for name, unit in COORDINATE_UNITS.items()
+                    for name, unit in self._task.coordinates.items()
                     if not (follows and name == "phi")
                 }
             if follows:
@@ -278,27 +275,28 @@ class ToolForm:
         if pose is None:
             return
         self._filled = True
-        values = dict(zip(COORDINATE_UNITS, (pose[key] for key in POSE_KEYS), strict=True))
+        values = dict(zip(self._task.coordinates, pose.values(), strict=True))
         for name, field in self._fields.items():
             field.set_value(round(values[name], 3))
         self._look_for_branches()
         self._scene.clear_shape("ghost")
 
-    def _pose(self) -> list[float]:
-        """Return x, y, z in mm and phi in degrees; NaN for a field that is empty and for an attitude that follows."""
+    def _figures(self) -> list[float]:
+        """Return the coordinates; NaN for a field that is empty and for an attitude that follows."""
         values = {name: field.value for name, field in self._fields.items()}
-        return [nan if values.get(name) is None else float(values[name]) for name in COORDINATE_UNITS]
+        return [nan if values.get(name) is None else float(values[name]) for name in self._task.coordinates]
 
     def _look_for_branches(self) -> None:
-        pose = self._pose()
+        figures = self._figures()
         self._branches.clear()
         self._scene.clear_shape("ghost")
-        if any(isnan(value) for value, name in zip(pose, COORDINATE_UNITS, strict=True) if name in self._fields):
+        named = zip(figures, self._task.coordinates, strict=True)
+        if any(isnan(value) for value, name in named if name in self._fields):
             return
         standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
             self._visitor.desk.robot.home
         )
-        branches = self._kinematics.inverse(np.array([pose]), np.array(standing))
+        branches = self._kinematics.inverse(self._task.of_figures(np.array([figures])), np.array(standing))
         names = [branch.name for branch in branches if branch.reachable[0]]
         if self._branch not in names:
             self._branch = names[0] if names else None
@@ -336,7 +334,8 @@ class ToolForm:
         if self._branch is None:
             self._visitor.tell(wrong_field(self._fields.values()) or "no way to get there: change the pose")
             return
-        coordinates = {name: float(field.value) for name, field in self._fields.items() if field.value is not None}
-        position, percent = ToolPosition(coordinates, self._branch), self._percent()
+        values = {name: float(field.value) for name, field in self._fields.items() if field.value is not None}
+        coordinates, orientation = self._task.told(values)
+        position, percent = ToolPosition(coordinates, self._branch, orientation), self._percent()
         if percent is not None and self._visitor.ask(MoveTool(position=position, speed_percent=percent)):
             self._scene.clear_shape("ghost")

@@ -112,16 +112,15 @@ def joint_table(shown: Sequence[Instant], apart: Apart | None) -> str:
         heads, joints, pose = ["first", "second", "difference"], *_of_two(shown, apart)
     rows = [_row("th", "joint", "", heads)]
     rows += [_row("td", joint.name, joint.unit, cells) for joint, cells in zip(shown[0].joints, joints, strict=True)]
-    rows += [_row("td", name, unit, cells) for (name, unit), cells in zip(_POSE, pose, strict=True)]
+    coordinates = shown[0].task.coordinates.items()
+    rows += [_row("td", name, unit, cells) for (name, unit), cells in zip(coordinates, pose, strict=True)]
     distance_mm = shown[0].tool_error_mm if apart is None else apart.tool_mm
     what = "Tool from where it was planned" if apart is None else "Tools from each other"
     if apart is None and not shown[0].has_plan:
         return f'<table class="grid-table"><tbody>{"".join(rows)}</tbody></table>'
-    distance = f'<p class="muted small">{what}: <b class="number">{distance_mm:.4f} mm</b></p>'
+    turned = "" if apart is None or shown[0].task.is_flat else f", turned by {apart.attitude_deg:.4f} deg"
+    distance = f'<p class="muted small">{what}: <b class="number">{distance_mm:.4f} mm{turned}</b></p>'
     return f'<table class="grid-table"><tbody>{"".join(rows)}</tbody></table>{distance}'
-
-
-_POSE: Final = (("x", "mm"), ("y", "mm"), ("z", "mm"), ("phi", "deg"))
 
 
 def _of_one(shown: Instant) -> tuple[list[str], list[list[str]], list[list[str]]]:
@@ -142,9 +141,10 @@ def _of_two(shown: Sequence[Instant], apart: Apart) -> tuple[list[list[str]], li
         [f"{one.counted:.4f}", f"{other.counted:.4f}", f"{apart.joints[one.name]:+.4f}"]
         for one, other in zip(first.joints, second.joints, strict=True)
     ]
-    off = [b - a for a, b in zip(first.counted_pose, second.counted_pose, strict=True)][:3]
-    poses = zip(first.counted_pose, second.counted_pose, [*off, apart.attitude_deg], strict=True)
-    return joints, [[f"{one:.4f}", f"{other:.4f}", f"{difference:+.4f}"] for one, other, difference in poses]
+    off = [f"{b - a:+.4f}" for a, b in zip(first.counted_pose, second.counted_pose, strict=True)][:3]
+    off += [f"{apart.attitude_deg:+.4f}"] if first.task.is_flat else [""] * 3  # no differences of roll, pitch and yaw
+    poses = zip(first.counted_pose, second.counted_pose, off, strict=False)
+    return joints, [[f"{one:.4f}", f"{other:.4f}", difference] for one, other, difference in poses]
 
 
 def _row(tag: str, name: str, unit: str, cells: Sequence[str]) -> str:

@@ -23,7 +23,7 @@ from steptwin.host.record.folder.layout import existing_file
 from steptwin.host.record.path_error import PathError, path_error
 from steptwin.host.record.recorded_machine import RecordedMachine
 from steptwin.host.record.waveforms import Changes, Signal, phases, pins, whole_record
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses import Task
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -127,7 +127,8 @@ class Instant:
         counts: the instant.
         t_s: the same in the motion's time.
         joints: every joint.
-        planned_pose: x, y, z in mm and attitude in degrees, as planned.
+        task: task of the tool, which says what the coordinates of its poses are.
+        planned_pose: the tool's coordinates as planned.
         counted_pose: the same at the drivers' counts.
         tool_error_mm: distance of the two.
         levels: level of every pin, by axis and pin.
@@ -140,6 +141,7 @@ class Instant:
     counts: int
     t_s: float
     joints: tuple[JointRow, ...]
+    task: Task
     planned_pose: tuple[float, ...]
     counted_pose: tuple[float, ...]
     tool_error_mm: float
@@ -196,11 +198,14 @@ class Replay:
         """Return the run at an instant, after the edges at the instant itself."""
         t_s = np.array([self.time_s(counts)])
         planned, counted = self.machine.planned_joints(t_s), self.machine.counted_joints(t_s)
-        planned_pose, counted_pose = (self.machine.kinematics.forward(joints)[0] for joints in (planned, counted))
+        kinematics = self.machine.kinematics
+        task = kinematics.task
+        planned_pose, counted_pose = (task.figures(kinematics.forward(joints))[0] for joints in (planned, counted))
         return Instant(
             counts=counts,
             t_s=float(t_s[0]),
             joints=self._joints(t_s, planned[0], counted[0]),
+            task=task,
             planned_pose=tuple(planned_pose.tolist()),
             counted_pose=tuple(counted_pose.tolist()),
             tool_error_mm=float(np.linalg.norm(counted_pose[:3] - planned_pose[:3])),
@@ -291,7 +296,7 @@ class Apart:
     Attributes:
         joints: difference of each joint, in its unit.
         tool_mm: distance of the tools.
-        attitude_deg: difference of the attitudes, in (-180, 180].
+        attitude_deg: angle between the orientations; of a SCARA with its sign.
     """
 
     joints: dict[str, float]
@@ -329,8 +334,9 @@ class RunPair:
         joints = [replay.machine.counted_joints(instant_s)[0] for replay in (self.first, self.second)]
         poses = [replay.machine.counted_poses(instant_s) for replay in (self.first, self.second)]
         apart = dict(zip(self.first.run.robot.joint_names, (joints[1] - joints[0]).tolist(), strict=True))
-        off = poses[1] - poses[0]
-        return Apart(apart, float(np.linalg.norm(off[0, :3])), float(wrapped_deg(off[:, 3])[0]))
+        off_mm = np.linalg.norm((poses[1] - poses[0])[0, :3])
+        off_deg = self.first.machine.kinematics.task.off_deg(poses[1], poses[0])
+        return Apart(apart, float(off_mm), float(off_deg[0]))
 
     @cached_property
     def course(self) -> Course:

@@ -12,10 +12,11 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve, check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove
-from steptwin.host.planning.paths import StraightLine, ToolPath
+from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
 
 
@@ -155,10 +156,10 @@ class Composer:
 
     def line(self, branch: str, way_mm: tuple[float, float, float], law: Law) -> None:
         """Move the tool by a vector in the world frame, at constant attitude, by a law with the vector's length."""
-        x_mm, y_mm, z_mm, attitude_deg = make_kinematics(self.robot).forward(self.joints[np.newaxis])[0].tolist()
-        dx_mm, dy_mm, dz_mm = way_mm
-        path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm + dx_mm, y_mm + dy_mm, z_mm + dz_mm, attitude_deg))
-        self.follow(path, law, branch)
+        kinematics = make_kinematics(self.robot)
+        here: Pose = tuple(kinematics.forward(self.joints[np.newaxis])[0].tolist())
+        there = kinematics.task.stepped(here, dict(zip(("x", "y", "z"), way_mm, strict=True)))
+        self.follow(straight(kinematics.task, here, there), law, branch)
 
     def follow(self, path: ToolPath, law: Law, branch: str) -> None:
         """Move the tool along a path that begins at its pose, by a law with the path's length."""

@@ -15,17 +15,17 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law
-from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, Pose, ToolPath
+from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, ToolPath
 from steptwin.host.planning.peaks import windows_ms
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.joint import Unit
-from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, Constraint
 from steptwin.host.robots.robot import Robot
 
 
 def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> FloatArray:
-    """Return joints of shape (n, joints) for tool poses of shape (n, 4) along a path, at times of shape (n,).
+    """Return joints of shape (n, joints) for tool poses of shape (n, width) along a path, at times (n,).
 
     They begin at the turns nearest to `near`, of shape (joints,), and continue without jumps of a whole turn. The
     planner checks the joints' limits, this function does not. It raises InputError, with the time, if the path leaves
@@ -35,9 +35,9 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     if branch not in kinematics.branches:
         raise unknown("branch", branch, kinematics.branches)
     solved = kinematics.solve(poses, branch, near)
-    passing_before = partial(_passing_before, kinematics, branch, poses, near)
-    _check(solved.mechanism, t_s, passing_before)
-    _check(kinematics.singularities(solved.joints), t_s, passing_before)
+    passes_until = partial(_passes_until, kinematics, branch, poses, near)
+    _check(solved.mechanism, t_s, passes_until)
+    _check(kinematics.singularities(solved.joints), t_s, passes_until)
     joints = solved.joints
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
@@ -68,25 +68,23 @@ def _turns_deg(first_deg: float, near_deg: float) -> float:
     return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 
 
-def _check(constraints: tuple[Constraint, ...], t_s: FloatArray, passing_before: Callable[[int], Pose | None]) -> None:
+def _check(constraints: tuple[Constraint, ...], t_s: FloatArray, passes_until: Callable[[int], str]) -> None:
     """Raise OutOfReachError for the first place where a path breaks a constraint, with the last that passes."""
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
-            passing = passing_before(i)
-            until = "" if passing is None else f"; it passes up to {pose_words(passing)}"
-            raise OutOfReachError(
-                f"at t = {t_s[i]:.3f} s the tool's path breaks off: {constraint.complaint(i, of_path=True)}{until}"
-            )
+            broken = constraint.complaint(i, of_path=True)
+            raise OutOfReachError(f"at t = {t_s[i]:.3f} s the tool's path breaks off: {broken}{passes_until(i)}")
 
 
-def _passing_before(kinematics: Kinematics, branch: str, poses: FloatArray, near: FloatArray, end: int) -> Pose | None:
-    """Return the last pose of a path before an index that passes in tenths of a mm and degree; None if none does."""
-    tenths = np.round(poses[:end], 1) + 0.0
+def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: FloatArray, end: int) -> str:
+    """Return the last pose of a path before an index that passes in tenths of a mm and degree; nothing if none does."""
+    task = kinematics.task
+    tenths = task.of_figures(np.round(task.figures(poses[:end]), 1) + 0.0)
     solved = kinematics.solve(tenths, branch, near)
     constraints = (*solved.mechanism, *kinematics.singularities(solved.joints))
     passing = np.flatnonzero(np.logical_and.reduce([constraint.kept for constraint in constraints]))
-    return tuple(tenths[passing[-1]].tolist()) if len(passing) else None
+    return f"; it passes up to {task.words(tenths[passing[-1]])}" if len(passing) else ""
 
 
 _ALONG: Final = 20
@@ -100,9 +98,10 @@ def is_straight_in_joints(robot: Robot, path: ToolPath, start: FloatArray, goal:
     parts = np.linspace(0.0, 1.0, _ALONG + 1)
     kinematics = make_kinematics(robot)
     poses = kinematics.forward(start + parts[:, np.newaxis] * (goal - start))
-    off = poses - path.poses(parts * path.length_mm)
-    off[:, 3] = 0.0 if kinematics.attitude_follows else (off[:, 3] + 180.0) % 360.0 - 180.0
-    return bool(np.abs(off).max() < _ON_PATH)
+    wanted = path.poses(parts * path.length_mm)
+    off_mm = np.abs(poses[:, :3] - wanted[:, :3]).max()
+    turned_deg = 0.0 if kinematics.attitude_follows else np.abs(kinematics.task.off_deg(poses, wanted)).max()
+    return bool(max(off_mm, turned_deg) < _ON_PATH)
 
 
 _STEP_MS: Final = 10
@@ -182,7 +181,7 @@ class ToolMove:
         return self.law.breakpoints_s
 
     def poses(self, t_s: FloatArray) -> FloatArray:
-        """Return planned tool poses, of shape (n, 4)."""
+        """Return planned tool poses."""
         return self.path.poses(self.law.position(t_s))
 
     def positions(self, t_s: FloatArray) -> FloatArray:

@@ -79,6 +79,7 @@ _KEYS: Final = {
     key.name: key
     for key in (
         _Key("speed_mm_s", -1),
+        _Key("speed_deg_s", -1),
         _Key("ramp_s", 1, reach=10.0, of_ramps=True),
         _Key("speed_percent", -1),
         _Key("duration_s", 1, in_ms=True),

@@ -16,21 +16,21 @@ from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, nearest_turns, present_branch
 from steptwin.host.planning.paths import (
-    COORDINATES,
     Arc,
-    EvenPath,
+    OnTheSpot,
+    Oriented,
     OutOfReachError,
-    Pose,
-    SampledPath,
     Smoothing,
-    StraightLine,
     ToolPath,
     Turn,
+    curve_through,
+    straight,
 )
 from steptwin.host.planning.peaks import highest, sampled, speed_peaks
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
-from steptwin.host.robots.kinematics import Branch, make_kinematics, pose_words
+from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.robots.poses import POSITION, SCARA, Pose, Turning
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
@@ -59,6 +59,23 @@ _PLACE_MM: Final = 1e-6
 _HALF_TURN_DEG: Final = 180.0
 
 
+_ANGLE_DEG: Final = 1e-9
+"""Angle up to which two orientations are the same."""
+
+
+def _turn_deg(path: ToolPath) -> float:
+    """Return the angle by which the tool turns in space on a path; 0 for paths of SCARAs, whose joints' limits rule."""
+    return path.turning.angle_deg if isinstance(path, Oriented) else 0.0
+
+
+def check_steps(robot: Robot, distances: Mapping[str, float]) -> None:
+    """Raise InputError unless the robot's tool can be moved by distances and angles with these names."""
+    kinematics = make_kinematics(robot)
+    if "phi" in distances and kinematics.attitude_follows:
+        raise InputError(f"phi: the tool of {robot.name} does not turn by itself")
+    kinematics.task.check_steps(distances)
+
+
 class Moves:
     """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
 
@@ -67,6 +84,7 @@ class Moves:
         self._robot = robot
         self._positions = positions
         self._kinematics = make_kinematics(robot)
+        self._task = self._kinematics.task
         self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
@@ -103,8 +121,10 @@ class Moves:
         match self._position(target):
             case JointPosition(joints):
                 return set(joints) == set(self._robot.joint_names)
-            case ToolPosition(coordinates):
-                left_out = set(COORDINATES) - set(coordinates)
+            case ToolPosition(coordinates, orientation=orientation):
+                if orientation is not None or self._task is POSITION:
+                    return coordinates.keys() >= {"x", "y", "z"}
+                left_out = set(SCARA.coordinates) - set(coordinates)
                 return not left_out or (self._kinematics.attitude_follows and left_out == {"phi"})
 
     def says_branch(self, target: Target) -> bool:
@@ -112,15 +132,15 @@ class Moves:
         match self._position(target):
             case JointPosition():
                 return True
-            case ToolPosition(_, branch):
+            case ToolPosition(branch=branch):
                 return branch is not None or len(self._kinematics.branches) == 1
 
     def check_some_branch(self, target: Target) -> None:
         """Raise InputError if no branch reaches a position of the tool that says all but its branch."""
         position = self._position(target)
         if isinstance(position, ToolPosition):
-            x_mm, y_mm, z_mm, phi_deg = (position.coordinates.get(name, nan) for name in COORDINATES)
-            pose = x_mm, y_mm, z_mm, phi_deg
+            unknown_pose = (nan,) * self._task.width
+            pose = self._task.changed(unknown_pose, position.coordinates, position.orientation)
             if not any(found.reachable[0] for found in self._branches(pose)):
                 self._solve(pose, None)
 
@@ -133,12 +153,8 @@ class Moves:
 
     def pose_by(self, distances: Mapping[str, float]) -> Pose:
         """Return the tool's pose after a relative move; phi may turn it further than a circle."""
-        x_mm, y_mm, z_mm, phi_deg = (
-            now + distances.get(name, 0.0) for name, now in zip(COORDINATES, self._here(), strict=True)
-        )
-        if "phi" in distances and self._kinematics.attitude_follows:
-            raise InputError(f"phi: the tool of {self._robot.name} does not turn by itself")
-        return x_mm, y_mm, z_mm, phi_deg
+        check_steps(self._robot, distances)
+        return self._task.stepped(self._here(), distances)
 
     # --- motions
 
@@ -152,7 +168,9 @@ class Moves:
         """Move the tool straight to a pose; where only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
         here = self._here()
         if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
-            self._straight(StraightLine(here, goal), pace)
+            self._straight(straight(self._task, here, goal), goal, pace)
+        elif self._task is not SCARA:
+            self._turn_in_space(here, goal, pace)
         elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
             steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
@@ -163,37 +181,44 @@ class Moves:
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
-        self._follow(Arc.through(self._here(), via[:3], goal), pace, goal)
+        here, (x_mm, y_mm, z_mm, *_) = self._here(), via
+        if self._task.is_flat:
+            self._follow(Arc.through(here, (x_mm, y_mm, z_mm), goal), pace, goal)
+        else:
+            arc = Arc.through(here[:3], (x_mm, y_mm, z_mm), goal[:3])
+            self._follow(Oriented(arc, Turning.shortest(self._task, here, goal)), pace, goal)
 
     def circle(self, x_mm: float, y_mm: float, sweep_deg: float, pace: ToolPace, *, turned: bool) -> None:
-        """Move the tool around the vertical axis at x, y, at its height; `turned` turns its attitude along."""
-        self._follow(Arc.around(self._here(), (x_mm, y_mm), sweep_deg, turned=turned), pace)
+        """Move the tool around the vertical axis at x, y, at its height; `turned` turns the tool along."""
+        here, task = self._here(), self._task
+        arc = Arc.around(here if task.is_flat else here[:3], (x_mm, y_mm), sweep_deg, turned=turned)
+        turn_deg = np.array([0.0, 0.0, sweep_deg if turned else 0.0])
+        self._follow(arc if task.is_flat else Oriented(arc, Turning(task, np.array(here[3:]), turn_deg)), pace)
 
     def through(self, poses: list[Pose], smoothing: Smoothing, pace: ToolPace) -> None:
         """Move the tool along the curve from where it is through poses; each turns on from the one before."""
         rows = np.array([self._here(), *poses])
-        rows[:, 3] = np.unwrap(rows[:, 3], period=360.0)
-        self._follow(EvenPath.of(SampledPath.through(rows, smoothing)), pace, *poses)
+        self._follow(curve_through(self._task, rows, smoothing), pace, *poses)
 
     def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
         """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
         for goal in goals:
             self._solve(self._wanted(goal), self._branch(), on_path=True)
-        self.composer.follow(path, pace.along(path.length_mm), self._branch())
+        self.composer.follow(path, pace.along(path.length_mm, _turn_deg(path)), self._branch())
 
-    def _straight(self, line: StraightLine, pace: ToolPace) -> None:
+    def _straight(self, line: ToolPath, end: Pose, pace: ToolPace) -> None:
         try:
-            self._follow(line, pace, line.goal)
+            self._follow(line, pace, end)
         except OutOfReachError:  # at a singularity the joints still can move the tool straight, such as a lift alone
-            goal = self._straight_in_joints(line)
+            goal = self._straight_in_joints(line, end)
             if goal is None:
                 raise
-            self.composer.go_by(pace.share(line.length_mm), goal)
+            self.composer.go_by(pace.share(line.length_mm, _turn_deg(line)), goal)
 
-    def _straight_in_joints(self, line: StraightLine) -> FloatArray | None:
+    def _straight_in_joints(self, line: ToolPath, end: Pose) -> FloatArray | None:
         """Return the joints at a line's end if the tool keeps the line when all joints move in proportion."""
         with suppress(InputError):
-            goal = self._solve(self._wanted(line.goal), self._branch())
+            goal = self._solve(self._wanted(end), self._branch())
             if is_straight_in_joints(self._robot, line, self.composer.joints, goal):
                 return goal
         return None
@@ -202,10 +227,19 @@ class Moves:
         """Return a path's goal without the attitude if that follows from the arm."""
         return (*goal[:3], nan) if self._kinematics.attitude_follows else goal
 
+    def _turn_in_space(self, here: Pose, goal: Pose, pace: ToolPace) -> None:
+        """Turn the tool on the spot by the shortest rotation, if there is any, at the pace's speed."""
+        if self._task.is_flat:
+            return
+        turning = Turning.shortest(self._task, here, goal)
+        if turning.angle_deg > _ANGLE_DEG:
+            self._solve(goal, self._branch(), on_path=True)
+            path = Oriented(OnTheSpot(here[:3], turning.angle_deg), turning)
+            self.composer.follow(path, pace.turning(turning.angle_deg), self._branch())
+
     def _turn(self, turn: Turn) -> None:
         branch, start = self._branch(), self.composer.joints
-        x_mm, y_mm, z_mm, phi_deg = turn.start
-        goal = self._solve((x_mm, y_mm, z_mm, phi_deg + turn.angle_deg), branch)
+        goal = self._solve((*turn.start[:3], turn.start[3] + turn.angle_deg), branch)
         if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
             self.go(goal, JointPace())
         else:
@@ -221,23 +255,23 @@ class Moves:
         return self._positions[target]
 
     def _pose(self, joints: FloatArray) -> Pose:
-        x_mm, y_mm, z_mm, attitude_deg = self._kinematics.forward(joints[np.newaxis])[0].tolist()
-        return x_mm, y_mm, z_mm, attitude_deg
+        return tuple(self._kinematics.forward(joints[np.newaxis])[0].tolist())
 
     def _here(self) -> Pose:
         return self._pose(self.composer.joints)
 
     def _with(self, position: ToolPosition) -> Pose:
         """Return the present pose with some coordinates changed; an attitude that follows from the arm does so."""
-        x_mm, y_mm, z_mm, phi_deg = (
-            position.coordinates.get(name, now) for name, now in zip(COORDINATES, self._here(), strict=True)
-        )
+        pose = self._task.changed(self._here(), position.coordinates, position.orientation)
         if not self._kinematics.attitude_follows:
-            return x_mm, y_mm, z_mm, phi_deg
+            return pose
         phi_deg = position.coordinates.get("phi", nan)
-        return self._pose(self._solve((x_mm, y_mm, z_mm, phi_deg), position.branch))
+        return self._pose(self._solve((*pose[:3], phi_deg), position.branch))
 
     def _nearest_turn(self, pose: Pose) -> Pose:
+        """Return a pose with phi in the turn nearest to the present one."""
+        if self._task is not SCARA:
+            return pose
         now_deg = self._here()[3]
         return *pose[:3], pose[3] + 360.0 * round((now_deg - pose[3]) / 360.0)
 
@@ -258,7 +292,9 @@ class Moves:
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
             passing = passing_text(self._robot, pose, self.composer.joints, name, on_path=on_path)
             reason = solved[name].reason(0)
-            raise InputError(f"{pose_words(pose)} is out of reach on the branch {name!r}: {reason}{hint}{passing}")
+            raise InputError(
+                f"{self._task.words(pose)} is out of reach on the branch {name!r}: {reason}{hint}{passing}"
+            )
         return self._with_nearest_turns(solved[name].joints[0])
 
     def _branch(self) -> str:

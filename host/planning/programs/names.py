@@ -4,7 +4,7 @@ Every step is looked at once, also those of sequences that nobody calls, and non
 one, or a program whose robot is wrong, is judged as well.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,6 +12,7 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, UnreadError
 from steptwin.host.planning.motions.composer import require_input, require_output
+from steptwin.host.planning.programs.moves import check_steps
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
 from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat, WrongStep
 from steptwin.host.robots.kinematics import make_kinematics
@@ -50,8 +51,10 @@ class Names:
         match position:
             case JointPosition(joints):
                 self.joints(joints)
-            case ToolPosition(_, branch):
+            case ToolPosition(coordinates, branch, orientation):
                 self.branch(branch)
+                if self.robot is not None:
+                    make_kinematics(self.robot).task.check(coordinates, orientation)
 
     def joints(self, names: Iterable[str]) -> None:
         """Check names of joints."""
@@ -66,10 +69,10 @@ class Names:
             if name not in branches:
                 raise unknown("branch", name, branches)
 
-    def turn(self, coordinates: Iterable[str]) -> None:
-        """Check that the tool turns by itself if it is to be moved by an angle."""
-        if self.robot is not None and "phi" in coordinates and make_kinematics(self.robot).attitude_follows:
-            raise InputError(f"phi: the tool of {self.robot.name} does not turn by itself")
+    def steps(self, distances: Mapping[str, float]) -> None:
+        """Check that the tool can be moved by these distances and angles."""
+        if self.robot is not None:
+            check_steps(self.robot, distances)
 
     def output(self, name: str) -> None:
         """Check the name of a digital output."""

@@ -18,6 +18,9 @@ SPEED_PERCENT: Final = 80.0
 RAMP_S: Final = 0.3
 """Usual time that the tool takes to its speed."""
 
+TURN_SPEED_DEG_S: Final = 90.0
+"""Usual highest speed at which a tool turns in space."""
+
 _RAMPS_IN_DURATION: Final = 3
 """A trapezoid or S-curve of a given duration ramps up for a third of it, and down for another third."""
 
@@ -86,28 +89,45 @@ class JointPace:
 
 @dataclass(frozen=True, slots=True)
 class ToolPace:
-    """The pace of the tool along a path, jerk-limited: its speed, and the time that it takes to that speed."""
+    """The pace of the tool along a path, jerk-limited: two speeds, of which the slower rules, and the ramp.
+
+    Attributes:
+        speed_mm_s: speed along the path.
+        ramp_s: time that the tool takes to its speed.
+        speed_deg_s: highest speed at which the tool turns; None: TURN_SPEED_DEG_S for a tool that turns in space.
+    """
 
     speed_mm_s: float
     ramp_s: float = RAMP_S
+    speed_deg_s: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("speed_mm_s", "ramp_s"):
+        for name in self.keys:
             if not getattr(self, name) > 0:
                 raise InputError(f"{name}: {getattr(self, name):g} is not above 0")
 
     @property
     def keys(self) -> tuple[str, ...]:
         """The keys by which it becomes slower."""
-        return ("speed_mm_s", "ramp_s")
+        return ("speed_mm_s", "ramp_s") if self.speed_deg_s is None else ("speed_mm_s", "ramp_s", "speed_deg_s")
 
-    def along(self, length_mm: float) -> Law:
-        """Return the law for a path's length."""
-        return SCurve.at_speed(length_mm, self.speed_mm_s, self.ramp_s)
+    def along(self, length_mm: float, turn_deg: float = 0.0) -> Law:
+        """Return the law for a path's length, on which the tool turns in space by an angle."""
+        return SCurve.at_speed(length_mm, self._speed_mm_s(length_mm, turn_deg), self.ramp_s)
 
-    def share(self, length_mm: float) -> Law:
+    def turning(self, turn_deg: float) -> Law:
+        """Return the law for a turn in space on the spot."""
+        return SCurve.at_speed(turn_deg, self.speed_deg_s or TURN_SPEED_DEG_S, self.ramp_s)
+
+    def share(self, length_mm: float, turn_deg: float = 0.0) -> Law:
         """Return the law for a path's length that covers a distance of 1 instead, for a move of the joints."""
-        return SCurve.at_speed(1.0, self.speed_mm_s / length_mm, self.ramp_s)
+        return SCurve.at_speed(1.0, self._speed_mm_s(length_mm, turn_deg) / length_mm, self.ramp_s)
+
+    def _speed_mm_s(self, length_mm: float, turn_deg: float) -> float:
+        """Return the speed along a path that keeps both limits."""
+        if not turn_deg:
+            return self.speed_mm_s
+        return min(self.speed_mm_s, (self.speed_deg_s or TURN_SPEED_DEG_S) * length_mm / turn_deg)
 
 
 Pace = JointPace | ToolPace

@@ -17,10 +17,10 @@ from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.tables import Table, number_at, toml_table
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.planning.paths import COORDINATES
 from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.poses import ORIENTATIONS, STEP_NAMES, Orientation
 from steptwin.host.robots.robot import Robot
 
 
@@ -36,12 +36,20 @@ class ToolPosition:
     """A pose of the tool, where some coordinates may be left out: these stay as they are.
 
     Attributes:
-        coordinates: x, y and z in mm and phi in degrees, by name.
+        coordinates: x, y and z in mm and phi in degrees, by name; of a relative move also rx, ry and rz in degrees.
         branch: branch of the inverse kinematics; None for the one on which the arm is.
+        orientation: orientation of a tool that turns in space; None if it stays.
     """
 
     coordinates: Mapping[str, float]
     branch: str | None = None
+    orientation: Orientation | None = None
+
+    @property
+    def words(self) -> str:
+        """The numbers in words."""
+        numbers = [f"{name} {value:g}" for name, value in self.coordinates.items()]
+        return ", ".join([*numbers, str(self.orientation)] if self.orientation else numbers)
 
 
 Position = JointPosition | ToolPosition
@@ -62,18 +70,29 @@ def read_target(table: Table, key: str) -> Target:
 def read_position(table: Table) -> Position:
     """Return a position from a table; raise InputError for an empty one or for joints beside tool coordinates."""
     branch = table.text("branch", empty=False) if "branch" in table else None
-    numbers = {key: table.number(key) for key in table if key != "branch"}
-    if not numbers:
-        raise InputError(f"names neither a joint nor one of the tool's coordinates {', '.join(COORDINATES)}")
-    of_tool = [key for key in numbers if key in COORDINATES]
+    orientation = _read_orientation(table)
+    numbers = {key: table.number(key) for key in table if key not in ("branch", *ORIENTATIONS)}
+    if not numbers and orientation is None:
+        raise InputError("names neither a joint nor one of the tool's coordinates x, y, z, phi")
+    of_tool = [key for key in numbers if key in STEP_NAMES] + ([orientation.key] if orientation else [])
     if not of_tool:
         if branch is not None:
             raise InputError(f"branch: {branch!r} goes with the tool's coordinates, not with joints")
         return JointPosition(numbers)
-    if len(of_tool) < len(numbers):
-        joint = next(key for key in numbers if key not in COORDINATES)
+    if joint := next((key for key in numbers if key not in STEP_NAMES), None):
         raise InputError(f"{joint}: beside {of_tool[0]}; a position is either of joints or of the tool")
-    return ToolPosition(numbers, branch)
+    return ToolPosition(numbers, branch, orientation)
+
+
+def _read_orientation(table: Table) -> Orientation | None:
+    """Return the orientation of a table, None without one; raise InputError for two."""
+    keys = [key for key in ORIENTATIONS if key in table]
+    if len(keys) > 1:
+        raise InputError(f"{keys[1]}: beside {keys[0]}; a pose has one orientation")
+    if not keys:
+        return None
+    values = (number_at(f"{keys[0]}[{i}]", value) for i, value in enumerate(table.elements(keys[0])))
+    return Orientation(keys[0], tuple(values))
 
 
 _KEYS: Final = ("title", "robot", "positions")

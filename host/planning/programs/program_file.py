@@ -278,9 +278,11 @@ def _by(table: Table) -> AnyStep:
         case JointPosition(joints):
             table.check_keys(("by", *_JOINT_PACE))
             return steps.JointsBy(joints, _joint_pace(table))
-        case ToolPosition(coordinates, None):
+        case ToolPosition(coordinates, None, None):
             table.check_keys(("by", *_TOOL_PACE))
             return steps.ToolBy(coordinates, _tool_pace(table))
+        case ToolPosition(_, None, orientation):
+            raise InputError(f"by.{orientation and orientation.key}: a relative move turns by rx, ry, rz, in degrees")
         case _:
             raise InputError("by.branch: a relative move keeps the branch")
 
@@ -305,7 +307,7 @@ def _call(table: Table) -> AnyStep:
 
 
 _JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
-_TOOL_PACE: Final = ("speed_mm_s", "ramp_s")
+_TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s")
 
 _STANDING: Final = ("output", "wait", "pause")
 """The verbs of steps that let the robot stand."""
@@ -338,4 +340,5 @@ def _joint_pace(table: Table) -> JointPace:
 
 
 def _tool_pace(table: Table) -> ToolPace:
-    return ToolPace(table.number("speed_mm_s"), table.number("ramp_s") if "ramp_s" in table else RAMP_S)
+    ramp_s = table.number("ramp_s") if "ramp_s" in table else RAMP_S
+    return ToolPace(table.number("speed_mm_s"), ramp_s, table.optional("speed_deg_s", table.number))

@@ -187,7 +187,7 @@ class JointsBy:
 
 @dataclass(frozen=True, slots=True)
 class ToolBy:
-    """Move the tool straight by distances along the world's axes in mm, and turn it by phi degrees."""
+    """Move the tool straight by distances along the world's axes in mm, and turn it by phi, or by rx, ry and rz."""
 
     coordinates: Mapping[str, float]
     pace: ToolPace
@@ -196,7 +196,7 @@ class ToolBy:
         return f"by {_numbers(self.coordinates)}"
 
     def check(self, names: "Names") -> None:
-        names.turn(self.coordinates)
+        names.steps(self.coordinates)
 
     def add_to(self, moves: Moves) -> None:
         moves.line(moves.pose_by(self.coordinates), self.pace)
@@ -285,8 +285,8 @@ def _words(target: Target) -> str:
     match target:
         case JointPosition(joints):
             return _numbers(joints)
-        case ToolPosition(coordinates, branch):
-            return _numbers(coordinates) + (f" ({branch})" if branch else "")
+        case ToolPosition(branch=branch):
+            return target.words + (f" ({branch})" if branch else "")
         case name:
             return name
 

@@ -15,19 +15,22 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import check_times
-from steptwin.host.planning.paths import COORDINATES
 from steptwin.host.planning.peaks import LONGEST_MS
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics, pose_words
+from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, joint_constraints
+from steptwin.host.robots.poses import PLACE, TASKS, Task
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 _CIRCLE_DEG: Final = 360.0
 
+POSE_COLUMNS: Final = frozenset(name for task in TASKS.values() for name in task.coordinates)
+"""The headers of a file of poses, whatever the tool's task."""
+
 
 def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Sequence[str]) -> tuple[str, FloatArray]:
-    """Return the branch and the joints, of shape (points, joints), for poses of shape (points, 4).
+    """Return the branch and the joints, of shape (points, joints), for poses of shape (points, width).
 
     Without a branch it is the first one that reaches all poses. Joints that turn further than a circle go on to the
     nearest turn, from the turn nearest to the home position; joints that the pose does not determine stay at home.
@@ -79,13 +82,12 @@ def _broken_off(
 ) -> InputError:
     """Return the error for the first pose that a branch does not reach, with the branch or the pose that does."""
     i = _first_out_of_reach(branch)
-    place = f"{point_place(places, i)}: {pose_words(poses[i].tolist())}"
+    place = f"{point_place(places, i)}: {kinematics.task.words(poses[i].tolist())}"
     text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
     others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
     other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
     if other is None:
-        x_mm, y_mm, z_mm, phi_deg = poses[i].tolist()
-        passing = passing_text(robot, (x_mm, y_mm, z_mm, phi_deg), np.array(robot.home), branch.name)
+        passing = passing_text(robot, tuple(poses[i].tolist()), np.array(robot.home), branch.name)
         return InputError(f"{text}{passing}")
     missed = _solved(robot, kinematics, poses, other)
     if missed.reachable.all():
@@ -144,22 +146,23 @@ VELOCITY: Final = "v_"
 ACCELERATION: Final = "a_"
 """Prefix of a joint's name in the header of its accelerations, in mm/s^2 and deg/s^2."""
 
-TOOL_POSE: Final = ("tool_x", "tool_y", "tool_z", "tool_phi")
-"""The tool's position in mm and its attitude in degrees."""
+TOOL: Final = "tool_"
+"""Prefix of a coordinate of the tool in the header of what follows from the joints, in mm and degrees."""
 
 TOOL_AXES: Final = ("tool_nx", "tool_ny", "tool_nz", "tool_ox", "tool_oy", "tool_oz")
 """Direction cosines of the tool's x axis n and y axis o; its z axis is n x o."""
 
 
-def derived_columns(joints: Iterable[str]) -> tuple[str, ...]:
+def derived_columns(joints: Iterable[str], task: Task) -> tuple[str, ...]:
     """Return the headers of all of them, in the order that `run` writes them."""
-    return (*(ACCELERATION + name for name in joints), *TOOL_POSE, *TOOL_AXES)
+    of_tool = (*(TOOL + name for name in task.coordinates), *TOOL_AXES) if task.width else ()
+    return (*(ACCELERATION + name for name in joints), *of_tool)
 
 
 def derived_in(header: Sequence[str]) -> frozenset[int]:
     """Return the indexes of a header's derived columns; a column with velocities of its own is a joint's position."""
     joints = [name for name in header if VELOCITY + name in header]
-    names = set(derived_columns(joints)) - set(joints) if joints else set()
+    names = {name for task in TASKS.values() for name in derived_columns(joints, task)} - set(joints) if joints else ()
     return frozenset(i for i, name in enumerate(header) if name in names)
 
 
@@ -210,7 +213,7 @@ class Points:
         """Return the points in mm and degrees, where the file has its angles and lengths in these units."""
         if units == USUAL:
             return self
-        lengths = {joint.name for joint in robot.joints if joint.unit is Unit.MM} | set(COORDINATES[:-1])
+        lengths = {joint.name for joint in robot.joints if joint.unit is Unit.MM} | set(PLACE)
         factors = np.array([units.length_mm if name in lengths else units.angle_deg for name in self.names])
         velocities = None if self.velocities is None else self.velocities * factors
         return replace(self, positions=self.positions * factors, velocities=velocities)
@@ -224,7 +227,7 @@ class Points:
                 or contradicts the file.
         """
         names = set(self.names)
-        if names & set(COORDINATES) and not names & set(robot.joint_names):
+        if names & POSE_COLUMNS and not names & set(robot.joint_names):
             return self._from_poses(robot, elbow, all_whole_ms=all_whole_ms)
         positions, velocities = self._ordered("joint", robot.joint_names, robot.name)
         self._check_times(all_whole_ms=all_whole_ms)
@@ -244,9 +247,15 @@ class Points:
 
     def _from_poses(self, robot: Robot, elbow: str | None, *, all_whole_ms: bool) -> "JointPoints":
         kinematics = make_kinematics(robot)
-        follows = kinematics.attitude_follows and COORDINATES[-1] not in self.names
-        poses, velocities = self._ordered("column", COORDINATES[:-1] if follows else COORDINATES, "a pose")
+        task = kinematics.task
+        if not task.width:
+            raise InputError(f"{robot.name} has no tool: its file has the joints {' '.join(robot.joint_names)}")
+        follows = kinematics.attitude_follows and "phi" not in self.names
+        figures, velocities = self._ordered("column", tuple(PLACE if follows else task.coordinates), "a pose")
         self._check_times(all_whole_ms=all_whole_ms)
+        if velocities is not None and not task.is_flat:
+            raise InputError("velocities of a tool that turns in space: leave them out, the motion is a spline then")
+        poses = figures if follows else task.of_figures(figures)
         if follows:  # the kinematics takes NaN for an attitude that follows from the arm
             poses = np.pad(poses, ((0, 0), (0, 1)), constant_values=nan)
             velocities = None if velocities is None else np.pad(velocities, ((0, 0), (0, 1)))

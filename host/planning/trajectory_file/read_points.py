@@ -15,8 +15,8 @@ from steptwin.host.common.file_limits import COLUMNS_MAX, POINTS_MAX
 from steptwin.host.common.numbers import LARGEST, check_once, fields_of, numbered_lines, numbers_of
 from steptwin.host.common.tables import Table, json_table, number_at
 from steptwin.host.planning.motions.sampled import NumberedPlaces
-from steptwin.host.planning.paths import COORDINATES
 from steptwin.host.planning.trajectory_file.points import VELOCITY, Points, derived_in
+from steptwin.host.robots.poses import PLACE
 from steptwin.host.robots.robot import AXES_MAX
 
 _ELBOW: Final = "elbow"
@@ -70,7 +70,7 @@ class _ElbowColumn:
     @classmethod
     def of(cls, header: list[str]) -> Self | None:
         """Return the column; None without one. Beside joints, `elbow` is the name of a joint."""
-        if _ELBOW in header and set(COORDINATES[:-1]) <= set(header):  # phi may be missing
+        if _ELBOW in header and set(PLACE) <= set(header):  # phi may be missing
             return cls(header.index(_ELBOW))
         return None
 

@@ -18,7 +18,7 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory_until
-from steptwin.host.planning.trajectory_file.points import TOOL_AXES, TOOL_POSE, VELOCITY, derived_columns
+from steptwin.host.planning.trajectory_file.points import TOOL_AXES, VELOCITY, derived_columns
 from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
@@ -48,7 +48,11 @@ def write_motion(path: Path, plan: Plan) -> None:
     rows = zip(t_s.tolist(), positions.tolist(), velocities.tolist(), strict=True)
     derived = _derived_texts(plan.robot, t_s, positions, velocities)
     with whole_file(path) as file:
-        file.write(trajectory_head(plan.robot, derived_columns(plan.robot.joint_names)).encode())
+        file.write(
+            trajectory_head(
+                plan.robot, derived_columns(plan.robot.joint_names, make_kinematics(plan.robot).task)
+            ).encode()
+        )
         file.writelines(trajectory_row(*row, text).encode() for row, text in zip(rows, derived, strict=True))
 
 
@@ -85,15 +89,19 @@ def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocit
     """
     kinematics = make_kinematics(robot)
     accelerations = scipy.interpolate.CubicHermiteSpline(t_s, positions, velocities)(t_s, 2)
-    cosines = len(TOOL_AXES)
-    template = f",%.{_DECIMALS}f" * (len(robot.joints) + len(TOOL_POSE)) + f",%.{_COSINE_DECIMALS}f" * cosines
+    task = kinematics.task
+    cosines = len(TOOL_AXES) if task.width else 0
+    rounded = len(robot.joints) + len(task.coordinates)
+    template = f",%.{_DECIMALS}f" * rounded + f",%.{_COSINE_DECIMALS}f" * cosines
     for first in range(0, len(t_s), _ROWS):
         part = slice(first, first + _ROWS)
-        axes = tool_frames(kinematics, positions[part])[:, :3, :2]
-        values = [accelerations[part], kinematics.forward(positions[part]), axes.swapaxes(1, 2).reshape(-1, cosines)]
+        values = [accelerations[part], task.figures(kinematics.forward(positions[part]))]
+        if cosines:
+            axes = tool_frames(kinematics, positions[part])[:, :3, :2]
+            values.append(axes.swapaxes(1, 2).reshape(-1, cosines))
         figures = np.column_stack(values)
-        figures[:, :-cosines] = np.round(figures[:, :-cosines], _DECIMALS)
-        figures[:, -cosines:] = np.round(figures[:, -cosines:], _COSINE_DECIMALS)
+        figures[:, :rounded] = np.round(figures[:, :rounded], _DECIMALS)
+        figures[:, rounded:] = np.round(figures[:, rounded:], _COSINE_DECIMALS)
         yield from (template % tuple(row) for row in (figures + 0.0).tolist())  # what rounds to 0 has no sign
 
 

@@ -230,11 +230,14 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     steps = np.concatenate([part.steps for part in parts], axis=1)
     axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
     tools = _tool_series("", t_s, [part.tool for part in parts])
-    actual = [part.actual_tool for part in parts if part.actual_tool]
-    return [*axes, *tools, *(_tool_series("actual ", t_s, actual) if actual else [])]
+    return [*axes, *tools, *_tool_series("actual ", t_s, [part.actual_tool for part in parts])]
 
 
-def _tool_series(which: str, t_s: FloatArray, parts: list[ToolDeviation]) -> list[_Series]:
+def _tool_series(which: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[_Series]:
+    """Return the errors of a tool; nothing without one."""
+    parts = [part for part in chunks if part is not None]
+    if not parts:
+        return []
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
     attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
     return [_Series(f"{which}tool [mm]", t_s, distance_mm), _Series(f"{which}attitude [deg]", t_s, attitude_deg)]

@@ -28,7 +28,9 @@ ROW_INCHES: Final = 1.45
 WIDE_MM: Final = 1.0
 """Least height of a panel in mm, deg or mm/s: below it rounding errors would look like motion."""
 
-_COORDINATES: Final = ("x [mm]", "y [mm]", "z [mm]", "attitude [deg]")
+_NAMES: Final = {"phi": "attitude"}
+_COLUMN: Final = 4
+"""Rows of the right column: three axes of the tool, and the speed."""
 _AXES: Final = ("n, the tool's x axis", "o, its y axis", "a, its z axis")
 _STYLES: Final = ("-", "--", ":")
 """Lines of the direction cosines with x, y and z, which colours alone would not tell apart in print."""
@@ -37,19 +39,23 @@ _STYLES: Final = ("-", "--", ":")
 def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw x, y, z and the attitude at the left; at the right the direction cosines of a known robot, and the speed."""
     robot = comparison.expected.robot
-    figure = new_figure(run, "tool pose", ROW_INCHES * len(_COORDINATES))
-    rows = rows_of_axes(figure, len(_COORDINATES), 2)
+    task, forward = comparison.expected.task, comparison.expected.forward
+    labels = [f"{_NAMES.get(name, name)} [{unit or '1'}]" for name, unit in task.coordinates.items()]
+    figure = new_figure(run, "tool pose", ROW_INCHES * max(len(labels), _COLUMN))
+    rows = rows_of_axes(figure, max(len(labels), _COLUMN), 2)
     t_s = planned_instants(comparison)
     planned, counted = comparison.expected.trajectory.positions(t_s), _counted(comparison, t_s)
-    poses, counted_poses = (_unwrapped(comparison.expected.forward(joints)) for joints in (planned, counted))
-    for (axes, _), values, counted_values, label in zip(rows, poses.T, counted_poses.T, _COORDINATES, strict=True):
+    poses, counted_poses = (task.unwrapped(task.figures(forward(joints))) for joints in (planned, counted))
+    for (axes, _), values, counted_values, label in zip(rows, poses.T, counted_poses.T, labels, strict=False):
         _draw_both(axes, t_s, values, counted_values)
         axes.set_ylabel(label)
-    if robot is None:
-        for _, axes in rows[:-1]:
-            axes.set_axis_off()
-    else:
-        _draw_cosines([axes for _, axes in rows[:-1]], t_s, robot, counted)
+    cosines = [axes for _, axes in rows[: len(_AXES)]]
+    for axes in [axes for _, axes in rows[:-1] if robot is None or axes not in cosines]:
+        axes.set_axis_off()
+    for axes, _ in rows[len(labels) :]:
+        axes.set_axis_off()
+    if robot is not None:
+        _draw_cosines(cosines, t_s, robot, counted)
     _draw_speed(rows[-1][1], t_s, poses[:, :3])
     rows[0][0].set_title("position and attitude", loc="left")
     rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
@@ -62,11 +68,6 @@ def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
 def _counted(comparison: Comparison, t_s: FloatArray) -> FloatArray:
     """Return the joints, of shape (n, joints), by the drivers' counts just after each instant."""
     return comparison.expected.joints(np.column_stack([axis.around(t_s)[1] for axis in comparison.counted]))
-
-
-def _unwrapped(poses: FloatArray) -> FloatArray:
-    """Return poses over time whose attitude does not jump by a whole turn."""
-    return np.column_stack([poses[:, :3], np.unwrap(poses[:, 3], period=360.0)])
 
 
 def _draw_both(axes: Axes, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> None:

@@ -1,6 +1,6 @@
 """Kinematics: tool poses from joint positions and back, a module for each kind of mechanism."""
 
-from steptwin.host.robots.kinematics.base import Branch, Kinematics, pose_words, within_limits
+from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limits
 from steptwin.host.robots.kinematics.hybrid import HybridArm
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role
@@ -21,6 +21,5 @@ __all__ = [
     "SliderPair",
     "WorkingMode",
     "make_kinematics",
-    "pose_words",
     "within_limits",
 ]

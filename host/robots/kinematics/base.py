@@ -1,13 +1,12 @@
 """The interface of every kinematics, its inverse solutions and the constraints that they keep or break.
 
-Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Poses are arrays of shape (n, 4) in the
-station's frame, where the robot's base stands: x_mm, y_mm, z_mm and the tool's attitude_deg about the vertical.
+Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Poses are arrays of shape (n, task.width)
+in the station's frame, where the robot's base stands; what their columns are, the task of the mechanism's tool says.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from enum import StrEnum
-from math import isnan
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
@@ -20,6 +19,7 @@ from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
+from steptwin.host.robots.poses import Task
 from steptwin.host.robots.robot import Dimension, Robot
 
 
@@ -40,9 +40,6 @@ def meaning(dimension: Field[Any]) -> str:
 
 
 Geometry = TypeVar("Geometry")
-
-POSE_KEYS: Final = ("x_mm", "y_mm", "z_mm", "attitude_deg")
-"""The names of a pose's coordinates, in their order, in documents."""
 
 LIMIT_TOLERANCE: Final = 1e-9
 """Distance in mm or degrees by which a solution may exceed a joint's limit: the rounding errors of its computation."""
@@ -129,6 +126,11 @@ class Kinematics(Protocol):
     """A mechanism's kinematics, vectorised over poses."""
 
     @property
+    def task(self) -> Task:
+        """What the tool can be told, and so what the columns of poses are."""
+        ...
+
+    @property
     def branches(self) -> tuple[str, ...]:
         """The names of the branches of the inverse, the usual one first."""
         ...
@@ -145,7 +147,7 @@ class Kinematics(Protocol):
 
     @property
     def attitude_follows(self) -> bool:
-        """True if the tool cannot turn by itself: the attitude follows from the rest of the pose and the branch.
+        """True if a SCARA's tool cannot turn by itself: phi follows from the rest of the pose and the branch.
 
         The inverse then takes a pose with NaN for its attitude, and no pose with another attitude is reachable.
         """
@@ -164,7 +166,7 @@ class Kinematics(Protocol):
         ...
 
     def forward(self, joints: FloatArray) -> FloatArray:
-        """Return poses of shape (n, 4) for joints of shape (n, joints); the joints' limits are not checked."""
+        """Return poses for joints of shape (n, joints); the joints' limits are not checked."""
         ...
 
     def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
@@ -179,7 +181,7 @@ class Kinematics(Protocol):
         ...
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return every branch for poses of shape (n, 4).
+        """Return every branch for poses of shape (n, task.width).
 
         `near`, of shape (joints,) or (n, joints), is the machine's position, by default 0: joints that the pose does
         not determine stay there, and joints that turn further than a circle take the nearest turn.
@@ -197,17 +199,10 @@ class Kinematics(Protocol):
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities of shape (n, joints), in mm/s and degrees/s, for the tool's velocities.
 
-        Tool velocities, of shape (n, 4), are the poses' derivatives per second. Joints that the pose does not determine
-        stand still. At a singular pose the result is not finite.
+        Tool velocities have the shape (n, task.rates). Joints that the pose does not determine stand still. At a
+        singular pose the result is not finite.
         """
         ...
-
-
-def pose_words(pose: Sequence[float]) -> str:
-    """Return a pose in words, without an attitude that is NaN because it follows from the arm."""
-    x_mm, y_mm, z_mm, attitude_deg = pose
-    attitude = "" if isnan(attitude_deg) else f", phi {attitude_deg:g} deg"
-    return f"x {x_mm:g}, y {y_mm:g}, z {z_mm:g} mm{attitude}"
 
 
 def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:

@@ -28,8 +28,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.kinds import make_kinematics
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
+from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
 MOVES: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")

@@ -29,8 +29,8 @@ from steptwin.host.robots.kinematics.base import (
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point, slide, tool
 from steptwin.host.robots.kinematics.on_base import OnBase
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
+from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
 _JOINTS: Final = {"th1": Unit.DEG, "Z5": Unit.MM, "Z6": Unit.MM, "th4": Unit.DEG}

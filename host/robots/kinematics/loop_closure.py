@@ -23,7 +23,7 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics.base import read_geometry
 from steptwin.host.robots.kinematics.hybrid import HybridGeometry
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
 CLOSED_MM: Final = 1e-10

@@ -1,4 +1,4 @@
-"""A mechanism on its base: the one place where poses change between the station's frame and the base's.
+"""A mechanism with a SCARA's task on its base: where poses change between the station's frame and the base's.
 
 A mechanism's own formulas are in the frame of its base. A user gives and gets poses in the station's frame:
 
@@ -14,7 +14,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.kinematics.base import Branch
 from steptwin.host.robots.kinematics.links import ArmPart
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses import SCARA, Task
+from steptwin.host.robots.poses.rotations import wrapped_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,11 @@ class OnBase(ABC):
 
     base: BaseFrame = STATION
     slides: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def task(self) -> Task:
+        """A SCARA's: the tool is upright."""
+        return SCARA
 
     @property
     @abstractmethod

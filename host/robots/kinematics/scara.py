@@ -22,7 +22,8 @@ from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_const
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, scara_links
 from steptwin.host.robots.kinematics.on_base import OnBase
-from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R, wrapped_deg
+from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
+from steptwin.host.robots.poses.rotations import wrapped_deg
 
 SINGULAR: Final = 0.005
 """Least |sin(elbow)|, 0.29 degrees from a stretched or folded arm: below it the arm is near singular."""

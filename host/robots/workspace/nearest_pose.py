@@ -1,8 +1,9 @@
 """Find the pose nearest to one out of reach that a robot reaches: what a refusal says would pass.
 
 Poses are searched in cylindrical coordinates about the arm's own axis, one after the other: at another height, along
-the same direction, at the same distance in another direction, in another attitude. Only if none of these alone is
-enough, several change. The result has tenths of a mm or degree, so that a text holds the very pose that was tried.
+the same direction, at the same distance in another direction, and of a SCARA in another attitude; the orientation of a
+tool that turns in space stays. Only if none of these alone is enough, several change. The result has tenths of a mm or
+degree, so that a text holds the very pose that was tried.
 """
 
 from dataclasses import dataclass
@@ -13,13 +14,12 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses import PLACE, SCARA, Pose, Task
+from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.robots.robot import Robot
 
-Pose = tuple[float, float, float, float]
-
 _RADIUS, _AZIMUTH, _Z, _PHI = range(4)
-"""Cylindrical coordinates: distance and direction from the arm's axis, height, and the tool's attitude."""
+"""Cylindrical coordinates: distance and direction from the arm's axis, height, and a SCARA's attitude."""
 
 _COARSE: Final = 360
 """Values of a coordinate tried at once, over its whole range and then between two of them."""
@@ -37,12 +37,13 @@ def passing_text(
 ) -> str:
     """Return, after a semicolon, which coordinates would pass instead of a pose's; an empty text if none are found."""
     passing = nearest_pose(robot, pose, near, branch, on_path=on_path)
-    return "" if passing is None else f"; {passing_words(pose, passing)} passes"
+    return "" if passing is None else f"; {passing_words(make_kinematics(robot).task, pose, passing)} passes"
 
 
-def passing_words(pose: Pose, passing: Pose) -> str:
+def passing_words(task: Task, pose: Pose, passing: Pose) -> str:
     """Return the coordinates of a pose that passes that differ from another pose's, as in `x 120.5, y -3 mm`."""
-    units = dict(zip(("x", "y", "z", "phi"), zip(pose, passing, strict=True), strict=True))
+    both = zip(pose, passing, strict=True)
+    units = dict(zip(SCARA.coordinates if task is SCARA else PLACE, both, strict=False))
     changed = {name: new for name, (old, new) in units.items() if new != old and not np.isnan(new)}
     turn = f"phi {changed.pop('phi'):g} deg" if "phi" in changed else ""
     lengths = ", ".join(f"{name} {value:g}" for name, value in changed.items())
@@ -57,7 +58,7 @@ def nearest_pose(
     `near`, of shape (joints,), is the machine's position: slides stay there. Without a branch any may reach it. With
     `on_path` it is not near a singularity either. The attitude is NaN if it follows from the arm.
     """
-    return _Search.of(robot, near, branch, on_path=on_path).nearest(pose)
+    return _Search.of(robot, near, branch, pose[3:], on_path=on_path).nearest(pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +73,7 @@ class _Search:
         axis_mm: shape (2,), x and y of the arm's own axis.
         radius_mm: a distance from that axis beyond which the robot reaches nothing.
         heights_mm: least and greatest height that it reaches.
+        orientation: columns of the wanted pose behind x, y and z, which stay but for a SCARA's.
     """
 
     kinematics: Kinematics
@@ -81,9 +83,10 @@ class _Search:
     axis_mm: FloatArray
     radius_mm: float
     heights_mm: tuple[float, float]
+    orientation: Pose
 
     @classmethod
-    def of(cls, robot: Robot, near: FloatArray, branch: str | None, *, on_path: bool) -> "_Search":
+    def of(cls, robot: Robot, near: FloatArray, branch: str | None, orientation: Pose, *, on_path: bool) -> "_Search":
         kinematics = make_kinematics(robot)
         slides, axis_mm = dict(kinematics.slides), np.array(kinematics.axis_mm(near))
         places = [
@@ -94,7 +97,7 @@ class _Search:
         radius_mm = 1.5 * float(np.nanmax(np.hypot(*(poses[:, :2] - axis_mm).T)))
         heights_mm = float(np.nanmin(poses[:, 2])), float(np.nanmax(poses[:, 2]))
         branches = (branch,) if branch else kinematics.branches
-        return cls(kinematics, near, branches, on_path, axis_mm, radius_mm, heights_mm)
+        return cls(kinematics, near, branches, on_path, axis_mm, radius_mm, heights_mm, orientation)
 
     def nearest(self, pose: Pose) -> Pose | None:
         wanted = self._cylindrical(pose)
@@ -103,9 +106,15 @@ class _Search:
         return None if nearest is None else self._rounded(pose, wanted, nearest)
 
     @property
+    def _turns(self) -> bool:
+        """Whether the attitude of a pose is a place's fourth coordinate."""
+        return self.kinematics.task is SCARA
+
+    @property
     def _axes(self) -> tuple[int, ...]:
         """The coordinates that may change."""
-        return (_Z, _RADIUS, _AZIMUTH) if self.kinematics.attitude_follows else (_Z, _RADIUS, _AZIMUTH, _PHI)
+        stays = self.kinematics.attitude_follows or not self._turns
+        return (_Z, _RADIUS, _AZIMUTH) if stays else (_Z, _RADIUS, _AZIMUTH, _PHI)
 
     def _values(self, wanted: FloatArray, axis: int, count: int) -> FloatArray:
         """Return the wanted value and values all over a coordinate's range, those near it first."""
@@ -156,7 +165,8 @@ class _Search:
         poses = self._poses(nearest + np.arange(_ROUNDINGS)[:, np.newaxis] * further)
         tenths = np.round(poses, 1) + 0.0
         changed = nearest != wanted
-        same = [not (changed[_RADIUS] or changed[_AZIMUTH])] * 2 + [not changed[_Z], not changed[_PHI]]
+        same = [not (changed[_RADIUS] or changed[_AZIMUTH])] * 2 + [not changed[_Z]]
+        same += [not changed[_PHI]] if self._turns else [True] * len(self.orientation)
         tenths[:, same] = np.array(pose)[same]
         if self.heights_mm[0] == self.heights_mm[1] and changed[_Z]:  # without a lift there is just one height
             tenths[:, 2] = self.heights_mm[0]
@@ -166,16 +176,19 @@ class _Search:
         return tuple(tenths[np.argmax(passing)].tolist()) if passing.any() else None
 
     def _cylindrical(self, pose: Pose) -> FloatArray:
-        (x_mm, y_mm), (z_mm, phi_deg) = np.array(pose[:2]) - self.axis_mm, pose[2:]
+        x_mm, y_mm = np.array(pose[:2]) - self.axis_mm
         radius_mm, azimuth_rad = np.hypot(x_mm, y_mm), np.arctan2(y_mm, x_mm)
-        attitude_deg = np.nan if self.kinematics.attitude_follows else phi_deg
-        return np.array([radius_mm, np.rad2deg(azimuth_rad), z_mm, attitude_deg])
+        attitude_deg = pose[3] if self._turns and not self.kinematics.attitude_follows else np.nan
+        return np.array([radius_mm, np.rad2deg(azimuth_rad), pose[2], attitude_deg])
 
     def _poses(self, places: FloatArray) -> FloatArray:
         azimuth_rad = np.deg2rad(places[:, _AZIMUTH])
         x_mm = self.axis_mm[0] + places[:, _RADIUS] * np.cos(azimuth_rad)
         y_mm = self.axis_mm[1] + places[:, _RADIUS] * np.sin(azimuth_rad)
-        return np.column_stack([x_mm, y_mm, places[:, _Z], wrapped_deg(places[:, _PHI])])
+        orientation = (
+            wrapped_deg(places[:, _PHI]) if self._turns else np.tile(np.array(self.orientation), (len(places), 1))
+        )
+        return np.column_stack([x_mm, y_mm, places[:, _Z], orientation])
 
     def _pass(self, places: FloatArray) -> BoolArray:
         return self._reached(self._poses(places))

@@ -21,7 +21,6 @@ from steptwin.host.record.plots.canvas import (
     save_figure,
     thinned,
 )
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
 from steptwin.host.studies.motors.resonance import draw_resonance
 from steptwin.host.twin.motors import MotorRun
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
@@ -86,7 +85,7 @@ def draw_tool(ran: MotorRun, run: RunInfo) -> Figure:
     for poses, colour, label in ((paths.counted, COUNTED, "counted"), (paths.reached, REACHED, "really reached")):
         apart = poses - paths.planned
         distance.plot(*thinned(paths.t_s, np.linalg.norm(apart[:, :3], axis=1)), color=colour, label=label)
-        attitude.plot(*thinned(paths.t_s, wrapped_deg(apart[:, 3])), color=colour)
+        attitude.plot(*thinned(paths.t_s, paths.task.off_deg(poses, paths.planned)), color=colour)
     distance.set_title("distance from the plan", loc="left")
     distance.set_ylabel("[mm]")
     distance.set_ylim(bottom=0.0)

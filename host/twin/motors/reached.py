@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses import Task
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.verify import Comparison
@@ -15,14 +15,17 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolPaths:
-    """Poses each ms from the start of the motion until the drivers go off; x, y, z in mm and the attitude in degrees.
+    """Poses each ms from the start of the motion until the drivers go off.
 
     Attributes:
+        task: task of the tool, which says what their columns are.
         t_s: shape (n,), from the start of the motion.
-        planned: shape (n, 4).
-        counted: shape (n, 4), where the drivers' steps put the tool.
-        reached: shape (n, 4), where the rotors put it.
+        planned: shape (n, task.width).
+        counted: shape (n, task.width), where the drivers' steps put the tool.
+        reached: shape (n, task.width), where the rotors put it.
     """
+
+    task: Task
 
     t_s: FloatArray
     planned: FloatArray
@@ -40,6 +43,7 @@ class ToolPaths:
         steps = np.column_stack([axis.around(t_s)[1] for axis in comparison.counted])
         forward = expected.actual_forward or expected.forward
         return cls(
+            task=expected.task,
             t_s=t_s,
             planned=expected.forward(planned),
             counted=forward(expected.joints(steps)),
@@ -71,7 +75,7 @@ class ToolReached:
         apart = paths.reached - paths.counted
         possible = np.isfinite(apart).all(axis=1)
         distances_mm = np.linalg.norm(apart[possible, :3], axis=1)
-        angles_deg = wrapped_deg(apart[possible, 3])
+        angles_deg = paths.task.off_deg(paths.reached[possible], paths.counted[possible])
         worst = int(distances_mm.argmax())
         return cls(
             position_mm_max=float(distances_mm[worst]),

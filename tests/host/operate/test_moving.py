@@ -9,7 +9,9 @@ from steptwin.host.operate.moving import move, nearest_joints, synchronised
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
+from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import SCARA
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
@@ -72,13 +74,13 @@ def test_standing_there_already_moves_nothing(board: EmbeddedBoard, session: Ses
 def test_the_nearest_branch() -> None:
     """Both elbow branches reach the pose; the machine keeps the one it stands in."""
     for near in ([0.0, 0.0, 100.0, 0.0, 60.0, 30.0], [0.0, 0.0, 100.0, 60.0, -60.0, 30.0]):
-        pose = [float(value) for value in make_kinematics(ROBOT).forward(np.array([near]))[0]]
-        assert nearest_joints(ROBOT, pose, near) == pytest.approx(near, abs=1e-6)
+        pose = dict(zip(SCARA.coordinates, make_kinematics(ROBOT).forward(np.array([near]))[0].tolist(), strict=True))
+        assert nearest_joints(ROBOT, ToolPosition(pose), near) == pytest.approx(near, abs=1e-6)
 
 
 def test_a_pose_out_of_reach_says_why() -> None:
     with pytest.raises(InputError, match=r"^no branch reaches x 9000, y 0, z 0 mm, phi 0 deg: right: .*; left: "):
-        nearest_joints(ROBOT, [9000.0, 0.0, 0.0, 0.0], HOME)
+        nearest_joints(ROBOT, ToolPosition({"x": 9000.0, "y": 0.0, "z": 0.0, "phi": 0.0}), HOME)
 
 
 def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) -> None:

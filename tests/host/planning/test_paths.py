@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath, Turn
+from steptwin.host.planning.paths import Arc, SampledPath, Smoothing, StraightLine, ToolPath, Turn
+from steptwin.host.robots.poses import Pose
 from tests.host.complaints import complaint_of
 
 ZIGZAG = np.array(

@@ -56,10 +56,10 @@ def test_where_it_is_too_fast_soon_it_is_slower_and_goes_as_far() -> None:
 def test_bad_jogs_are_refused() -> None:
     robot = load_robot("lab-scara")
     with pytest.raises(InputError, match=r"^coordinate 'w' is unknown: there are x, y, z, phi$"):
-        check_tool_jog("w", 1.0)
+        check_tool_jog(robot, "w", 1.0)
     for speed in (0.0, SPEED_MAX_MM_S * 1.001, -SPEED_MAX_MM_S * 1.001):
         with pytest.raises(InputError, match=r"^x: a speed of \S+ mm/s is not above 0 and up to 250 mm/s, with a sign"):
-            check_tool_jog("x", speed)
+            check_tool_jog(robot, "x", speed)
     top = [robot.joints[0].upper, *standing(robot)[1:]]
     with pytest.raises(InputError, match=r"jog a joint first$"):
         plan_tool_jog(robot, top, "z", 10.0)

@@ -171,7 +171,7 @@ def test_the_rounding_of_a_limit_to_wire_units_does_not_hold_the_tool(limit: flo
     ("distances", "complaint"),
     [
         ({"x": 0.0}, "a step of 0 moves nothing: x +0 mm"),
-        ({"q": 1.0}, "coordinate 'q' is unknown: there are x, y, z, phi"),
+        ({"q": 1.0}, "coordinate 'q' is unknown: there are x, y, z, phi, rx, ry, rz"),
         ({"phi": 360.1}, "phi +360.1 deg: a step turns the tool by at most 360 deg"),
     ],
 )

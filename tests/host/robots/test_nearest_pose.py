@@ -8,8 +8,9 @@ import pytest
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.new_file import robot_text, with_settings
+from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.workspace.nearest_pose import Pose, nearest_pose, passing_text, passing_words
+from steptwin.host.robots.workspace.nearest_pose import nearest_pose, passing_text, passing_words
 
 NAN = float("nan")
 NEARER_MM = 0.3
@@ -58,7 +59,7 @@ def test_both_sides(name: str, pose: Pose, words: str | None, on_path: bool) -> 
     passing = nearest_pose(robot, pose, near, on_path=on_path)
     assert passing is not None
     assert reached(kinematics, passing, near, on_path=on_path)
-    assert words is None or on_path or passing_words(pose, passing) == words
+    assert words is None or on_path or passing_words(kinematics.task, pose, passing) == words
     way = np.nan_to_num(np.subtract(pose, passing))
     for axes in ((0, 1), (2,), (3,)):
         step = np.where(np.isin(range(4), axes), way, 0.0)

@@ -10,7 +10,7 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import ActiveEdge
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.verify import (
     POSITION_ERROR_LIMIT_STEPS,
     THRESHOLD_TOLERANCE_STEPS,

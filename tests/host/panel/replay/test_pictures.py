@@ -17,6 +17,7 @@ from steptwin.host.panel.replay.markup import (
     strip_picture,
 )
 from steptwin.host.panel.replay.model import Apart, Edge, Instant, JointRow, Lane, Span
+from steptwin.host.robots.poses import SCARA
 
 SPAN = Span(1000, 2000)
 STEP = Lane("th1", "step", np.array([1000, 1250, 1300]), np.array([0, 1, 0]), 2)
@@ -89,7 +90,7 @@ def test_a_strip_without_errors(values: "np.ndarray[tuple[int], np.dtype[np.floa
 def shown(counted: float) -> Instant:
     row = JointRow(HOSTILE, "mm", 1.0, counted, 40, -0.25, 0.0)
     edge = Edge(1, "a", "step", 1)
-    return Instant(0, 0.0, (row,), (1.0, 2.0, 3.0, 4.0), (counted, 2.0, 3.0, 4.0), 0.5, {}, {}, edge, edge)
+    return Instant(0, 0.0, (row,), SCARA, (1.0, 2.0, 3.0, 4.0), (counted, 2.0, 3.0, 4.0), 0.5, {}, {}, edge, edge)
 
 
 def test_the_table_of_one_run_and_of_two() -> None:

@@ -9,10 +9,11 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Quintic, SCurve, Trapezoid
 from steptwin.host.planning.motions.tool_move import ToolMove, follow
-from steptwin.host.planning.paths import Arc, Pose, SampledPath, Smoothing, StraightLine, ToolPath
+from steptwin.host.planning.paths import Arc, SampledPath, Smoothing, StraightLine, ToolPath
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import Pose
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("lab-scara")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from steptwin.host.robots.kinematics.planar2r import wrapped_deg
+from steptwin.host.robots.poses.rotations import wrapped_deg
 
 
 @pytest.mark.parametrize(

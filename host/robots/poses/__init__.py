@@ -1,0 +1,37 @@
+"""Poses of tools: what each kind of tool can be told, orientations as people write them, and rotations."""
+
+from steptwin.host.robots.poses.notation import DIRECTION, ORIENTATIONS, Orientation
+from steptwin.host.robots.poses.task import (
+    DIRECTION_TASK,
+    NO_TOOL,
+    PLACE,
+    POSE,
+    POSITION,
+    SCARA,
+    STEP_NAMES,
+    TASKS,
+    Pose,
+    PoseDocument,
+    Task,
+    Turning,
+    turn_of,
+)
+
+__all__ = [
+    "DIRECTION",
+    "DIRECTION_TASK",
+    "NO_TOOL",
+    "ORIENTATIONS",
+    "PLACE",
+    "POSE",
+    "POSITION",
+    "SCARA",
+    "STEP_NAMES",
+    "TASKS",
+    "Orientation",
+    "Pose",
+    "PoseDocument",
+    "Task",
+    "Turning",
+    "turn_of",
+]

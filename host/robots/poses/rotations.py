@@ -1,0 +1,142 @@
+"""Rotations as unit quaternions, arrays of shape (..., 4) in the order x y z w, and the notations that people write.
+
+A quaternion and its negative are the same rotation. Angles of the notations are in degrees. Formulas: B. Siciliano et
+al., "Robotics: Modelling, Planning and Control", sections 2.4 to 2.6.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+
+LEVEL_DEG: Final = 89.999
+"""Pitch from which on roll and yaw are one turn, which is then all yaw."""
+
+
+def wrapped_deg(angle_deg: FloatArray) -> FloatArray:
+    """Return the same angles in (-180, 180]; an angle that is already there does not change by a bit, NaN stays NaN.
+
+    The others become 180 - (180 - angle) % 360. NaN, of poses out of reach, is left out: its remainder takes longest.
+    """
+    outside = (angle_deg <= -180.0) | (angle_deg > 180.0)
+    wrapped = np.array(angle_deg)
+    wrapped[outside] = 180.0 - (180.0 - wrapped[outside]) % 360.0
+    return wrapped
+
+
+def product(second: FloatArray, first: FloatArray) -> FloatArray:
+    """Return the rotations that turn by `first`, then by `second`, both about the axes of the fixed frame."""
+    ax, ay, az, aw = np.moveaxis(second, -1, 0)
+    bx, by, bz, bw = np.moveaxis(first, -1, 0)
+    return np.stack(
+        [
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ],
+        axis=-1,
+    )
+
+
+def reversed_rotation(rotation: FloatArray) -> FloatArray:
+    """Return the rotations back."""
+    return np.asarray(rotation * np.array([-1.0, -1.0, -1.0, 1.0]))
+
+
+def turned(vectors: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Return vectors of shape (..., 3) after the rotations."""
+    axis = rotation[..., :3]
+    across = 2.0 * np.cross(axis, vectors)
+    return np.asarray(vectors + rotation[..., 3:] * across + np.cross(axis, across))
+
+
+def of_rotation_vector(vector_deg: FloatArray) -> FloatArray:
+    """Return the rotations about vectors of shape (..., 3), each by its length in degrees."""
+    half_rad = np.deg2rad(np.linalg.norm(vector_deg, axis=-1, keepdims=True)) / 2.0
+    part = np.deg2rad(vector_deg) / 2.0 * np.sinc(half_rad / np.pi)  # numpy's sinc is sin(pi x) / (pi x)
+    return np.concatenate([part, np.cos(half_rad)], axis=-1)
+
+
+def rotation_vector_deg(rotation: FloatArray) -> FloatArray:
+    """Return the axes, of shape (..., 3), each as long as the angle, at most 180 degrees."""
+    shortest = np.where(rotation[..., 3:] < 0.0, -rotation, rotation)
+    sine = np.linalg.norm(shortest[..., :3], axis=-1, keepdims=True)
+    half_rad = np.arctan2(sine, shortest[..., 3:])
+    scale = np.divide(half_rad, sine, out=np.ones_like(sine), where=sine > 0.0)
+    return np.asarray(np.rad2deg(2.0 * scale * shortest[..., :3]))
+
+
+def angle_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the angles, of shape (...), of the shortest rotations from the first to the second ones.
+
+    From the vector part, since an arc cosine would lose angles below 1e-6 deg.
+    """
+    between = product(second, reversed_rotation(first))
+    sine = np.linalg.norm(between[..., :3], axis=-1)
+    return np.asarray(np.rad2deg(2.0 * np.arctan2(sine, np.abs(between[..., 3]))))
+
+
+def of_rpy_deg(rpy_deg: FloatArray) -> FloatArray:
+    """Return the rotations by roll, pitch and yaw, of shape (..., 3), about the fixed x, y, z: R = Rz Ry Rx."""
+    half_rad = np.deg2rad(rpy_deg) / 2.0
+    (cr, cp, cy), (sr, sp, sy) = np.moveaxis(np.cos(half_rad), -1, 0), np.moveaxis(np.sin(half_rad), -1, 0)
+    return np.stack(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ],
+        axis=-1,
+    )
+
+
+def rpy_deg(rotation: FloatArray) -> FloatArray:
+    """Return roll, pitch within +-90 and yaw, of shape (..., 3); from LEVEL_DEG on the roll is 0."""
+    elements = matrix(rotation)
+    pitch_rad = np.arctan2(-elements[..., 2, 0], np.hypot(elements[..., 2, 1], elements[..., 2, 2]))
+    level = np.abs(pitch_rad) >= np.deg2rad(LEVEL_DEG)
+    roll_rad = np.where(level, 0.0, np.arctan2(elements[..., 2, 1], elements[..., 2, 2]))
+    yaw_rad = np.where(
+        level,
+        np.arctan2(-elements[..., 0, 1], elements[..., 1, 1]),
+        np.arctan2(elements[..., 1, 0], elements[..., 0, 0]),
+    )
+    return np.asarray(np.rad2deg(np.stack([roll_rad, pitch_rad, yaw_rad], axis=-1)))
+
+
+def matrix(rotation: FloatArray) -> FloatArray:
+    """Return the rotation matrices, of shape (..., 3, 3), whose columns are the turned axes."""
+    x, y, z, w = np.moveaxis(rotation, -1, 0)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def of_matrix(elements: FloatArray) -> FloatArray:
+    """Return the rotations of matrices of shape (..., 3, 3), each by its largest component, which is exact.
+
+    Source: S. W. Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1(3), 1978.
+    """
+    trace = np.trace(elements, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(elements, axis1=-2, axis2=-1)
+    squares = np.concatenate([1.0 + 2.0 * diagonal - trace[..., np.newaxis], 1.0 + trace[..., np.newaxis]], axis=-1)
+    skew = elements - np.swapaxes(elements, -1, -2)
+    both = elements + np.swapaxes(elements, -1, -2)
+    xw, yw, zw = skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]
+    xy, xz, yz = both[..., 0, 1], both[..., 0, 2], both[..., 1, 2]
+    of_square = [
+        [squares[..., 0], xy, xz, xw],
+        [xy, squares[..., 1], yz, yw],
+        [xz, yz, squares[..., 2], zw],
+        [xw, yw, zw, squares[..., 3]],
+    ]
+    candidates = np.stack([np.stack(row, axis=-1) for row in of_square], axis=-2)
+    largest = np.argmax(squares, axis=-1)[..., np.newaxis, np.newaxis]
+    chosen = np.take_along_axis(candidates, largest, axis=-2)[..., 0, :]
+    return np.asarray(chosen / np.linalg.norm(chosen, axis=-1, keepdims=True))

@@ -1,0 +1,90 @@
+"""Rotations against scipy's, which shares no code with ours."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.robots.poses.rotations import (
+    angle_deg,
+    matrix,
+    of_matrix,
+    of_rotation_vector,
+    of_rpy_deg,
+    product,
+    reversed_rotation,
+    rotation_vector_deg,
+    rpy_deg,
+    turned,
+)
+
+COUNT = 500
+
+
+def rotations(seed: int = 1) -> FloatArray:
+    return Rotation.random(COUNT, rng=np.random.default_rng(seed)).as_quat()
+
+
+def same(first: FloatArray, second: FloatArray) -> bool:
+    """Whether quaternions are the same rotations, whatever their signs."""
+    return bool(np.abs(np.abs(np.sum(first * second, axis=-1)) - 1.0).max() < 1e-14)
+
+
+def test_one_after_the_other() -> None:
+    first, second = rotations(1), rotations(2)
+    assert same(product(second, first), (Rotation.from_quat(second) * Rotation.from_quat(first)).as_quat())
+    assert same(product(reversed_rotation(first), first), np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+def test_vectors() -> None:
+    vectors = np.random.default_rng(3).normal(size=(COUNT, 3))
+    assert turned(vectors, rotations()) == pytest.approx(Rotation.from_quat(rotations()).apply(vectors), abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
+        (rpy_deg, lambda q: Rotation.from_quat(q).as_euler("xyz", degrees=True)),
+        (rotation_vector_deg, lambda q: Rotation.from_quat(q).as_rotvec(degrees=True)),
+        (matrix, lambda q: Rotation.from_quat(q).as_matrix()),
+    ],
+    ids=["rpy", "rotation vector", "matrix"],
+)
+def test_notations(ours: Callable[[FloatArray], FloatArray], theirs: Callable[[FloatArray], FloatArray]) -> None:
+    assert ours(rotations()) == pytest.approx(theirs(rotations()), abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("there", "back"), [(rpy_deg, of_rpy_deg), (rotation_vector_deg, of_rotation_vector), (matrix, of_matrix)]
+)
+def test_there_and_back(there: Callable[[FloatArray], FloatArray], back: Callable[[FloatArray], FloatArray]) -> None:
+    assert same(back(there(rotations())), rotations())
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 90.0, 179.9999999, 180.0])
+def test_matrices_of_turns_about_the_axes(axis: int, angle: float) -> None:
+    """Half turns have no scalar part: each of the other components is the largest once."""
+    quaternion = of_rotation_vector(angle * np.eye(3)[axis])
+    assert same(of_matrix(matrix(quaternion)), quaternion)
+
+
+@given(st.floats(1e-12, 179.0))
+def test_small_angles_are_not_lost(angle: float) -> None:
+    assert angle_deg(of_rpy_deg(np.zeros(3)), of_rotation_vector(np.array([0.0, angle, 0.0]))) == pytest.approx(angle)
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0, 89.9995, -89.9995])
+def test_straight_up_the_roll_is_0(pitch: float) -> None:
+    quaternion = of_rpy_deg(np.array([10.0, pitch, 25.0]))
+    roll, found, _ = rpy_deg(quaternion).tolist()
+    assert (roll, found) == (0.0, pytest.approx(pitch, abs=1e-5))
+    assert angle_deg(of_rpy_deg(rpy_deg(quaternion)), quaternion) < 0.001
+
+
+def test_just_below_it_is_not() -> None:
+    assert rpy_deg(of_rpy_deg(np.array([10.0, 89.998, 25.0]))) == pytest.approx([10.0, 89.998, 25.0], abs=1e-6)
