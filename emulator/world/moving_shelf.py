@@ -62,11 +62,19 @@ class ShelfHappening(NamedTuple):
 
 
 class SpotConfig(NamedTuple):
-    """A spot: where the tip meets the lid of its box, whether boxes come to it, and whether they are carried away."""
+    """A spot: where the tip meets the lid of its box, whether boxes come to it, and whether they are carried away.
+
+    The hand may take a box up to `grip_mm` below its lid, and must put it down with as much of it in its grip.
+    """
 
     lid_mm: Point
     feeds: bool = False
     clears: bool = False
+    grip_mm: float = 0.0
+
+    def depth_mm(self, tip_mm: Point) -> float:
+        """Return how deep the hand grips a box here: from its lid down to a tip, at most `grip_mm`."""
+        return min(max(self.lid_mm[2] - tip_mm[2], 0.0), self.grip_mm)
 
 
 class Sensed(NamedTuple):
@@ -118,6 +126,8 @@ class MovingShelf:
         self._grip_mm = (0.0, 0.0, 0.0)
         """The tip's distance from the striker when the lock went in."""
         self._lock = self._magnet = False
+        self._depth_mm = 0.0
+        """How far the tip is below the lid of the box that the hand carries."""
         self._fed = 0
         """Number of boxes that have come to feeding spots."""
         for name, spot in config.spots.items():
@@ -186,30 +196,36 @@ class MovingShelf:
 
     # --- the box at the magnet
 
-    def _place_at(self, tip_mm: Point) -> str:
-        """Return the slot or spot to or from which the magnet can carry a box now; empty if there is none."""
+    def _place_at(self, tip_mm: Point, depth_mm: float | None = None) -> str:
+        """Return the slot or spot to or from which the magnet can carry a box now; empty if there is none.
+
+        The hand holds a box at a depth below its lid; None: it may take one at any depth that the spot allows.
+        """
         if self.held:
             return self.held if self.out_mm[self.held] >= self._config.opening_mm else ""
-        near = (
-            name for name, spot in self._config.spots.items() if dist(tip_mm, spot.lid_mm) <= self._config.capture_mm
-        )
-        return next(near, "")
+        for name, spot in self._config.spots.items():
+            x_mm, y_mm, z_mm = tip_mm
+            lid_mm = x_mm, y_mm, z_mm + (spot.depth_mm(tip_mm) if depth_mm is None else depth_mm)
+            if dist(lid_mm, spot.lid_mm) <= self._config.capture_mm:
+                return name
+        return ""
 
     def _take(self, counts: int, tip_mm: Point) -> None:
         place = self._place_at(tip_mm)
         if place not in self.stock:
             self._note(counts, ShelfEventKind.NOTHING_TAKEN, place, "", tip_mm)
             return
-        self.carried = self.stock.pop(place)
+        self.carried, spot = self.stock.pop(place), self._config.spots.get(place)
+        self._depth_mm = 0.0 if spot is None else spot.depth_mm(tip_mm)
         self._note(counts, ShelfEventKind.TAKEN, place, self.carried, tip_mm)
-        if place in self._config.spots and self._config.spots[place].feeds:
+        if spot is not None and spot.feeds:
             self._feed(place)
 
     def _release(self, counts: int, tip_mm: Point) -> None:
         if not self.carried:
             return
         box, self.carried = self.carried, ""
-        place = self._place_at(tip_mm)
+        place = self._place_at(tip_mm, self._depth_mm)
         if not place:
             self._note(counts, ShelfEventKind.DROPPED, self.held, box, tip_mm)
         elif place in self.stock:

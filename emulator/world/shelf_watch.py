@@ -46,14 +46,14 @@ class ShelfWiring:
         shelf: the shelf.
         tip_at: returns where the tool's tip is, in mm, for the positions of all rotors since power-up, board by board,
             in full steps.
-        lock: output of the hand's lock.
+        lock: output of the hand's lock; None without drawers.
         magnet: output of its magnet.
         sensors: inputs of the sensors, by the fields of Sensed; those that are left out are not connected.
     """
 
     shelf: ShelfConfig
     tip_at: Callable[[Sequence[float]], Point]
-    lock: OutputWire
+    lock: OutputWire | None
     magnet: OutputWire
     sensors: dict[str, InputWire]
 
@@ -110,8 +110,8 @@ class ShelfWatch:
             now_counts, wiring.tip_at(self._rotors()), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet)
         )
 
-    def _on(self, wire: OutputWire) -> bool:
-        return bool(self._boards[wire.board].output_level(wire.axis, wire.pin))
+    def _on(self, wire: OutputWire | None) -> bool:
+        return wire is not None and bool(self._boards[wire.board].output_level(wire.axis, wire.pin))
 
     def _sensor_changes(self) -> Iterator[tuple[int, SetInput]]:
         before, self._seen = self._seen, self.shelf.sensed

@@ -1,5 +1,6 @@
 """The plan of a motion for the boxes of a shelf: which it carries from where to where."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -60,7 +61,8 @@ class Errand:
     def planned(self, shelf: Shelf) -> "PlannedStock":
         """Return what the motion leaves in all slots, and at the spots that neither feed boxes nor clear them away."""
         spots = (name for name in shelf.spots if not (_feeds(shelf, name) or _clears(shelf, name)))
-        return PlannedStock((*shelf.slots, *spots), self.stock_after(shelf))
+        cleared = Counter(target for _, target in self.carries if _clears(shelf, target))
+        return PlannedStock((*shelf.slots, *spots), self.stock_after(shelf), cleared=dict(cleared))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +73,13 @@ class PlannedStock:
         places: slots and spots of which the plan knows what they hold at the end.
         boxes: the box at each of these that has one.
         leaves_open: slots whose drawers are out at the end.
+        cleared: how many boxes are put down at each spot that carries them away.
     """
 
     places: tuple[str, ...] = ()
     boxes: Mapping[str, str] = field(default_factory=dict)
     leaves_open: tuple[str, ...] = ()
+    cleared: Mapping[str, int] = field(default_factory=dict)
 
 
 def _feeds(shelf: Shelf, place: str) -> bool:

@@ -156,7 +156,7 @@ def read_inventory(path: str, robot: Robot) -> Inventory:
     Raises:
         InputError: the robot has no shelf, or the file is wrong or another robot's; one message for each mistake.
     """
-    if robot.shelf is None:
+    if robot.shelf is None or not robot.shelf.slots:
         raise InputError(f"{path}: {robot.name} has no shelf")
     if not Path(path).exists():
         return Inventory(robot.name)

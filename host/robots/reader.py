@@ -290,20 +290,28 @@ def _texts(table: Table, key: str) -> tuple[str, ...]:
 
 
 _COORDINATES: Final = ("x", "y", "z")
-_spot: Final = _settings(Spot, {"lid_mm": _point}, {"feeds": Table.truth, "clears": Table.truth})
-_shelf: Final = _settings(
-    Shelf,
-    {
-        "lock": Table.text,
-        "magnet": Table.text,
-        "travel_mm": Table.number,
-        "opening_mm": Table.number,
-        "capture_mm": Table.number,
-        "arm_radius_mm": Table.number,
-        "slots": partial(_each, Table.text),
-    },
-    {"spots": partial(_each, _spot), "obstacles": _texts, **dict.fromkeys(SENSORS, Table.text)},
+_spot: Final = _settings(
+    Spot, {"lid_mm": _point}, {"feeds": Table.truth, "clears": Table.truth, "grip_mm": Table.number}
 )
+_HAND: Final[dict[str, Reading]] = {"magnet": Table.text, "capture_mm": Table.number}
+_SPOTS: Final[dict[str, Reading]] = {"spots": partial(_each, _spot)}
+_DRAWERS: Final[dict[str, Reading]] = {
+    "lock": Table.text,
+    **dict.fromkeys(("travel_mm", "opening_mm", "arm_radius_mm"), Table.number),
+    "slots": partial(_each, Table.text),
+}
+_AT_DRAWERS: Final[dict[str, Reading]] = {"obstacles": _texts, **dict.fromkeys(SENSORS, Table.text)}
+
+
+def _shelf(table: Table, key: str) -> Shelf:
+    """Return a shelf: all keys of drawers are required, but for one that has none of them and spots alone."""
+    with table.section(key) as section:
+        drawers = any(name in section for name in _DRAWERS | _AT_DRAWERS) or "spots" not in section
+    required, optional = (_DRAWERS, _SPOTS) if drawers else (_SPOTS, _DRAWERS)
+    shelf: Shelf = _settings(Shelf, _HAND | required, optional | _AT_DRAWERS)(table, key)
+    return shelf
+
+
 _box: Final = _settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
 _link_errors: Final = _settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.number))
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})

@@ -129,7 +129,7 @@ class Robot:
         findings.raise_first()
 
     def _check_shelf(self) -> None:
-        if self.shelf and self.base.phi_deg % 360.0:
+        if self.shelf and self.shelf.slots and self.base.phi_deg % 360.0:
             raise InputError(
                 f"base.phi_deg: {self.base.phi_deg:g} deg is for a robot without a shelf, whose drawers open along y;"
                 " 0 is right here"

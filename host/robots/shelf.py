@@ -1,7 +1,7 @@
-"""A shelf with drawers where a robot works: the hand's lock and magnet, the slots, and the spots for single boxes.
+"""What a robot carries, and where: a shelf's drawers with the hand's lock, and spots for single boxes.
 
 A drawer slides along -y. Its own catch holds it unless the hand's lock is in its striker, the middle of its front. A
-box moves only with the magnet.
+box moves only with the hand's magnet or gripper. A robot may have spots alone, without drawers.
 """
 
 from collections.abc import Mapping
@@ -30,13 +30,17 @@ class Spot:
         lid_mm: where the tool's tip takes or releases a box, x, y and z: the middle of the box's lid.
         feeds: True if the next box comes as soon as one has been taken away.
         clears: True if a box that is put here is carried away at once.
+        grip_mm: how far below its lid the hand may take a box as well, as a gripper does; 0 for a magnet.
     """
 
     lid_mm: Point
     feeds: bool = False
     clears: bool = False
+    grip_mm: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.grip_mm < 0.0:
+            raise InputError(f"grip_mm: {self.grip_mm:g} mm is below 0 mm")
         if self.feeds and self.clears:
             raise InputError("clears: a spot that feeds boxes cannot clear them away as well")
 
@@ -46,36 +50,37 @@ class Shelf:
     """A shelf and the spots around it; lengths in mm.
 
     Attributes:
-        lock: name of the output that puts the hand's lock into a striker.
-        magnet: name of the output that takes a box by its lid.
-        travel_mm: way of a drawer from shut to its end stop.
-        opening_mm: least way by which a drawer must be out for a box to be put in or taken out.
+        magnet: name of the output that takes a box: a magnet by its lid, or a gripper.
         capture_mm: distance of the tool's tip from a striker or a lid up to which lock and magnet reach it, and by
             which the hand may leave the way of a drawer that it holds.
-        arm_radius_mm: half the thickness of the arm's parts, for the check that they keep clear of the obstacles.
-        slots: the drawer of each slot, as a name of one of the robot's boxes, by the slot's name.
         spots: the spots, by name.
+        slots: the drawer of each slot, as a name of one of the robot's boxes, by the slot's name; without any, lock
+            and lengths of drawers say nothing.
+        lock: name of the output that puts the hand's lock into a striker.
+        travel_mm: way of a drawer from shut to its end stop.
+        opening_mm: least way by which a drawer must be out for a box to be put in or taken out.
+        arm_radius_mm: half the thickness of the arm's parts, for the check that they keep clear of the obstacles.
         obstacles: names of the robot's boxes that the arm must not touch on its way to a job's start.
         lock_engaged: name of the input that is on while the lock is in a striker; empty without this sensor.
         box_present: name of the input that is on while a box hangs at the magnet; likewise.
         drawer_end: name of the input that is on while the drawer that the hand holds is at its end stop; likewise.
     """
 
-    lock: str
     magnet: str
-    travel_mm: float
-    opening_mm: float
     capture_mm: float
-    arm_radius_mm: float
-    slots: Mapping[str, str]
     spots: Mapping[str, Spot] = field(default_factory=dict)
+    slots: Mapping[str, str] = field(default_factory=dict)
+    lock: str = ""
+    travel_mm: float = 0.0
+    opening_mm: float = 0.0
+    arm_radius_mm: float = 0.0
     obstacles: tuple[str, ...] = ()
     lock_engaged: str = ""
     box_present: str = ""
     drawer_end: str = ""
 
     def __post_init__(self) -> None:
-        lengths = ("travel_mm", "opening_mm", "capture_mm", "arm_radius_mm")
+        lengths = ("travel_mm", "opening_mm", "capture_mm", "arm_radius_mm") if self.slots else ("capture_mm",)
         check_all(*(partial(require_positive, self, name) for name in lengths), self._check_opening, self._check_slots)
 
     def _check_opening(self) -> None:
@@ -83,8 +88,8 @@ class Shelf:
             raise InputError(f"opening_mm: {self.opening_mm:g} mm is more than a drawer's way, {self.travel_mm:g} mm")
 
     def _check_slots(self) -> None:
-        if not self.slots:
-            raise InputError("slots: names no slot")
+        if not self.slots and not self.spots:
+            raise InputError("slots: names no slot, and spots no spot")
         first_of = dict[str, str]()
         for name, drawer in self.slots.items():
             first = first_of.setdefault(drawer, name)
@@ -101,11 +106,12 @@ class Shelf:
         boxes: Mapping[str, Box],
     ) -> None:
         """Raise InputError, with everything that is wrong, unless the robot has all that the shelf names."""
-        checks = [partial(_check, key, "output", getattr(self, key), outputs) for key in ("lock", "magnet")]
+        hand = ("lock", "magnet") if self.slots else ("magnet",)
+        checks = [partial(_check, key, "output", getattr(self, key), outputs) for key in hand]
         checks += [partial(_check, key, "input", name, inputs) for key, name in self.sensors.items()]
         checks += [partial(_check, f"slots.{slot}", "box", drawer, boxes) for slot, drawer in self.slots.items()]
         checks += [partial(_check, f"slots.{slot}", "place", slot, places) for slot in self.slots]
-        checks += [partial(_check, f"spots.{spot}", "place", spot, places) for spot in self.spots]
+        checks += [partial(_check, f"spots.{spot}", "place", spot, places) for spot in self.spots if self.slots]
         checks += [partial(_check, f"obstacles[{i}]", "box", name, boxes) for i, name in enumerate(self.obstacles)]
         check_all(*checks)
 

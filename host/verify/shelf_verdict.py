@@ -48,6 +48,10 @@ def shelf_reasons(shelf: ShelfEvidence, planned: PlannedStock | None, start_coun
         is_there, wanted = (each.get(place, "") for each in (shelf.end, planned.boxes if planned else {}))
         if is_there != wanted:
             reasons.append(f"shelf: {place}: holds {is_there or 'no box'} at the end (planned {wanted or 'no box'})")
+    for place, wanted_boxes in planned.cleared.items() if planned else ():
+        put_boxes = sum(event.what == PUT and event.where == place for event in shelf.events)
+        if put_boxes != wanted_boxes:
+            reasons.append(f"shelf: {place}: boxes put down: {put_boxes} (planned {wanted_boxes})")
     return reasons
 
 

@@ -185,6 +185,10 @@ def own_robot(folder: Path, name: str, changes: dict[str, str], file: str = "min
     return str(folder / file)
 
 
+TEACHING = (files("steptwin.host.robots") / f"{ROBOT}.toml").read_text(encoding="utf-8")
+PART = TEACHING[TEACHING.index("[boxes.part]") :]
+"""The part that its gripper carries, and the spots for it."""
+
 TIMING = {"steplen_ns = 33_000": "steplen_ns = 35_000", "stepspace_ns = 33_666": "stepspace_ns = 31_000"}
 DIRECTION = {"dirsetup_ns = 15_000": "dirsetup_ns = 2_000", "dirhold_ns = 15_000": "dirhold_ns = 20_000"}
 SLOW = {"step_rate_max_hz = 15_000": "step_rate_max_hz = 12_500", "bitrate = 1_000_000": "bitrate = 500_000"}
@@ -215,7 +219,12 @@ class TestARobotOfOnesOwn:
                 "teaching-scara",
                 {"l1_mm = 95.0": "l1_mm = 120.0", "upper = 60.0": "upper = 80.0", "out = 1": "out = 2"}
                 | {"positive_limit = 63.0": "positive_limit = 83.0"}
-                | {"microsteps = 8": "microsteps = 1", "ratio = 4.0": "ratio = 3.7"},
+                | {"microsteps = 8": "microsteps = 1", "ratio = 4.0": "ratio = 3.7"}
+                | {
+                    "[195.0, 0.0, ": "[220.0, 0.0, ",
+                    "[137.9, 35.8, ": "[159.5, 23.3, ",
+                    "grip_mm = 58.0": "grip_mm = 70.0",
+                },
                 ["carry", "-o", "depth_mm=70"],
                 id="teaching",
             ),
@@ -311,7 +320,7 @@ class TestARobotOfOnesOwn:
         ("name", "changes", "job", "line"),
         [
             pytest.param(
-                ROBOT, {"[outputs]": "[places.x]", "gripper = { joint =": "th1 = 1 #"},
+                ROBOT, {"[outputs]": "[places.x]", "gripper = { joint =": "th1 = 1 #", PART: ""},
                 ["carry", "-o", "depth_mm=5"], "outputs: mine has none; its file names them under [outputs]",
                 id="no gripper",
             ),

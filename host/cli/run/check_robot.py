@@ -36,6 +36,7 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
 
 
 def _document(robot: "Robot") -> dict[str, Any]:
+    from steptwin.host.planning.jobs.carry import missed_presets
     from steptwin.host.planning.jobs.shelf_jobs import missed_places
     from steptwin.host.robots.workspace import scan
 
@@ -46,7 +47,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
-        "shelf_missed": missed_places(robot),
+        "shelf_missed": [*missed_places(robot), *missed_presets(robot)],
         "reach": {
             "slides": dict(scanned.slides),
             "radius_mm": scanned.plan.radius_mm,

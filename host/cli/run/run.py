@@ -46,7 +46,7 @@ def run(
     at the end are compared with the plan.
     """
     robot, rest = live.robot_and_rest(words)
-    job, box = _job_and_box(rest, boxes=robot.shelf is not None)
+    job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
     options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
     errand = choose_errand(robot, job, options, virtual.inventory, box)
     motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
@@ -60,7 +60,7 @@ def run(
 
 
 def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:
-    """Return the job or file, and the box if the robot has a shelf and a word follows."""
+    """Return the job or file, and the box if the robot has a shelf with slots and a word follows."""
     if len(words) not in ((1, 2) if boxes else (1,)):
         given = " ".join(words) or "nothing"
         raise InputError(f"one JOB or FILE is needed after the robot, not {given}")

@@ -156,6 +156,7 @@ def write_shelf(folder: Path, shelf: ShelfEvidence, planned: PlannedStock | None
     if planned is not None:
         document["planned"] = {place: planned.boxes.get(place, "") for place in planned.places}
         document["leaves_open"] = list(planned.leaves_open)
+        document["cleared"] = dict(planned.cleared)
     with whole_file(folder / SHELF) as file:
         file.write((json.dumps(document, indent=2) + "\n").encode())
 
@@ -179,7 +180,9 @@ def read_shelf(folder: Path) -> tuple[ShelfEvidence, PlannedStock | None]:
         if "planned" not in table:
             return shelf, None
         planned, leaves_open = _texts(table, "planned"), _names(table, "leaves_open")
-    return shelf, PlannedStock(tuple(planned), {place: box for place, box in planned.items() if box}, leaves_open)
+        cleared = _whole_numbers(table, "cleared")
+    boxes = {place: box for place, box in planned.items() if box}
+    return shelf, PlannedStock(tuple(planned), boxes, leaves_open, cleared)
 
 
 def _event(table: Table) -> ShelfEvent:

@@ -56,7 +56,9 @@ def shelf_wiring(
                 raise unknown(f"{what}={name}: place", name, known)
     config = ShelfConfig(
         strikers_mm={slot: shelf.striker_mm(slot, robot.boxes) for slot in shelf.slots},
-        spots={name: SpotConfig(spot.lid_mm, spot.feeds, spot.clears) for name, spot in shelf.spots.items()},
+        spots={
+            name: SpotConfig(spot.lid_mm, spot.feeds, spot.clears, spot.grip_mm) for name, spot in shelf.spots.items()
+        },
         travel_mm=shelf.travel_mm,
         opening_mm=shelf.opening_mm,
         capture_mm=shelf.capture_mm,
@@ -68,7 +70,7 @@ def shelf_wiring(
     return ShelfWiring(
         shelf=config,
         tip_at=_TipAt(robot, start_joints),
-        lock=wires.output(shelf.lock),
+        lock=wires.output(shelf.lock) if shelf.slots else None,
         magnet=wires.output(shelf.magnet),
         sensors={key: wires.input(*inputs[name]) for key, name in shelf.sensors.items()} if sensors else {},
     )

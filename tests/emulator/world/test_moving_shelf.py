@@ -13,6 +13,9 @@ OTHER: Point = (1075.0, 170.0, 160.0)
 TABLE: Point = (390.0, -173.0, 130.0)
 FEEDER: Point = (1690.0, -173.0, 130.0)
 EXIT: Point = (1990.0, -173.0, 130.0)
+PART: Point = (195.0, 0.0, -42.0)
+BENCH: Point = (138.0, 36.0, -42.0)
+"""Two spots for a part that a gripper takes up to 58 mm below its upper side."""
 NOWHERE: Point = (0.0, 0.0, 0.0)
 
 
@@ -31,11 +34,13 @@ class Hand:
                     "table": SpotConfig(TABLE),
                     "feeder": SpotConfig(FEEDER, feeds=True),
                     "exit": SpotConfig(EXIT, clears=True),
+                    "part": SpotConfig(PART, grip_mm=58.0),
+                    "bench": SpotConfig(BENCH, grip_mm=58.0),
                 },
                 travel_mm=180.0,
                 opening_mm=60.0,
                 capture_mm=2.0,
-                stock={"table": "screws", "B1": "nuts"},
+                stock={"table": "screws", "B1": "nuts", "part": "gear"},
                 locked=frozenset(locked),
             )
         )
@@ -56,6 +61,9 @@ class Hand:
 
     def carrying(self) -> "Hand":
         return self.at(TABLE, magnet=True)
+
+    def gripping(self, depth_mm: float) -> "Hand":
+        return self.at(moved(PART, z_mm=-depth_mm), magnet=True)
 
     @property
     def kinds(self) -> list[ShelfEventKind]:
@@ -84,7 +92,7 @@ def test_a_box_is_stored_and_the_sensors_see_each_step() -> None:
         ShelfEventKind.UNLOCKED,
     ]
     assert [event.counts for event in hand.shelf.events] == [10, 20, 40, 60]
-    assert hand.shelf.stock == {"B1": "nuts", "A1": "screws", "feeder": "feeder-1"}
+    assert hand.shelf.stock == {"B1": "nuts", "A1": "screws", "feeder": "feeder-1", "part": "gear"}
     assert hand.shelf.out_mm == {"A1": 0.0, "B1": 0.0}
 
 
@@ -140,6 +148,41 @@ def test_a_box_is_stored_and_the_sensors_see_each_step() -> None:
             (ShelfEventKind.LOCKED_ON, ShelfEventKind.FORCED_ASIDE),
             id="sideways and upwards at once",
         ),
+        pytest.param(
+            lambda hand, z_mm: hand.at(moved(PART, z_mm=z_mm), magnet=True),
+            2.0,
+            2.01,
+            (ShelfEventKind.TAKEN, ShelfEventKind.NOTHING_TAKEN),
+            id="gripper above a part",
+        ),
+        pytest.param(
+            lambda hand, z_mm: hand.at(moved(PART, z_mm=z_mm), magnet=True),
+            -60.0,
+            -60.01,
+            (ShelfEventKind.TAKEN, ShelfEventKind.NOTHING_TAKEN),
+            id="gripper below a part's grip",
+        ),
+        pytest.param(
+            lambda hand, x_mm: hand.at(moved(PART, x_mm=x_mm, z_mm=-30.0), magnet=True),
+            2.0,
+            2.01,
+            (ShelfEventKind.TAKEN, ShelfEventKind.NOTHING_TAKEN),
+            id="gripper beside a part",
+        ),
+        pytest.param(
+            lambda hand, z_mm: hand.gripping(30.0).at(moved(BENCH, z_mm=z_mm), magnet=False),
+            -28.0,
+            -27.99,
+            (ShelfEventKind.PUT, ShelfEventKind.DROPPED),
+            id="a part is let go above its spot",
+        ),
+        pytest.param(
+            lambda hand, z_mm: hand.gripping(30.0).at(moved(BENCH, z_mm=z_mm), magnet=False),
+            -32.0,
+            -32.01,
+            (ShelfEventKind.PUT, ShelfEventKind.DROPPED),
+            id="a part is pressed into its spot",
+        ),
     ],
 )
 def test_both_sides_of_each_limit(
@@ -169,7 +212,7 @@ def test_a_pull_on_a_locked_drawer(out_mm: float) -> None:
     hand.at(moved(STRIKER, y_mm=-180.0), magnet=False)
     assert hand.kinds[2:] == [ShelfEventKind.PULLED_LOCKED, ShelfEventKind.DROPPED]
     assert all(kind.is_fault for kind in hand.kinds[2:])
-    assert hand.shelf.stock == {"B1": "nuts", "feeder": "feeder-1"}
+    assert hand.shelf.stock == {"B1": "nuts", "feeder": "feeder-1", "part": "gear"}
 
 
 def test_only_a_locked_drawer_is_locked() -> None:
@@ -217,6 +260,9 @@ PLACES = st.sampled_from(
         TABLE,
         FEEDER,
         EXIT,
+        PART,
+        moved(PART, z_mm=-30.0),
+        moved(BENCH, z_mm=-29.0),
         *(moved(striker, y_mm=-out) for striker in (STRIKER, OTHER) for out in (0.0, 59.0, 61.0, 181.0)),
     ]
 )
@@ -235,5 +281,5 @@ def test_no_box_comes_from_nothing(steps: list[tuple[Point, bool, bool]], locked
         lost = [event.box for event in shelf.events if event.box and event.kind.is_fault]
         left = [event.box for event in shelf.events if event.where == "exit" and event.kind is ShelfEventKind.PUT]
         fed = sum(event.where == "feeder" and event.kind is ShelfEventKind.TAKEN for event in shelf.events) + 1
-        all_boxes = ["screws", "nuts", *(f"feeder-{number}" for number in range(1, fed + 1))]
+        all_boxes = ["screws", "nuts", "gear", *(f"feeder-{number}" for number in range(1, fed + 1))]
         assert sorted(there + lost + left) == sorted(all_boxes)

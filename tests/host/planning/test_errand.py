@@ -5,7 +5,8 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.errand import Carry, Errand, PlannedStock
 from steptwin.host.planning.jobs import job_carries
-from tests.host.robots.shelves import ROBOT, SHELF
+from steptwin.host.robots import load_robot
+from tests.host.robots.shelves import ROBOT, SHELF, shelf_of
 
 JUDGED = ("A1", "A2", "B1", "B2", "hand-over")
 """Places at which a box stays until the robot takes it."""
@@ -31,7 +32,26 @@ def test_jobs(job: str, options: dict[str, str], stock: dict[str, str], left: di
         with pytest.raises(InputError, match=r"^hand-over: holds box already"):
             errand.planned(SHELF)
     else:
-        assert errand.planned(SHELF) == PlannedStock(JUDGED, left)
+        cleared = {"output": 4 if job == "every-slot" else 1} if "output" in options else {}
+        assert errand.planned(SHELF) == PlannedStock(JUDGED, left, cleared=cleared)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ({}, 0),
+        ({"depth_mm": "0.5"}, 1),
+        ({"depth_mm": "20", "repetitions": "3", "elbow": "left"}, 3),
+        ({"depth_mm": "20", "from": "150,60"}, 0),
+        ({"depth_mm": "20", "to": "150,60"}, 0),
+    ],
+)
+def test_the_classroom_arm_carries_a_part_between_its_presets(options: dict[str, str], parts: int) -> None:
+    robot = load_robot("teaching-scara")
+    errand = Errand.alone(job_carries(robot, "carry", options))
+    assert errand.carries == (Carry("qa", "qb"),) * parts
+    cleared = {"qb": parts} if parts else {}
+    assert errand.planned(shelf_of(robot)) == PlannedStock((), dict(errand.stock) if not parts else {}, cleared=cleared)
 
 
 def test_a_box_that_is_not_there() -> None:

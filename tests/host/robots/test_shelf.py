@@ -7,7 +7,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.reader import read_robot
-from steptwin.host.robots.shelf import Spot
+from steptwin.host.robots.shelf import Shelf, Spot
 
 TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
 
@@ -45,6 +45,7 @@ def test_the_shelf_of_the_paper() -> None:
         ('A2 = "drawer-A2"', 'A2 = "drawer"', ["shelf.slots.A2: box 'drawer' is unknown: did you mean drawer-A1 or "]),
         ('A2 = "drawer-A2"', 'output = "drawer-A2"', ["shelf.slots.output: is the name of a spot as well"]),
         ("feeds = true", "feeds = true\nclears = true", ["shelf.spots.pick-up.clears: a spot that feeds boxes cannot"]),
+        ("feeds = true", "grip_mm = -0.1", ["shelf.spots.pick-up.grip_mm: -0.1 mm is below 0 mm"]),
         ("lid_mm = [390.0, -173.2, 130.0]", "lid_mm = [390.0]", ["shelf.spots.hand-over.lid_mm: has 1 values, but a"]),
         ('obstacles = ["shelf", ', 'obstacles = ["self", 3, ', ["shelf.obstacles[1]: is not a text"]),
         (
@@ -57,8 +58,39 @@ def test_the_shelf_of_the_paper() -> None:
     ],
 )
 def test_mistakes(old: str, new: str, complaints: list[str]) -> None:
-    assert TEXT.count(old) == 1
-    text = TEXT.replace(old, new)
+    check_change(TEXT, old, new, complaints)
+
+
+SPOTS = """[shelf.spots.qa] # [A] the middle of the part's upper side; the next part comes when one has been taken
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaints"),
+    [
+        ("capture_mm = 2.0 ", "# ", ["shelf.capture_mm: is missing"]),
+        ('magnet = "gripper"', 'magnet = "griper"', ["shelf.magnet: output 'griper' is unknown: did you mean gripper"]),
+        (SPOTS, f"[shelf.slots]\n{SPOTS}", ["shelf.lock: is missing", *(
+            f"shelf.{key}: is missing" for key in ("travel_mm", "opening_mm", "arm_radius_mm"))]),
+        ("capture_mm = 2.0 ", "capture_mm = 2.0\nspots = {}\n# ", ["is not TOML: "]),
+        ("clears = true", "", []),
+    ],
+)  # fmt: skip
+def test_spots_without_drawers(old: str, new: str, complaints: list[str]) -> None:
+    """A shelf has all that drawers need, or only spots, whose names need no place."""
+    check_change(
+        (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8"), old, new, complaints
+    )
+
+
+def test_a_shelf_of_nothing() -> None:
+    with pytest.raises(InputError, match=r"^slots: names no slot, and spots no spot$"):
+        Shelf("gripper", 2.0)
+
+
+def check_change(text: str, old: str, new: str, complaints: list[str]) -> None:
+    assert text.count(old) == 1
+    text = text.replace(old, new)
     if not complaints:
         assert read_robot(text).shelf is not None
         return

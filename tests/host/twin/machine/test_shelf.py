@@ -1,8 +1,10 @@
 """The shelf beside an emulated board: sensors on the bus, virtual and live boards alike, and every slot in one run."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -252,3 +254,64 @@ class TestDrawerPull:
             findings = Findings()
             compile_program(parse_program(text.format(leaves_open=line), findings), ROBOT, findings)
             assert findings.messages == [told]
+
+
+class TestPart:
+    """The part that the classroom arm grips at qa, carries and puts down at qb."""
+
+    OPTIONS: ClassVar = {"depth_mm": "20", "repetitions": "2"}
+
+    def carried(
+        self, kernel: Kernel, options: dict[str, str] = OPTIONS, *, feeds: bool = True, **machine: Any
+    ) -> Outcome:
+        robot = load_robot("teaching-scara")
+        assert robot.shelf is not None
+        spots = {**robot.shelf.spots, "qa": replace(robot.shelf.spots["qa"], feeds=feeds)}
+        robot = replace(robot, shelf=replace(robot.shelf, spots=spots))
+        errand = Errand.alone(job_carries(robot, "carry", options), "gear")
+        return execute(plan(robot, make_job(robot, "carry", options)), "carry", kernel, errand=errand, **machine)
+
+    def test_it_is_carried(self, fast_kernel: Kernel, tmp_path: Path) -> None:
+        outcome = self.carried(fast_kernel)
+        assert outcome.passed, outcome.report.reasons
+        shelf = outcome.comparison.evidence.shelf
+        assert shelf is not None
+        assert [(event.what, event.where, event.box) for event in shelf.events] == [
+            ("box taken", "qa", "gear"),
+            ("box put down", "qb", "gear"),
+            ("box taken", "qa", "qa-1"),
+            ("box put down", "qb", "qa-1"),
+        ]
+        assert [event.tip_mm[2] for event in shelf.events] == [-60.0] * 4
+        assert list(shelf_contradictions(shelf, outcome.comparison)) == []
+        outcome.save(tmp_path / "run", draw=lambda _: None)
+        assert json.loads((tmp_path / "run" / "shelf.json").read_text())["cleared"] == {"qb": 2}
+        stored = read_run(tmp_path / "run")
+        assert stored.comparison.expected.stock == PlannedStock(cleared={"qb": 2})
+        assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
+
+    def test_without_a_part_or_with_one_in_its_place_the_run_fails(self, fast_kernel: Kernel) -> None:
+        outcome = self.carried(fast_kernel, {"depth_mm": "20"}, feeds=False, stock={})
+        assert list(outcome.report.reasons) == ["shelf: qb: boxes put down: 0 (planned 1)"]
+        full = self.carried(fast_kernel, {"depth_mm": "20"}, stock={"qb": "gear"}).report.reasons
+        assert "qb: filled twice (qa-1) at x 137.9, y 35.8, z -60.0 mm" in full[0]
+        assert full[1:] == ("shelf: qb: boxes put down: 0 (planned 1)",)
+
+    @pytest.mark.parametrize(("d3_mm", "what"), [(18, ""), (17, "box dropped")])
+    def test_a_part_that_is_let_go_too_high_falls(self, d3_mm: int, what: str, fast_kernel: Kernel) -> None:
+        robot = load_robot("teaching-scara")
+        text = f"""
+        start = {{ th1 = 0, th2 = 0, d3 = 20, th4 = 0 }}
+        [[step]]
+        output = "gripper"
+        on = true
+        [[step]]
+        go = {{ d3 = {d3_mm} }}
+        [[step]]
+        output = "gripper"
+        on = false
+        """
+        program = parse_program(text, Findings())
+        outcome = execute(plan_stretched(robot, compile_program(program, robot).trajectory), "x", fast_kernel)
+        (told,) = outcome.report.reasons or ("",)
+        assert what in told
