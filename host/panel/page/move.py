@@ -172,6 +172,7 @@ class JointsForm:
         self._visitor, self._scene, self._percent = visitor, scene, percent
         self._filled = self._known = False
         robot = visitor.desk.robot
+        self._kinematics = make_kinematics(robot)
         with ui.element("div").classes("stack") as self.root:
             with ui.element("div").classes("form-grid"):
                 self._fields = {
@@ -180,6 +181,7 @@ class JointsForm:
                     )
                     for joint in robot.joints
                 }
+            self._tool = note("")
             with line():
                 self.button = moving(act("Move", self._move, "arrow_forward"))
                 moving(plain(STANDS_THERE, self._declare, "push_pin")).tooltip(_DECLARE)
@@ -216,10 +218,20 @@ class JointsForm:
 
     def _show_ghost(self) -> None:
         goal = self._goal()
+        self._tool.set_text("" if goal is None else self._tool_words(goal))
         if goal is None:
             self._scene.clear_shape("ghost")
         else:
             self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, list(goal.values())))
+
+    def _tool_words(self, goal: Mapping[str, float]) -> str:
+        """Return where the tool is at a joint position, in its coordinates."""
+        task = self._kinematics.task
+        figures = task.figures(self._kinematics.forward(np.array([list(goal.values())])))[0]
+        if not np.isfinite(figures).all():
+            return "The mechanism cannot be assembled there."
+        told = zip(task.coordinates.items(), figures.round(3).tolist(), strict=True)
+        return "Tool there: " + ", ".join(f"{name} {value:z.3f} {unit}" for (name, unit), value in told)
 
     def _declare(self) -> None:
         goal = self._goal()

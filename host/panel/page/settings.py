@@ -23,6 +23,8 @@ class SettingsTab:
             self._save.set_enabled(False)
             plain("Show the present values", lambda: self._show(visitor.desk.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
+        lengths = ", ".join(f"{name} {_figure(value)}" for name, value in visitor.desk.robot.geometry.items())
+        note(f"Dimensions, which only the robot's file sets: {lengths}.")
 
     def refresh(self, _snapshot: Snapshot) -> None:
         """Show the settings when they were read or written."""
@@ -60,6 +62,10 @@ class SettingsTab:
 
     def _compare(self) -> None:
         self._save.set_enabled(bool(self._changed()))
+
+
+def _figure(value: float | str | bool) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _field(setting: Setting, changed: Callable[[], None]) -> ui.number | ui.select:

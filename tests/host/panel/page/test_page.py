@@ -554,11 +554,13 @@ def test_joints_move_to_the_numbers_in_their_fields(on_page: OnPage) -> None:
         field = rig.find("th2", ui.number)
         assert field.value == LAB.home[1]  # where it stands
         field.set_value(30.0)
+        assert rig.shows("Tool there: x -546.410 mm, y 546.410 mm, z 0.000 mm, phi 150.000 deg")
         await rig.click("Move")
         assert rig.asked[-1].joints == {**dict(zip(LAB.joint_names, LAB.home, strict=True)), "th2": 30.0}
         assert rig.asked[-1].speed_percent == 30.0
         count = len(rig.asked)
         field.set_value(1000.0)
+        assert not rig.shows("Tool there")
         await rig.click("Move")
         assert len(rig.asked) == count
         assert rig.shows(f"th2: 1000 does not fit; it takes {LAB.joint('th2').lower:g} to ")
@@ -840,6 +842,7 @@ def test_only_changed_settings_are_written(on_page: OnPage) -> None:
 
     async def body(rig: Rig) -> None:
         assert not rig.find("Write what has changed").enabled
+        assert rig.shows("Dimensions, which only the robot's file sets: a2_mm 400, a3_mm 400, d5_mm 150.")
         rig.find("Highest speed", ui.number).set_value(200.0)
         await rig.click("Write what has changed")
         assert not rig.asked
