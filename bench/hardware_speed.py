@@ -12,14 +12,15 @@ from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int64Array
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
-from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.driver_module import fitted
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.motors.after_run import rotors_after_run
 from steptwin.host.twin.motors.driving import Driving
+from steptwin.protocol.drivers import PROFILES
 
 PULSES: Final = 32_768
 """Number of pulses fed at a time: as many as the board's edge buffer holds."""
@@ -45,7 +46,7 @@ def driver_table() -> Table:
 
 
 def _driver_row(name: str) -> str:
-    driver = Driver(PROFILES[name].fitted(16))
+    driver = Driver(fitted(PROFILES[name], 16))
     driver.feed(_stretch(0))
     best_s = copy_s = float("inf")
     for index in range(1, _STRETCHES + 1):

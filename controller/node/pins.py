@@ -1,12 +1,12 @@
 """The pins that the firmware sets to a level; CLK and DIR come as edges (see `motion`)."""
 
-from enum import Enum
+from enum import StrEnum
 from typing import NamedTuple
 
 from steptwin.protocol.cia402 import DigitalOutput
 
 
-class Pin(Enum):
+class Pin(StrEnum):
     """One pin of an axis: an input of its TB6560, or a digital output at its connector."""
 
     RESET = "RESET"

@@ -10,24 +10,21 @@ from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.pictures import write_picture
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
+from steptwin.emulator.drivers.chip.excitation import excitations
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
-from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES, THREE_AMP_MODULE, DriverProfile, bare_chip
+from steptwin.emulator.drivers.driver_module import Module, delay_of, fitted
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import Tb6560
-from steptwin.emulator.drivers.tb6560.dip_switches import CURRENT_SETTINGS, switches_for
-from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS, PHASE_PERCENT, VECTOR_PERCENT, Excitation
-from steptwin.emulator.drivers.tb6560.oscillator import chopping_hz, clk_width_min_counts, oscillator_hz
-from steptwin.emulator.drivers.tb6560.outputs import SENSE_VOLT
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, PINS, TORQUE_PERCENT
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.studies.papers.paper_page import table
+from steptwin.protocol.drivers import PROFILES, DriverProfile, Oscillator, bare_chip
+from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
 from steptwin.protocol.timer import COUNTS_PER_US
 
 LATE_DIR: Final = DOCS / "pictures" / "driver-late-dir.png"
 
-_WIRES: Final = bare_chip(330).module
+_CHIP: Final = bare_chip(330).chip
+_WIRES: Final = Module(_CHIP)
 _US: Final = COUNTS_PER_US
 _TURN: Final = 400 * _US
 _RISES: Final = np.array([50, 150, 250, 415, 515, 615], dtype=np.int64) * _US
@@ -42,7 +39,7 @@ def write_driver_pictures() -> None:
 
 def _late_dir() -> Figure:
     """Draw three steps up and three down, 15 us from DIR to STEP: at the terminals, at the chip, and as counted."""
-    module = THREE_AMP_MODULE.fitted(16)
+    module = fitted(THREE_AMP_MODULE, 16)
     stretch = TerminalEdges(
         _RISES,
         _RISES + _WIDTH,
@@ -68,8 +65,8 @@ def _late_dir() -> Figure:
 def _draw_pins(axes: Axes, stretch: TerminalEdges, module: Module, clk: str, direction: str, where: str) -> None:
     clk_counts = np.ravel(np.column_stack((stretch.clk_rise_counts, stretch.clk_fall_counts)))
     clk_levels = np.tile(np.array([1, 0], dtype=np.int8), stretch.clk_rise_counts.size)
-    _draw_pin(axes, 1.4, *module.clk.delay.passed(clk_counts, clk_levels))
-    _draw_pin(axes, 0.0, *module.direction.delay.passed(stretch.dir_counts, stretch.dir_levels))
+    _draw_pin(axes, 1.4, *delay_of(module.clk).passed(clk_counts, clk_levels))
+    _draw_pin(axes, 0.0, *delay_of(module.direction).passed(stretch.dir_counts, stretch.dir_levels))
     axes.set_yticks([0.4, 1.8], [direction, clk])
     axes.set_ylim(-0.2, 2.6)
     axes.set_title(where, loc="left")
@@ -88,7 +85,7 @@ def _draw_counters(axes: Axes, stretch: TerminalEdges, module: Module) -> None:
         driver.feed(stretch)
         counts, signs = driver.steps
         times_us = np.concatenate(([0], counts, [_END])) / _US
-        steps = np.concatenate(([0], np.cumsum(signs), [driver.position_steps]))
+        steps = np.concatenate(([0], np.cumsum(signs), [driver.chip.position_steps]))
         axes.step(times_us, steps, where="post", label=label, color=colour, linestyle=dashes)
     axes.set_title("steps", loc="left")
     axes.set_yticks(range(5))
@@ -105,29 +102,33 @@ def _pins() -> str:
 
 def _modes() -> str:
     rows = []
-    for (m2, m1), mode in EXCITATIONS.items():
-        a, b = PHASE_PERCENT[mode][mode.initial_sixteenths].tolist()
-        angle = mode.initial_sixteenths * 360 / CYCLE_SIXTEENTHS
-        rows.append([str(m2), str(m1), f"1/{mode}", f"{angle:g} deg", f"A {a} %, B {b} %", f"{4 * mode} steps"])
+    modes = excitations(_CHIP)
+    for microsteps, letters in _CHIP.modes.value.rows:
+        mode = modes[microsteps]
+        a, b = (100 * mode.parts[mode.states(np.array([mode.initial_substeps]))[0]]).tolist()
+        angle = mode.initial_substeps * 360 / mode.cycle_substeps
+        levels = ["LH".index(letter) for letter in letters]
+        currents = f"A {a:.0f} %, B {b:.0f} %"
+        rows.append([*map(str, levels), f"1/{microsteps}", f"{angle:g} deg", currents, f"{4 * microsteps} steps"])
     return table(["M2", "M1", "steps", "initial angle", "initial currents", "MO low every"], rows, text_columns=6)
 
 
 def _vector() -> str:
     def used(sixteenths: int) -> str:
-        modes = [mode for mode in Excitation if mode > 1 and sixteenths % mode.step_sixteenths == 0]
+        modes = [mode for mode in _CHIP.microsteps if mode > 1 and sixteenths % (16 // mode) == 0]
         return " ".join(f"1/{mode}" for mode in reversed(modes))
 
-    rows = [
-        [f"{i * 90 / 16:g}", str(percent), str(VECTOR_PERCENT[16 - i]), used(i)]
-        for i, percent in enumerate(VECTOR_PERCENT)
-    ]
+    assert _CHIP.vector_percent is not None
+    vector = _CHIP.vector_percent.value
+    rows = [[f"{i * 90 / 16:g}", str(percent), str(vector[16 - i]), used(i)] for i, percent in enumerate(vector)]
     return table(["angle, deg", "A, %", "B, %", "in modes"], rows, text_columns=0)
 
 
 def _torque_and_decay() -> str:
+    torque, decay = _CHIP.torque_percent.value, _CHIP.fast_decay_percent.value
     rows = [
-        [str(high), str(low), f"{TORQUE_PERCENT[high, low]} %", f"{FAST_DECAY_PERCENT[high, low]} %"]
-        for high, low in TORQUE_PERCENT
+        [*("01"["LH".index(letter)] for letter in letters), f"{torque_percent} %", f"{decay_percent} %"]
+        for (torque_percent, letters), (decay_percent, _) in zip(torque.rows, decay.rows, strict=True)
     ]
     return table(["TQ2, DCY2", "TQ1, DCY1", "current", "fast decay"], rows, text_columns=4)
 
@@ -135,29 +136,29 @@ def _torque_and_decay() -> str:
 def _oscillator() -> str:
     rows = [
         [
-            f"{pf} pF",
-            f"{oscillator_hz(pf) / 1e3:.0f} kHz",
-            f"{chopping_hz(pf) / 1e3:.0f} kHz",
-            f"{clk_width_min_counts(pf) / COUNTS_PER_US:g} us",
+            f"{each.osc_pf} pF",
+            f"{each.hz / 1e3:.0f} kHz",
+            f"{each.chopping_hz / 1e3:.0f} kHz",
+            f"{each.clk_width_min_us:g} us",
         ]
-        for pf in _CAPACITORS_PF
+        for each in map(Oscillator, _CAPACITORS_PF)
     ]
     return table(["at OSC", "oscillator", "chopping", "CLK high at least"], rows)
 
 
 def _power() -> str:
-    limits = [limit for limit in Tb6560(330).violations.limits if limit.rule is Rule.POWER_ORDER]
+    limits = [limit for limit in _WIRES.make_chip().violations.limits if limit.rule is Rule.POWER_ORDER]
     rows = [[limit.source.split(", ")[2], str(limit.value)] for limit in limits]
     return table(["", "required level"], rows)
 
 
 def _currents() -> str:
     rows = []
-    for setting in CURRENT_SETTINGS:
-        switches = switches_for(setting.printed_a, 1)
-        full_a = SENSE_VOLT / switches.sense_ohm * (0.75 if setting.s1 else 1)
-        on = ("ON" if switch else "-" for switch in (setting.sw1, setting.sw2, setting.sw3, setting.s1))
-        rows.append([f"{setting.printed_a:.1f} A", f"{full_a:.2f} A", *on])
+    assert THREE_AMP_MODULE.currents is not None
+    for setting in THREE_AMP_MODULE.currents.value:
+        made_a = setting.full_a * setting.torque_percent / 100
+        on = ("ON" if switch in setting.switches else "-" for switch in ("SW1", "SW2", "SW3", "S1"))
+        rows.append([f"{setting.printed_a:.1f} A", f"{made_a:.2f} A", *on])
     return table(["printed", "computed", "SW1", "SW2", "SW3", "S1"], rows, text_columns=6)
 
 
@@ -167,7 +168,7 @@ def _profiles() -> str:
 
 
 def _delays(profile: DriverProfile) -> str:
-    couplers = {"STEP": profile.module.clk, "DIR": profile.module.direction, "EN": profile.module.enable}
+    couplers = {"STEP": profile.clk.value, "DIR": profile.direction.value, "EN": profile.enable.value}
     texts = [
         f"{name} {coupler.to_high_ns / 1e3:g} us to high, {coupler.to_low_ns / 1e3:g} us to low"
         for name, coupler in couplers.items()
@@ -177,16 +178,10 @@ def _delays(profile: DriverProfile) -> str:
 
 
 def _asked(profile: DriverProfile) -> str:
-    asked = profile.module.requirements
-    width_us = profile.module.make_chip().pulse_min_counts / COUNTS_PER_US
-    named = {
-        "steplen": asked.steplen_ns,
-        "stepspace": asked.stepspace_ns,
-        "dirsetup": asked.dirsetup_ns,
-        "dirhold": asked.dirhold_ns,
-    }
-    texts = [f"{name} {ns / 1e3:g} us" for name, ns in named.items() if ns]
-    edge = f"; active edge {profile.module.active_edge}" if texts else ""
+    names = ("steplen", "stepspace", "dirsetup", "dirhold")
+    width_us = profile.chip.pulse_min_counts / COUNTS_PER_US
+    texts = [f"{name} {ns / 1e3:g} us" for name in names if (ns := profile.times.ns(f"{name}_ns"))]
+    edge = f"; active edge {profile.active_edge}" if texts else ""
     return (", ".join(texts) or f"CLK high {width_us:g} us") + edge
 
 

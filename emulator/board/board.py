@@ -13,8 +13,8 @@ from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.drivers.chip import OutputFollower
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
-from steptwin.emulator.drivers.driver_chip import OutputFollower
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.faults.harm import BoardOperation
 from steptwin.emulator.faults.wiring import Condition, Wire
@@ -32,7 +32,7 @@ from steptwin.protocol.pvt import PvtRecord
 class BoardConfig:
     """Hardware of a board: the driver of each axis, node ids, the machine's switches.
 
-    Positions are in substeps of the drivers (`ChipKind.substeps`), all of which divide a full step alike.
+    Positions are in substeps of the drivers (`ChipSheet.substeps`), all of which divide a full step alike.
     """
 
     modules: tuple[Module, ...]
@@ -52,7 +52,7 @@ class BoardConfig:
     def __post_init__(self) -> None:
         if abs(self.crystal_ppm) > CRYSTAL_PPM_MAX:
             raise ValueError(f"crystal_ppm {self.crystal_ppm} is not from {-CRYSTAL_PPM_MAX} to {CRYSTAL_PPM_MAX}")
-        if len({module.kind.substeps for module in self.modules}) != 1:
+        if len({module.chip.substeps for module in self.modules}) != 1:
             raise ValueError("the drivers of a board do not divide a full step alike")
 
     @property
@@ -63,12 +63,12 @@ class BoardConfig:
     @property
     def substeps(self) -> int:
         """Substeps in a full step."""
-        return self.modules[0].kind.substeps
+        return self.modules[0].chip.substeps
 
     @property
     def period_min_counts(self) -> int:
         """Shortest time between two pulses that a driver counts."""
-        return min(module.kind.period_min_counts for module in self.modules)
+        return min(module.chip.period_min_counts for module in self.modules)
 
 
 class Shaft(NamedTuple):
@@ -485,7 +485,7 @@ class Board:
     def position_steps(self, axis: int) -> int:
         """Return the steps that an axis' driver has counted since power-up."""
         self.drain_axis(axis)
-        return self.drivers.drivers[axis].position_steps
+        return self.drivers.drivers[axis].chip.position_steps
 
     def position_full_steps(self, axis: int) -> float:
         """Return the position of an axis' rotor since power-up."""

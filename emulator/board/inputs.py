@@ -18,7 +18,7 @@ import numpy as np
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.edges import Int64Array
-from steptwin.emulator.drivers.driver_chip import Moves, SubstepArray
+from steptwin.emulator.drivers.terminals import Moves, SubstepArray
 from steptwin.emulator.world.switches import AxisSwitches, Switch, Travel
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_US

@@ -17,9 +17,9 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, Int8Array, Int64Array, levels_at
-from steptwin.emulator.drivers.driver_chip import LevelChange, TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge
+from steptwin.emulator.drivers.terminals import LevelChange, TerminalEdges
 from steptwin.emulator.faults.wiring import Condition, Noise, Wire, WireState
+from steptwin.protocol.drivers import ActiveEdge
 
 
 class _Line:
@@ -100,7 +100,7 @@ class Passed(NamedTuple):
 class AxisWires:
     """The wires to one driver. It is made with the first fault: until then the edges pass by themselves."""
 
-    def __init__(self, active_edge: ClkEdge, *, enable_open: int, dir_level: int, enable_level: int) -> None:
+    def __init__(self, active_edge: ActiveEdge, *, enable_open: int, dir_level: int, enable_level: int) -> None:
         """Begin with whole wires.
 
         Args:
@@ -227,7 +227,7 @@ class AxisWires:
         if self._told and pins.clk_rise_counts.size:
             pins, self._told = _without_first_pulse(pins), False
         held = self._rise is not None and self._step.condition is WireState.HIGH
-        if held and self._rise is not None and not self._told and self._active_edge is ClkEdge.RISING:
+        if held and self._rise is not None and not self._told and self._active_edge is ActiveEdge.RISING:
             pins, self._told = _with_pulse(pins, self._rise), True
         return pins
 

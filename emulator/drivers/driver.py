@@ -3,47 +3,36 @@
 from typing import Final
 
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.driver_chip import Moves, OutputFollower, Outputs, TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.input_stage import InputStage
 from steptwin.emulator.drivers.limits import Violations, merged
+from steptwin.emulator.drivers.terminals import Moves, TerminalEdges
 
 
 class Driver:
     """Processes the edges at the driver's terminals; at first it has no supply and all terminals are low.
 
     Raises:
-        ValueError: the kind of the chip or a resistor puts the chip outside its operating range.
+        ValueError: its current is outside the chip's operating range.
     """
 
     def __init__(self, module: Module) -> None:
+        self.module: Final = module
         self.chip = module.make_chip()
-        self.kind: Final = module.kind
-        """What chip it is."""
-        self.active_edge: Final[ClkEdge] = module.active_edge
-        """The edge of STEP with which the chip's CLK rises."""
-        self.enable_open: Final[int] = module.enable_open
-        """Level that ENABLE has for the driver if nothing is connected to its terminal."""
-        self._switches: Final = module.switches
         self._turned_to: int | None = None
         """Microsteps to which the module's switches have been turned."""
         self._stage = None if module.only_wires else InputStage(module, self.chip.pulse_min_counts)
 
-    @property
-    def has_switches(self) -> bool:
-        """True if the module's own switches select the mode."""
-        return self._switches is not None
-
     def turn_switches(self, microsteps: int | None, counts: int) -> None:
         """Set the module's switches to a mode, or as they were at first (None), at an instant."""
-        if self._stage is None or self._switches is None:
+        if self._stage is None or self.module.switches is None:
             raise ValueError("the driver has no switches")
         self._turned_to = microsteps
-        self._stage.turn_switches(self.kind.mode_levels[self.microsteps], counts)
+        self._stage.turn_switches(self.module.chip.modes.value.levels(self.microsteps), counts)
 
-    def change_part(self, name: str, value: float) -> None:
-        """Let a part at the chip have another value; raise ValueError if the chip cannot."""
-        self.chip.change_part(name, value)
+    def change_capacitor(self, osc_pf: float) -> None:
+        """Let the capacitor at the chip's OSC have another value; raise ValueError if the chip cannot."""
+        self.chip.change_capacitor(osc_pf)
         if self._stage is not None:
             self._stage.set_pulse_min(self.chip.pulse_min_counts)
 
@@ -62,24 +51,15 @@ class Driver:
         return self._stage.held_pulses if self._stage else 0
 
     @property
-    def position_steps(self) -> int:
-        """Steps counted since power-up; steps with DIR high count up."""
-        return self.chip.position_steps
-
-    @property
-    def position_substeps(self) -> int:
-        """Position of the rotor since power-up; it grows while DIR is high."""
-        return self.chip.position_substeps
-
-    @property
     def microsteps(self) -> int:
         """Microsteps that the module's switches select, also before the power is up, or else the chip's pins."""
-        return (self._turned_to or self._switches.microsteps) if self._switches else self.chip.microsteps
+        switches = self.module.switches
+        return (self._turned_to or switches.microsteps) if switches else self.chip.microsteps
 
     @property
     def step_substeps(self) -> int:
         """Way of a step in the present mode."""
-        return self.kind.substeps // self.microsteps
+        return self.module.chip.substeps // self.microsteps
 
     @property
     def lost_steps(self) -> int:
@@ -101,15 +81,6 @@ class Driver:
     def violations(self) -> Violations:
         """All violations so far, of the module's and of the chip's limits, in order of time."""
         return merged([self._stage.violations, self.chip.violations]) if self._stage else self.chip.violations
-
-    @property
-    def outputs(self) -> Outputs:
-        """Phase currents and the field's angle, for any instant so far."""
-        return self.chip.outputs
-
-    def follow_outputs(self) -> OutputFollower:
-        """Return what follows the outputs from power-up on; call this before the power is up."""
-        return self.chip.follow_outputs()
 
     def forget(self) -> None:
         """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""

@@ -12,11 +12,13 @@ from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.emulator.board.edges import Int8Array, Int64Array
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.drivers.axis_wires import AxisWires, Passed
+from steptwin.emulator.drivers.chip import ChipOutputs, OutputFollower
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import LevelChange, OutputFollower, Outputs, Rail, TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module
+from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.limits import Violations
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.emulator.faults.wiring import Condition, Wire
+from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)
 """The drivers' supplies, in the order in which the board switches them on."""
@@ -44,14 +46,14 @@ class AxisTrace:
 
     clk_rise_counts: Int64Array
     clk_fall_counts: Int64Array
-    active_edge: ClkEdge
+    active_edge: ActiveEdge
     """The edge of STEP at which the chip's CLK rises."""
     dir_counts: Int64Array
     dir_levels: Int8Array
     step_counts: Int64Array
     step_signs: Int8Array
     violations: Violations
-    outputs: Outputs
+    outputs: ChipOutputs
     """Phase currents and the field's angle at any instant since the trace's beginning."""
     substeps: int
     """Substeps in a full step."""
@@ -119,7 +121,7 @@ class DriverBank:
 
     def release_pins(self, now_counts: int) -> None:
         """Let all pins float, because the processor is reset: they fall, but ENABLE is as at an open terminal."""
-        pulled_up = [(axis, Pin.ENABLE) for axis, driver in enumerate(self.drivers) if driver.enable_open]
+        pulled_up = [(axis, Pin.ENABLE) for axis, driver in enumerate(self.drivers) if driver.module.enable_open]
         self.drop_pins(now_counts, pulled_up)
         for axis, pin in pulled_up:
             if not self.level(axis, pin):
@@ -171,7 +173,7 @@ class DriverBank:
         self.pin_changes += (
             PinChange(change.counts, axis, Pin.ENABLE, change.level)
             for change in recorded.changes
-            if change.terminal is Pin.ENABLE
+            if change.terminal == Pin.ENABLE
         )
 
     # --- faults
@@ -181,8 +183,8 @@ class DriverBank:
         driver, wires = self.drivers[axis], self._wires[axis]
         if wires is None:
             wires = self._wires[axis] = AxisWires(
-                driver.active_edge,
-                enable_open=driver.enable_open,
+                driver.module.active_edge,
+                enable_open=driver.module.enable_open,
                 dir_level=self._dir_levels[axis],
                 enable_level=self.level(axis, Pin.ENABLE),
             )
@@ -191,11 +193,12 @@ class DriverBank:
     def set_mode(self, axis: int, microsteps: int | None, counts: int) -> None:
         """Set a driver to a mode by its switches or its chip's pins; None: as it was, or as the firmware has them."""
         driver = self.drivers[axis]
-        if driver.has_switches:
+        if driver.module.switches is not None:
             driver.turn_switches(microsteps, counts)
             return
-        levels = driver.kind.mode_levels[driver.microsteps if microsteps is None else microsteps]
-        for pin, level in levels.items():
+        levels = driver.module.chip.modes.value.levels(driver.microsteps if microsteps is None else microsteps)
+        for name, level in levels.items():
+            pin = Pin(name)
             self._strapped.discard((axis, pin))
             wanted = self.level(axis, pin)
             self.set_pin(PinChange(counts, axis, pin, wanted if microsteps is None else level))
@@ -203,9 +206,9 @@ class DriverBank:
             if microsteps is not None:
                 self._strapped.add((axis, pin))
 
-    def change_part(self, axis: int, name: str, value: float) -> None:
-        """Let a part at a chip have another value, for the pulses that are shown from now on."""
-        self.drivers[axis].change_part(name, value)
+    def change_capacitor(self, axis: int, osc_pf: float) -> None:
+        """Let the capacitor at a chip's OSC have another value, for the pulses that are shown from now on."""
+        self.drivers[axis].change_capacitor(osc_pf)
 
     @property
     def noisy_axes(self) -> set[int]:
@@ -219,7 +222,7 @@ class DriverBank:
 
     def follow_outputs(self) -> list[OutputFollower]:
         """Return what follows each chip's outputs from power-up on; call this before the power is up."""
-        return [driver.follow_outputs() for driver in self.drivers]
+        return [driver.chip.follow_outputs() for driver in self.drivers]
 
     def cut_off(self, all_edges: Sequence[PinEdges], counts: int) -> list[PinEdges]:
         """Return the edges that remain when the power goes: begun pulses end, and DIR falls if it is high."""
@@ -236,12 +239,12 @@ class DriverBank:
         """Return the counts of an axis' driver, over all pulses that it has seen, and its present mode."""
         driver, wires = self.drivers[axis], self._wires[axis]
         lost_steps = driver.lost_steps + (wires.lost_steps if wires is not None else 0)
-        return DriverMonitor(driver.position_steps, lost_steps, driver.violation_count, driver.microsteps)
+        return DriverMonitor(driver.chip.position_steps, lost_steps, driver.violation_count, driver.microsteps)
 
     def rotor_substeps(self, axis: int) -> int:
         """Return the position of an axis' rotor since power-up, in substeps."""
         driver = self.drivers[axis]
-        return driver.position_substeps + self.slipped_full_steps[axis] * driver.kind.substeps
+        return driver.chip.position_substeps + self.slipped_full_steps[axis] * driver.module.chip.substeps
 
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
@@ -259,16 +262,16 @@ class DriverBank:
         return AxisTrace(
             clk_rise_counts=rises,
             clk_fall_counts=falls,
-            active_edge=driver.active_edge,
+            active_edge=driver.module.active_edge,
             dir_counts=np.concatenate([p.dir_counts for p in pins]),
             dir_levels=np.concatenate([p.dir_levels for p in pins]),
             step_counts=step_counts,
             step_signs=step_signs,
             violations=driver.violations,
-            outputs=driver.outputs,
-            substeps=driver.kind.substeps,
-            position_steps=driver.position_steps,
-            position_full_steps=self.rotor_substeps(axis) / driver.kind.substeps,
+            outputs=driver.chip.outputs,
+            substeps=driver.module.chip.substeps,
+            position_steps=driver.chip.position_steps,
+            position_full_steps=self.rotor_substeps(axis) / driver.module.chip.substeps,
             slip_counts=np.array([counts for counts, _ in self._slips[axis]], dtype=np.int64),
             slip_full_steps=np.array([full_steps for _, full_steps in self._slips[axis]], dtype=np.int64),
         )

@@ -9,66 +9,33 @@ or as early, as they leave open. `input_stage` models all this.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Final, Protocol
 
-from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Delay
-from steptwin.emulator.drivers.driver_chip import ChipKind, Cooling, DriverChip
+from steptwin.emulator.drivers.chip import Chip
+from steptwin.protocol.drivers import NO_TIMES, WIRE, ActiveEdge, ChipSheet, Cooling, Coupler, DriverProfile, StepTimes
 from steptwin.protocol.timer import counts_of_ns
 
-SENSE_OHM: Final = 0.33
-"""Usual resistors that sense a phase's current: 1.5 A with a TB6560."""
 
-
-class ClkEdge(StrEnum):
-    """The edge at the STEP terminal with which the chip's CLK rises."""
-
-    RISING = "rising"
-    FALLING = "falling"
+def delay_of(coupler: Coupler) -> Delay:
+    """Return a coupler's delays in counts, rounded up."""
+    return Delay(counts_of_ns(coupler.to_high_ns), counts_of_ns(coupler.to_low_ns))
 
 
 @dataclass(frozen=True, slots=True)
-class Coupler:
-    """An optocoupler or a wire, with its delays in ns for a level that becomes high or low at the chip's pin."""
+class Switches:
+    """How a module's own switches stand: the levels at the chip's pins that they set.
 
-    to_high_ns: int = 0
-    to_low_ns: int = 0
+    Attributes:
+        microsteps: of the mode that they select.
+        running: levels of the chip's pins from when it is supplied, while the motor moves; RESET is high with them.
+        standing: those of them that are others at standstill.
+        idle_ms: time from the last step until that is so.
+    """
 
-    @property
-    def delay(self) -> Delay:
-        """The delays in counts, rounded up."""
-        return Delay(counts_of_ns(self.to_high_ns), counts_of_ns(self.to_low_ns))
-
-
-@dataclass(frozen=True, slots=True)
-class Requirements:
-    """Times that a module requires at its terminals, under LinuxCNC's names; a pulse begins with the active edge."""
-
-    steplen_ns: int = 0
-    stepspace_ns: int = 0
-    dirsetup_ns: int = 0
-    dirhold_ns: int = 0
-
-
-class ModuleSwitches(Protocol):
-    """How a module's own switches stand: the levels at the chip's pins that they set."""
-
-    @property
-    def microsteps(self) -> int:
-        """Microsteps of the mode that they select."""
-
-    @property
-    def sense_ohm(self) -> float:
-        """The sense resistors that they switch on."""
-
-    @property
-    def running(self) -> Mapping[Pin, int]:
-        """Levels of the chip's pins from when it is supplied, while the motor moves."""
-
-    @property
-    def standing(self) -> Mapping[Pin, int]:
-        """Those of them that are others at standstill."""
+    microsteps: int
+    running: Mapping[str, int]
+    standing: Mapping[str, int]
+    idle_ms: int = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,42 +43,79 @@ class Module:
     """The module around one chip; by default nothing but wires.
 
     Attributes:
-        kind: what chip it is.
+        chip: what chip it is.
+        full_a: phase current of 100 percent.
         clk: part between STEP and CLK.
         direction: part between DIR and CW/CCW.
         enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
-        requirements: times that the module requires beyond those of the couplers.
+        times: what the module requires at its terminals beyond the chip's times and those of the couplers.
         active_edge: edge of STEP that makes the step.
         enable_open: ENABLE at the chip if nothing is connected to EN: 0 for the chip's pull-down, 1 where the
             optocoupler's light switches the chip off.
-        switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone, and RESET is high
-            with the supply.
-        idle_ms: time from the last step until the switches' idle current begins; assumed, since no source gives it.
-        sense_ohm: resistors that sense the phases' currents, unless switches set them.
+        switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone.
         cooling: what cools the chip.
-        source: origin of the figures.
+        source: origin of the delays.
     """
 
-    kind: ChipKind
-    clk: Coupler = Coupler()
-    direction: Coupler = Coupler()
-    enable: Coupler = Coupler()
-    requirements: Requirements = Requirements()
-    active_edge: ClkEdge = ClkEdge.RISING
+    chip: ChipSheet
+    full_a: float = 1.5
+    clk: Coupler = WIRE
+    direction: Coupler = WIRE
+    enable: Coupler = WIRE
+    times: StepTimes = NO_TIMES
+    active_edge: ActiveEdge = ActiveEdge.RISING
     enable_open: int = 0
-    switches: ModuleSwitches | None = None
-    idle_ms: int = 500
-    sense_ohm: float = SENSE_OHM
+    switches: Switches | None = None
     cooling: Cooling = field(default_factory=Cooling)
     source: str = "wires"
 
-    def make_chip(self) -> DriverChip:
-        """Return a chip as it is on the module; raise ValueError if its resistors are outside its operating range."""
-        return self.kind.make(self.switches.sense_ohm if self.switches else self.sense_ohm, self.cooling)
+    def make_chip(self) -> Chip:
+        """Return a chip as it is on the module; raise ValueError if its current is outside its operating range."""
+        return Chip(self.chip, self.full_a, self.cooling)
 
     @property
     def only_wires(self) -> bool:
-        """True if the terminals are the chip's pins."""
+        """True if the terminals are the chip's pins, and the chip judges alone what comes there."""
         couplers = (self.clk, self.direction, self.enable)
-        plain = self.active_edge is ClkEdge.RISING and self.requirements == Requirements()
-        return plain and couplers == (Coupler(),) * 3 and self.switches is None
+        plain = self.active_edge is ActiveEdge.RISING and self.times == NO_TIMES and self.switches is None
+        return plain and couplers == (WIRE,) * 3 and not (self.chip.times.dirsetup_ns or self.chip.times.dirhold_ns)
+
+
+def fitted(
+    profile: DriverProfile,
+    microsteps: int,
+    current_a: float | None = None,
+    active_edge: ActiveEdge | None = None,
+    *,
+    idle_percent: int | None = None,
+    fast_decay_percent: int | None = None,
+) -> Module:
+    """Return the driver of one axis, set for its microstep mode; None takes the usual setting.
+
+    Raises:
+        ValueError: the driver has no such setting, or no switches.
+    """
+    current = profile.current(profile.current_a if current_a is None else current_a)
+    switches = None
+    if profile.switched:
+        idle = profile.idle(profile.idle_percent if idle_percent is None else idle_percent)
+        fast = profile.fast_decay(profile.fast_decay_percent if fast_decay_percent is None else fast_decay_percent)
+        chip, torque = profile.chip, profile.chip.torque_percent.value
+        mode = chip.modes.value.levels(profile.mode(microsteps))
+        running = mode | chip.fast_decay_percent.value.levels(fast) | torque.levels(current.torque_percent)
+        switches = Switches(microsteps, running | {"RESET": 1}, torque.levels(idle), profile.idle_ms.value)
+    elif (idle_percent, fast_decay_percent) != (None, None):
+        raise ValueError(f"{profile.name} has no switches for its current at standstill and for its decay")
+    return Module(
+        chip=profile.chip,
+        full_a=current.full_a,
+        clk=profile.clk.value,
+        direction=profile.direction.value,
+        enable=profile.enable.value,
+        times=profile.times,
+        active_edge=active_edge or profile.active_edge,
+        enable_open=profile.enable_open,
+        switches=switches,
+        cooling=profile.cooling.value,
+        source=profile.source,
+    )

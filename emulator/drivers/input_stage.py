@@ -15,25 +15,26 @@ from numpy.typing import NDArray
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
-from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module, ModuleSwitches
+from steptwin.emulator.drivers.driver_module import Module, Switches, delay_of
 from steptwin.emulator.drivers.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
-from steptwin.protocol.timer import COUNTS_PER_MS, counts_of_ns
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
+from steptwin.protocol.drivers import ActiveEdge
+from steptwin.protocol.timer import COUNTS_PER_MS
 
 
 class Switchboard:
     """The switches and the idle circuit of one module."""
 
-    def __init__(self, switches: ModuleSwitches, idle_ms: int) -> None:
+    def __init__(self, switches: Switches) -> None:
         self._running, self._standing = switches.running, switches.standing
-        self._idle_counts = idle_ms * COUNTS_PER_MS
+        self._idle_counts = switches.idle_ms * COUNTS_PER_MS
         self._supplied = False
         self._idle = False
         self._last_rise_counts = 0
         self._turned: list[LevelChange] = []
         """Changes by switches that somebody has turned, to be passed on."""
 
-    def turn(self, levels: Mapping[Pin, int], counts: int) -> None:
+    def turn(self, levels: Mapping[str, int], counts: int) -> None:
         """Let somebody set switches, which hold these levels from an instant on."""
         self._running = {**self._running, **levels}
         if self._supplied:
@@ -51,7 +52,7 @@ class Switchboard:
         """
         found, self._turned = self._turned, []
         for change in outside:
-            if change.terminal is Rail.VM:
+            if change.terminal == Rail.VM:
                 earlier = int(np.searchsorted(rises, change.counts))
                 found += self._rest(rises[:earlier], change.counts)
                 found += self._supply(change)
@@ -117,9 +118,8 @@ class InputStage:
 
     def __init__(self, module: Module, pulse_min_counts: int) -> None:
         self._module = module
-        self._clk, self._dir, self._enable = module.clk.delay, module.direction.delay, module.enable.delay
-        self._setup_counts = counts_of_ns(module.requirements.dirsetup_ns)
-        self._hold_counts = max(counts_of_ns(module.requirements.dirhold_ns), 1)
+        self._clk, self._dir, self._enable = map(delay_of, (module.clk, module.direction, module.enable))
+        self._setup_counts, self._hold_counts = self._needed("dirsetup_ns"), max(self._needed("dirhold_ns"), 1)
         self._limits = self._make_limits()
         self._log = ViolationLog(self._limits)
         self._foresight_counts = self._make_foresight(pulse_min_counts)
@@ -143,23 +143,33 @@ class InputStage:
         self._enable_changes: list[LevelChange] = []
         self._enable_level = self._supplied = 0
         """Levels of EN at the terminal and of VM."""
-        self._switchboard = Switchboard(module.switches, module.idle_ms) if module.switches else None
+        self._switchboard = Switchboard(module.switches) if module.switches else None
         self._passed: list[Int64Array] = []
         self._origins: list[Int64Array] = []
 
+    def _needed(self, name: str) -> int:
+        """Return a time in counts that chip and module need for DIR."""
+        return max(self._module.times.counts(name), self._module.chip.times.counts(name))
+
+    def _source(self, name: str) -> str:
+        """Return where a time is from: the chip's, if the module has none, or else the module's."""
+        chip, module = getattr(self._module.chip.times, name), getattr(self._module.times, name)
+        return self._module.source if chip is None or module is not None else str(chip.source)
+
     def _make_limits(self) -> tuple[Limit, ...]:
         """Return the module's requirements, or stricter ones with which the couplers lose no pulse and no DIR edge."""
-        asked, clk = self._module.requirements, self._clk
-        width_counts = max(counts_of_ns(asked.steplen_ns), clk.to_high - clk.to_low + 1)
-        space_counts = max(counts_of_ns(asked.stepspace_ns), clk.to_low - clk.to_high + 1)
+        asked, clk = self._module.times, self._clk
+        width_counts = max(asked.counts("steplen_ns"), clk.to_high - clk.to_low + 1)
+        space_counts = max(asked.counts("stepspace_ns"), clk.to_low - clk.to_high + 1)
         behind_clk = [self._dir.of(level) - clk.to_high for level in (0, 1)]
+        setup, hold = self._source("dirsetup_ns"), self._source("dirhold_ns")
         figures = (
-            (Rule.CLK_HIGH, width_counts),
-            (Rule.CLK_LOW, space_counts),
-            *((Rule.DIR_SETUP, self._setup_counts + behind) for behind in behind_clk),
-            *((Rule.DIR_HOLD, self._hold_counts - behind) for behind in behind_clk),
+            (Rule.CLK_HIGH, width_counts, self._module.source),
+            (Rule.CLK_LOW, space_counts, self._module.source),
+            *((Rule.DIR_SETUP, self._setup_counts + behind, setup) for behind in behind_clk),
+            *((Rule.DIR_HOLD, self._hold_counts - behind, hold) for behind in behind_clk),
         )
-        return tuple(Limit(rule, counts, LimitUnit.COUNTS, self._module.source) for rule, counts in figures)
+        return tuple(Limit(rule, counts, LimitUnit.COUNTS, source) for rule, counts, source in figures)
 
     def _make_foresight(self, pulse_min_counts: int) -> int:
         """Return the time from a rise of the chip's CLK until its fate is certain.
@@ -168,7 +178,7 @@ class InputStage:
         and the chip.
         """
         after_edge = max(limit.value for limit in self._limits[_HOLD:])
-        if self._module.active_edge is ClkEdge.FALLING:
+        if self._module.active_edge is ActiveEdge.FALLING:
             for_chip = pulse_min_counts + self._clk.to_high - self._clk.to_low
             after_edge = max(after_edge, self._limits[_CLK_HIGH].value, for_chip)
         return max(after_edge - self._clk.to_high, 0)
@@ -177,7 +187,7 @@ class InputStage:
         """Know that the chip needs CLK high for another time from now on."""
         self._foresight_counts = self._make_foresight(pulse_min_counts)
 
-    def turn_switches(self, levels: Mapping[Pin, int], counts: int) -> None:
+    def turn_switches(self, levels: Mapping[str, int], counts: int) -> None:
         """Let somebody set the module's switches for these inputs of the chip; a module without switches has none."""
         if self._switchboard is not None:
             self._switchboard.turn(levels, counts)
@@ -252,12 +262,12 @@ class InputStage:
             self._remember_change(change)
 
     def _remember_change(self, change: LevelChange) -> None:
-        if change.terminal is Pin.ENABLE:
+        if change.terminal == Pin.ENABLE:
             self._enable_level = change.level
             if self._supplied:
                 self._remember_enable(change)
             return
-        if change.terminal is Rail.VM and change.level != self._supplied:
+        if change.terminal == Rail.VM and change.level != self._supplied:
             self._supplied = change.level
             if not change.level:
                 self._drop_enable(change.counts)
@@ -295,7 +305,7 @@ class InputStage:
         high at least until now.
         """
         rises, falls = self._rises, self._falls
-        if self._module.active_edge is ClkEdge.RISING:
+        if self._module.active_edge is ActiveEdge.RISING:
             falls_before = np.concatenate(([self._last_fall_counts], falls))[: rises.size]
             pulses = _Pulses(rises, rises, rises - falls_before, falls - rises)
         else:
@@ -332,7 +342,7 @@ class InputStage:
         self, rises: Int64Array, levels: Int8Array, changes: tuple[LevelChange, ...]
     ) -> tuple[Int64Array, Int8Array]:
         """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
-        off = [change.counts for change in changes if change.terminal is Rail.VM and not change.level]
+        off = [change.counts for change in changes if change.terminal == Rail.VM and not change.level]
         if off:
             at = np.searchsorted(rises, off)
             rises, levels = np.insert(rises, at, off), np.insert(levels, at, np.zeros(len(off), np.int8))

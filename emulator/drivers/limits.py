@@ -14,11 +14,15 @@ class Rule(Enum):
     CLK_HIGH = "CLK high too short: step missed"
     CLK_LOW = "CLK low too short before its rise: step missed"
     CLK_PERIOD = "CLK rises too soon after the last time: step missed"
+    WAKE_UP = "STEP too soon after power-up or reset: step missed"
+    ENABLE_SETUP = "ENABLE came too late before STEP: step missed"
+    DISABLED = "STEP while ENABLE was off: step missed"
     DIR_SETUP = "DIR changed too late before CLK: step the wrong way"
     DIR_HOLD = "DIR changed too early after CLK: step the wrong way"
     MODE_CHANGE = "M1 or M2 changed while RESET was high: currents jump"
     POWER_ORDER = "VDD, VM and inputs in the wrong order: the chip may be damaged"
     OVER_TEMPERATURE = "junction too hot: outputs off until RESET"
+    TOO_HOT = "junction too hot: outputs off until it is cool"
 
 
 class LimitUnit(Enum):

@@ -83,7 +83,7 @@ class OscCapacitor(AxisOperation):
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Exchange the capacitor at the start of the next tick."""
         board.drain()
-        board.drivers.change_part(self.axis, "osc_pf", self.osc_pf)
+        board.drivers.change_capacitor(self.axis, self.osc_pf)
 
     @classmethod
     def ends_by(cls, values: Mapping[str, Any]) -> str:

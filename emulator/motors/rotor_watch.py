@@ -20,7 +20,7 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
 from steptwin.emulator.board.board import Board, Shaft
 from steptwin.emulator.board.edges import FloatArray
-from steptwin.emulator.drivers.driver_chip import FieldTurns, OutputChanges, Steady
+from steptwin.emulator.drivers.chip import FieldTurns, OutputChanges, Steady
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.rotor_backend import RotorBackend
@@ -313,7 +313,7 @@ class RotorWatch:
         if isinstance(changes, FieldTurns):
             if self._steady[axis] is not changes.steady:
                 self._steady[axis], self._tables[axis] = changes.steady, _table(changes.steady)
-            rows = self._tables[axis][changes.substeps % self._cycles_substeps[axis]]
+            rows = self._tables[axis][changes.steady.states(changes.substeps)]
         else:
             rows = _filled(changes.counts.size, changes.currents_a, changes.fast)
         rows[:, AT_COUNTS] = changes.counts

@@ -11,7 +11,7 @@ from steptwin.host.operate.joint_positions import fault_and_remedy
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
-from steptwin.host.robots.board_settings import SWITCHED_PROFILES, Microsteps
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
@@ -104,7 +104,7 @@ def _settings(session: Session, axis: AxisClient) -> Check:
     made = _driver_microsteps(axis) or found
     microsteps = Microsteps(axis.name, made, found, filed)
     says = str(microsteps).removeprefix(f"{axis.name}: ")
-    if not microsteps.right or (made != filed and session.robot.board.driver_profile in SWITCHED_PROFILES):
+    if not microsteps.right or (made != filed and session.robot.board.profile.switched):
         return Check(name, False, f"{says}; set the driver's switches to {filed}")
     if found != filed and axis.state() in _POWERED:
         return Check(name, False, f"{says}, and the power is on: `steptwin estop`")

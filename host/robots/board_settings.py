@@ -1,7 +1,6 @@
 """The settings of a robot's board: the bus, the drivers, the step pulses, and the wired inputs and outputs."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -9,6 +8,7 @@ from steptwin.host.common.bad_input import at_most, require_positive, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
+from steptwin.protocol.drivers import OSC_PF_MIN, PROFILES, ActiveEdge, DriverProfile, bare_chip
 from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -52,27 +52,12 @@ class Microsteps(NamedTuple):
         )
 
 
-DRIVER_PROFILES: Final = ("chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board")
-"""Driver profiles that the emulated board can have."""
-SWITCHED_PROFILES: Final = ("3a-module",)
-"""Driver profiles whose module has DIP switches."""
-SWITCH_CHOICES: Final = {"idle_percent": (20, 50), "fast_decay_percent": (0, 25, 50, 100)}
-"""Values of these settings that the DIP switches offer."""
-DRIVER_SETTINGS: Final = ("current_a", "active_edge", *SWITCH_CHOICES)
+_SWITCHED: Final = ("idle_percent", "fast_decay_percent")
+"""Keys that only drivers with switches, straps or registers of their own have."""
+DRIVER_SETTINGS: Final = ("current_a", "active_edge", *_SWITCHED)
 """Keys of a robot file that set its drivers."""
-PHASE_CURRENT_MAX_A: Final = 3.0
-"""Upper end of a TB6560AHQ's operating range."""
-OSC_PF_MIN: Final = 64
-"""Smallest capacitor at the OSC pin: a smaller one sets the oscillator above 600 kHz, its operating range."""
 _TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
 """Lower limits of the step timing (2001h)."""
-
-
-class ActiveEdge(StrEnum):
-    """The edge of STEP that makes a driver step."""
-
-    RISING = "rising"
-    FALLING = "falling"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +99,7 @@ class BoardSettings:
     def __post_init__(self) -> None:
         check_all(
             self._check_drivers,
-            self._check_current,
-            *(partial(self._check_switch, key, choices) for key, choices in SWITCH_CHOICES.items()),
+            *(partial(self._check_setting, key) for key in ("current_a", *_SWITCHED)),
             partial(require_positive, self, "step_rate_max_hz"),
             self._check_bitrate,
             *(partial(self._check_time, key, least_ns) for key, least_ns in _TIMING_MIN_NS.items()),
@@ -149,24 +133,35 @@ class BoardSettings:
                     f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
                     f" {OSC_PF_MIN} pF"
                 )
-        elif self.driver_profile not in DRIVER_PROFILES:
-            raise unknown("driver_profile:", self.driver_profile, DRIVER_PROFILES)
+        elif self.driver_profile not in PROFILES:
+            raise unknown("driver_profile:", self.driver_profile, PROFILES)
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
 
-    def _check_current(self) -> None:
-        if self.current_a is not None and not 0 < self.current_a <= PHASE_CURRENT_MAX_A:
-            raise InputError(f"current_a: {self.current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
+    @property
+    def profile(self) -> DriverProfile:
+        """The drivers; KeyError or ValueError if there are none such."""
+        if self.driver_profile is not None:
+            return PROFILES[self.driver_profile]
+        return bare_chip(0 if self.osc_pf is None else self.osc_pf)
 
-    def _check_switch(self, key: str, choices: tuple[int, ...]) -> None:
-        percent = getattr(self, key)
-        if percent is None:
+    def _check_setting(self, key: str) -> None:
+        """Check a setting of known drivers."""
+        value = getattr(self, key)
+        try:
+            profile = self.profile
+        except (KeyError, ValueError):
             return
-        if self.driver_profile not in SWITCHED_PROFILES:
+        if value is None:
+            return
+        if key in _SWITCHED and not profile.switched:
             drivers = self.driver_profile or "the chip alone"
-            raise InputError(f"{key}: {drivers} has no switch for it; driver_profile {SWITCHED_PROFILES[0]} has")
-        if percent not in choices:
-            raise InputError(f"{key}: {percent} % is not one of {', '.join(map(str, choices))} %")
+            raise InputError(f"{key}: {drivers} has no switch for it; driver_profile 3a-module has")
+        checks = {"current_a": profile.current, "idle_percent": profile.idle, "fast_decay_percent": profile.fast_decay}
+        try:
+            checks[key](value)
+        except ValueError as error:
+            raise InputError(f"{key}: {error}") from error
 
     @property
     def driver_rate_max_hz(self) -> float:

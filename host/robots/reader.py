@@ -16,7 +16,7 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TI
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
 from steptwin.host.robots.base_frame import BaseFrame
-from steptwin.host.robots.board_settings import ActiveEdge, BoardSettings, Input, Output
+from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.joint import Joint, Transmission, Unit, with_fewer_steps
@@ -30,6 +30,7 @@ from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMot
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
+from steptwin.protocol.drivers import ActiveEdge
 
 _Made = TypeVar("_Made")
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
-from steptwin.host.robots.board_settings import ActiveEdge
+from steptwin.protocol.drivers import ActiveEdge
 
 
 @dataclass(frozen=True, slots=True)

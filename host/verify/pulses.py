@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify.evidence import AxisEvidence
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_US
 
 

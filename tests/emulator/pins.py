@@ -5,24 +5,37 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
+from steptwin.emulator.drivers.chip import Chip
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
-from steptwin.emulator.drivers.tb6560.pins import TERMINALS
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
+from steptwin.protocol.drivers import Cooling, Fact, StepTimes
+from steptwin.protocol.drivers.tb6560 import tb6560
 
 WIDTH = 2160
 """30 us."""
 PERIOD = 4800
 """1 / 15 kHz."""
 FOREVER = 10**12
+MODES = {(0, 0): 1, (0, 1): 2, (1, 0): 16, (1, 1): 8}
+"""Microsteps of a TB6560 by the levels of M2 and M1 (page 9)."""
 
-CHIP = Tb6560Kind(330)
+CHIP = tb6560(330)
+TERMINALS = CHIP.terminals
 WIRES = Module(CHIP)
 """A chip on the board itself."""
-_BY_NAME = {terminal.name: terminal for terminal in TERMINALS}
 
 POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Rail.VDD, Rail.VM, Pin.RESET, Pin.ENABLE))
 """The power-up sequence of the datasheet."""
+
+
+def a_tb6560(osc_pf: float = 330, full_a: float = 1.5, cooling: Cooling | None = None) -> Chip:
+    """Return a TB6560 without supply."""
+    return Chip(tb6560(osc_pf), full_a, cooling or Cooling())
+
+
+def times(**values_ns: int) -> StepTimes:
+    """Return times that somebody needs, by their names."""
+    return StepTimes(**{name: Fact(value, "made for a test") for name, value in values_ns.items()})
 
 
 def pins(
@@ -40,7 +53,7 @@ def pins(
 
 def at(counts: int, **levels: int) -> tuple[LevelChange, ...]:
     """Return changes of inputs, given by name, at an instant."""
-    return tuple(LevelChange(counts, _BY_NAME[name], level) for name, level in levels.items())
+    return tuple(LevelChange(counts, name, level) for name, level in levels.items())
 
 
 def cut(whole: TerminalEdges, instants: Iterable[int]) -> list[TerminalEdges]:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.drivers.tb6560.dip_switches import DipSwitches
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
@@ -137,13 +136,12 @@ class TestThreeAmpModule:
         short = dataclasses.replace(robot, board=dataclasses.replace(robot.board, dirsetup_ns=15_000))
         assert not executed(short, job, fast_kernel, **options).report.passed
 
-    def test_has_no_other_currents_than_its_switches(self, fast_kernel: Kernel) -> None:
-        robot = with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
-        with pytest.raises(InputError, match=r"^board\.current_a: 1\.3 A is not one of .* 1\.2 A and 1\.4 A$"):
-            executed(robot, "carry", fast_kernel)
+    def test_has_no_other_currents_than_its_switches(self) -> None:
+        with pytest.raises(InputError, match=r"^current_a: 1\.3 A: 3a-module has .*; the nearest are 1\.2 and 1\.4$"):
+            with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
 
     @pytest.mark.parametrize(
-        ("own", "named", "sense_a", "edge"),
+        ("own", "named", "full_a", "edge"),
         [
             pytest.param("3a-module", None, 2, "falling", id="the file's"),
             pytest.param("3a-module", "3a-module", 2, "falling", id="the file's by name"),
@@ -154,16 +152,17 @@ class TestThreeAmpModule:
         ],
     )
     def test_settings_of_the_file_are_for_the_drivers_of_the_file(
-        self, own: str | None, named: str | None, sense_a: float, edge: str
+        self, own: str | None, named: str | None, full_a: float, edge: str
     ) -> None:
         """The file's 2 A and falling edge apply exactly where the drivers are the file's, by whatever name."""
         osc_pf = None if own else 330
         robot = with_board("lab-scara", osc_pf=osc_pf, driver_profile=own, current_a=2.0, active_edge="falling")
         for module in board_configs(robot, robot.home, [len(robot.joints)], named)[0].modules:
-            assert module.sense_ohm == 0.5 / sense_a
+            torque = 1.0
+            if module.switches is not None:
+                torque = (module.chip.torque_percent.value.selected(module.switches.running) or 0) / 100
+            assert module.full_a * torque == pytest.approx(full_a, abs=0.1)
             assert module.active_edge == edge
-            if isinstance(module.switches, DipSwitches):
-                assert module.switches.current.printed_a == sense_a
 
     @pytest.mark.parametrize(("named", "left_out"), [("chip-330pf", False), ("chip-100pf", True)])
     def test_what_is_left_out_is_said(

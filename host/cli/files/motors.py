@@ -39,7 +39,7 @@ def tell_fits(robot: "Robot", current_a: float | None, *, as_json: bool) -> None
     dynamics = check_described(robot)
     if current_a is not None:
         with naming_options(current_a="--current"):
-            check_current(current_a)
+            check_current(current_a, robot.board.profile.chip)
     fits = fits_of(robot, current_a)
     if as_json:
         head: dict[str, Any] = {"payload_kg": dynamics.payload_kg, "supply_v": dynamics.supply_v}
@@ -192,7 +192,7 @@ def _tell_run(folder: Path, load: LoadOptions, out: Path | None, *, margin: bool
     with prefixed(f"{folder}: "):
         check_motors(run.robot)
     robot = load.on(run.robot)
-    ran = motors_of(robot, run.comparison, load.current_a)
+    ran = motors_of(robot, run.comparison, run.report.driver_profile, load.current_a)
     margins = margins_of(ran, run.comparison) if margin else None
     if as_json:
         found = {"motors": ran.verdict.to_dict()} | ({} if margins is None else {"margins": margins.to_dict()})

@@ -76,17 +76,24 @@ def check_motors(robot: "Robot") -> None:
 
 
 def motors_of(
-    robot: "Robot", comparison: "Comparison", current_a: float | None = None, trace: "RotorTrace | None" = None
+    robot: "Robot",
+    comparison: "Comparison",
+    drivers: str,
+    current_a: float | None = None,
+    trace: "RotorTrace | None" = None,
 ) -> "MotorRun":
     """Turn the rotors by a run's record and judge what they did; `current_a` is what --current says.
 
-    With a `trace` they have turned with the run already.
+    `drivers` names those of the run. With a `trace` the rotors have turned with the run already.
     """
+    from steptwin.host.twin.machine.drivers import driver_profile, other_drivers
     from steptwin.host.twin.motors import motors_of_run
 
+    profile = driver_profile(robot.board, other_drivers(robot.board, drivers))
     title = f"motors of {robot.name}"
     with naming_options(current_a="--current"), progress_bar(title) as bar:
-        return motors_of_run(robot, comparison, current_a=current_a, trace=trace, progress=telling_time(bar, title))
+        telling = telling_time(bar, title)
+        return motors_of_run(robot, comparison, profile, current_a=current_a, trace=trace, progress=telling)
 
 
 def margins_of(ran: "MotorRun", comparison: "Comparison") -> "MotorMargins":

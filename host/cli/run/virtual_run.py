@@ -167,7 +167,9 @@ class FinishedRun:
         """Turn the motors by the run's record, unless they have turned with it or are not to."""
         if not turning:
             return cls(outcome, None)
-        return cls(outcome, motors_of(outcome.plan.robot, outcome.comparison, trace=outcome.rotors))
+        return cls(
+            outcome, motors_of(outcome.plan.robot, outcome.comparison, outcome.driver_profile, trace=outcome.rotors)
+        )
 
     def save(self, folder: Path, draw: Callable[[Path], None]) -> bool:
         """Write the folder of the run, its pictures by `draw`; return whether there are pictures."""

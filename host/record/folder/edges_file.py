@@ -21,7 +21,6 @@ from steptwin.host.record.folder.layout import (
     existing_file,
 )
 from steptwin.host.record.folder.npz_file import Arrays, opened_npz
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import AXES_MAX
 from steptwin.host.verify import (
     NO_SLIPS,
@@ -33,6 +32,7 @@ from steptwin.host.verify import (
     Phases,
     Slips,
 )
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 

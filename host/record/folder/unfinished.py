@@ -35,8 +35,8 @@ from steptwin.host.record.folder.edges_file import (
 )
 from steptwin.host.record.folder.layout import FOLDER_VERSION, LIVE_JOB, RECORDING, VERSION_KEY, check_version
 from steptwin.host.record.folder.npz_file import Arrays
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import BusReport, DriverLimit, Evidence, RunInfo
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 HEADER: Final = "header.json"

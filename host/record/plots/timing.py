@@ -21,10 +21,10 @@ from steptwin.host.record.plots.canvas import (
     rows_of_axes,
     thinned,
 )
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import AxisEvidence, Comparison, RunInfo
 from steptwin.host.verify.matching import MICROSECONDS, SLOW_CROSSING
 from steptwin.host.verify.pulses import clk_durations
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 ROW_INCHES = 1.45

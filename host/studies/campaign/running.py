@@ -17,6 +17,7 @@ from steptwin.host.studies.campaign.trial import Trial, draw
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.kernels import Kernel, fastest_kernel
 from steptwin.host.twin.motors import MotorVerdict, motors_of_run
 from steptwin.host.verify import Report, verify
@@ -134,7 +135,9 @@ def _claims(board: EmbeddedBoard) -> tuple[Claim, ...]:
 def _motors(trial: Trial, outcome: Outcome | None) -> MotorVerdict | None:
     if trial.motors is None or outcome is None:
         return None
-    return motors_of_run(trial.setup.robot, outcome.comparison, trace=outcome.rotors).verdict
+    setup = trial.setup
+    profile = driver_profile(setup.robot.board, setup.driver_profile)
+    return motors_of_run(setup.robot, outcome.comparison, profile, trace=outcome.rotors).verdict
 
 
 def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) -> Report | None:

@@ -10,12 +10,12 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.planning.motions.stretched import STRETCH_MAX
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
-from steptwin.host.robots.board_settings import DRIVER_PROFILES
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.motors import check_described
 from steptwin.host.twin.motors.ramps import with_managed_ramps
+from steptwin.protocol.drivers import PROFILES
 from steptwin.protocol.pvt import DURATION_MAX_MS
 
 
@@ -112,7 +112,7 @@ def _microsteps(setup: Setup, value: object) -> Setup:
 
 
 def _driver_profile(setup: Setup, value: object) -> Setup:
-    return replace(setup, driver_profile=known("driver profile", value, DRIVER_PROFILES))
+    return replace(setup, driver_profile=known("driver profile", value, PROFILES))
 
 
 def _record_ms(setup: Setup, value: object) -> Setup:

@@ -16,7 +16,6 @@ from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
 from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
 from steptwin.emulator.motors.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import driver_profile, driver_settings
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
@@ -136,7 +135,7 @@ def fits_of(
     own_a = settings.current_a
     demands = _demands(robot, at)
     fastest = max(float(np.abs(demands.rad_s).max()), float((robot.axis_speeds_max * rad_per_unit(robot)).max()))
-    curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]), settings.fast_decay_part)
+    curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]), settings)
     ramps = Ramps.of(robot, at, curves, settings)
     fits = []
     for axis, joint in enumerate(robot.joints):
@@ -178,7 +177,7 @@ def natural_hz(drive: Drive, current_a: float, inertia_kgm2: float) -> float:
 
 
 def _in_place(drive: Drive, motor: Motor, curves: Curves, demands: _Demands, axis: int) -> Fit:
-    current_a = min(motor.rated_current_a, PHASE_CURRENT_MAX_A)
+    current_a = min(motor.rated_current_a, drive.current_max_a)
     return _fit(replace(drive, motor=motor), current_a, curves.of(motor, current_a), demands, axis)
 
 

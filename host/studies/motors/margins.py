@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
 from steptwin.host.twin.motors.after_run import MotionSlip, first_slip
 from steptwin.host.twin.motors.driving import Driving, Progress
 from steptwin.host.verify import Comparison
@@ -128,7 +127,7 @@ def _searches(driving: Driving, comparison: Comparison) -> Sequence[Search]:
     searches = []
     if current_a > 0.0:
         low_a = _CURRENT_LEAST * current_a
-        searches.append(Search("current_a", current_a, PHASE_CURRENT_MAX_A, low_a, driving.at_current))
+        searches.append(Search("current_a", current_a, driving.chip.current_max_a.value, low_a, driving.at_current))
     if driving.carries:
         most_kg = max(_PAYLOAD_MOST_KG, payload_kg)
         searches.append(Search("payload_kg", payload_kg, 0.0, most_kg, driving.with_payload))

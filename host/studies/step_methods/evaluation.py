@@ -18,7 +18,7 @@ import numpy as np
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import LevelChange, Rail, TerminalEdges
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.studies.step_methods.motions import PlannedMotion

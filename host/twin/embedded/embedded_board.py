@@ -176,10 +176,9 @@ class EmbeddedBoard:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
         if self.engine is not None:
             self.engine.repair()
-            osc_pf = self.driver_profile.module.kind.parts.get("osc_pf")
-            for axis in range(len(self.robot.joints)):
-                if osc_pf is not None:
-                    self.operate(OscCapacitor(axis, osc_pf))
+            if (oscillator := self.driver_profile.chip.oscillator) is not None:
+                for axis in range(len(self.robot.joints)):
+                    self.operate(OscCapacitor(axis, oscillator.osc_pf))
             self.host_restarts()
 
     @property

@@ -24,7 +24,7 @@ from steptwin.host.faults.reporting import played_document
 from steptwin.host.faults.target import Target, axes_of
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
-from steptwin.host.robots.board_settings import ActiveEdge, Microsteps
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
@@ -42,6 +42,7 @@ from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
 
@@ -146,7 +147,7 @@ class LiveBoard:
         """Lines of the bus log since the last `record`."""
         modules = [module for board in self._boards for module in board.config.modules]
         self._joints = [
-            JointTotals(joint, steps, ActiveEdge(module.active_edge))
+            JointTotals(joint, steps, module.active_edge)
             for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0

@@ -39,7 +39,7 @@ def board_configs(
         raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
     stands_at = zip(robot.joints, standing_steps(robot, joints), strict=True)
     profile = driver_profile(robot.board, driver_profile_name)
-    substeps = profile.module.kind.substeps
+    substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
     microsteps = switched_microsteps(robot, profile, dip_microsteps or {})
     modules = tuple(fitted_module(robot.board, profile, each) for each in microsteps)

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES, DriverProfile, bare_chip
+from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.board_settings import DRIVER_SETTINGS, SWITCHED_PROFILES, BoardSettings
+from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings
 from steptwin.host.robots.joint import MICROSTEPS
 from steptwin.host.robots.robot import Robot
+from steptwin.protocol.drivers import PROFILES, ActiveEdge, ChipSheet, DriverProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,14 +17,18 @@ class DriverSetup:
     """How a robot's drivers are set.
 
     Attributes:
+        chip: the chip.
         current_a: phase current at full torque.
         standing_part: part of it that flows while an axis stands: less than all with modules' idle circuit.
         fast_decay_part: part of each chopping period with fast decay.
+        by_pins: the board's pins set torque and decay, not switches or registers of the driver.
     """
 
+    chip: ChipSheet
     current_a: float
     standing_part: float
     fast_decay_part: float
+    by_pins: bool = True
 
 
 def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverProfile:
@@ -33,13 +37,16 @@ def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverPr
     Raises:
         InputError: the drivers do not exist.
     """
-    name = board.driver_profile if instead is None else instead
-    if name is None:
-        assert board.osc_pf is not None
-        return bare_chip(board.osc_pf)
-    if name not in PROFILES:
-        raise unknown("driver profile", name, PROFILES)
-    return PROFILES[name]
+    if instead is None:
+        return board.profile
+    if instead not in PROFILES:
+        raise unknown("driver profile", instead, PROFILES)
+    return PROFILES[instead]
+
+
+def other_drivers(board: BoardSettings, name: str) -> str | None:
+    """Return the name of a run's drivers if they were not the robot file's."""
+    return None if name == board.profile.name else name
 
 
 def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int) -> Module:
@@ -49,13 +56,13 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
         InputError: the module has no such setting.
     """
     if profile != driver_profile(board):
-        return profile.fitted(microsteps)
-    edge = board.active_edge
+        return fitted(profile, microsteps)
     try:
-        return profile.fitted(
+        return fitted(
+            profile,
             microsteps,
             board.current_a,
-            ClkEdge(edge) if edge else None,
+            None if board.active_edge is None else ActiveEdge(board.active_edge),
             idle_percent=board.idle_percent,
             fast_decay_percent=board.fast_decay_percent,
         )
@@ -72,9 +79,11 @@ def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetup
         return float(getattr(profile, key) if stated is None else stated)
 
     return DriverSetup(
+        chip=profile.chip,
         current_a=setting("current_a"),
         standing_part=setting("idle_percent") / 100.0 if profile.switched else 1.0,
         fast_decay_part=setting("fast_decay_percent") / 100.0,
+        by_pins=not profile.switched,
     )
 
 
@@ -84,19 +93,17 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
     Raises:
         InputError: the robot has no joint of that name, its drivers have no switches, or these have no such setting.
     """
-    fitted = {joint.name: joint.transmission.microsteps for joint in robot.joints}
+    chosen = {joint.name: joint.transmission.microsteps for joint in robot.joints}
     for name, microsteps in otherwise.items():
-        if name not in fitted:
-            raise unknown(f"dip_microsteps={name}: joint", name, fitted)
+        if name not in chosen:
+            raise unknown(f"dip_microsteps={name}: joint", name, chosen)
         if not profile.switched:
-            raise InputError(
-                f"dip_microsteps={name}: {profile.name} has no switches for its microsteps; {SWITCHED_PROFILES[0]} has"
-            )
+            raise InputError(f"dip_microsteps={name}: {profile.name} has no switches for its microsteps; 3a-module has")
         if microsteps not in MICROSTEPS:
             choices = ", ".join(map(str, MICROSTEPS))
             raise InputError(f"dip_microsteps={name}: {microsteps} is not one of the TB6560's {choices}")
-        fitted[name] = microsteps
-    return list(fitted.values())
+        chosen[name] = microsteps
+    return list(chosen.values())
 
 
 def settings_left_out(board: BoardSettings, instead: str | None) -> tuple[str, ...]:

@@ -13,10 +13,9 @@ from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int64Array
 from steptwin.emulator.board.local_clock import LocalClock
+from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver_bank import AxisTrace
-from steptwin.emulator.drivers.driver_chip import Outputs
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
 from steptwin.protocol.timer import COUNTS_PER_US
@@ -86,7 +85,7 @@ def axis_evidence(
         start_steps=start_steps,
         clk_rise_counts=trace.clk_rise_counts,
         clk_fall_counts=trace.clk_fall_counts,
-        active_edge=ActiveEdge(trace.active_edge),
+        active_edge=trace.active_edge,
         dir_edge_counts=trace.dir_counts,
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
@@ -127,7 +126,7 @@ def _violations(violations: Violations) -> DriverViolations:
     return DriverViolations(limits, violations.counts, violations.which, values)
 
 
-def _phases(outputs: Outputs, substeps: int) -> Phases:
+def _phases(outputs: ChipOutputs, substeps: int) -> Phases:
     """Sample the phases at each instant when they may change; keep those where they do, and power-up."""
     counts = outputs.instants()
     if not counts.size:
@@ -139,7 +138,7 @@ def _phases(outputs: Outputs, substeps: int) -> Phases:
     return Phases(counts[changed], angle.astype(np.int8), a_ma.astype(np.int16), b_ma.astype(np.int16))
 
 
-def _phase_values(outputs: Outputs, substeps: int, counts: Int64Array) -> NDArray[np.int64]:
+def _phase_values(outputs: ChipOutputs, substeps: int, counts: Int64Array) -> NDArray[np.int64]:
     """Return the angle in sixteenths of a full step and both currents in mA, shape (n, 3)."""
     currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
     return np.column_stack([outputs.field_substeps(counts) * _SIXTEENTHS // substeps, currents_ma])

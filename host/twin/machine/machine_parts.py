@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.drivers.driver_profiles import DriverProfile
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.simulation import Simulation
@@ -18,6 +17,7 @@ from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_wiring
 from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.protocol.drivers import DriverProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,19 +71,20 @@ class MachineParts:
                 or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it.
         """
         joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
+        drivers = driver_profile(robot.board, profile)
         configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
         shelf = shelf_wiring(
             robot, joints, per_board, stock=options.stock, locked=options.locked_drawers, sensors=shelf_sensors
         )
         return cls(
             robot,
-            driver_profile(robot.board, profile),
+            drivers,
             standing_steps(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned),
             shelf,
             {} if shelf is None else dict(shelf.shelf.stock),
-            motor_wiring(robot, joints, per_board, stretch_ticks) if options.motors else None,
+            motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
         )
 
     def simulation(self, bus: Bus, schedule: Iterable[Scheduled] = ()) -> Simulation:

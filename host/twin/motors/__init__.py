@@ -12,6 +12,7 @@ from steptwin.host.twin.motors.reached import ToolPaths, ToolReached
 from steptwin.host.twin.motors.torques import Torques, torques_of_plan
 from steptwin.host.twin.motors.verdict import JointLoad, MotorVerdict, motor_verdict
 from steptwin.host.verify import Comparison
+from steptwin.protocol.drivers import DriverProfile
 
 __all__ = ["JointLoad", "MotorRun", "MotorVerdict", "check_described", "motors_of_run"]
 
@@ -45,6 +46,7 @@ class MotorRun:
 def motors_of_run(
     robot: Robot,
     comparison: Comparison,
+    profile: DriverProfile | None = None,
     *,
     current_a: float | None = None,
     trace: RotorTrace | None = None,
@@ -55,6 +57,7 @@ def motors_of_run(
     Args:
         robot: the robot, with motors and masses.
         comparison: the run's plan and record.
+        profile: the drivers that it had; None: the robot file's.
         current_a: phase current at full torque instead of the record's.
         trace: what the rotors did if they have turned with the board; None: they turn now.
         progress: called with the part that is done.
@@ -62,7 +65,7 @@ def motors_of_run(
     Raises:
         InputError: the robot's file does not describe its motors and masses, or a motor cannot have this current.
     """
-    driving = Driving.of(robot, comparison.evidence)
+    driving = Driving.of(robot, comparison.evidence, profile)
     if current_a is not None:
         driving = driving.at_current(current_a)
     fastest_rotors()  # compiled once in a process: no part of what turning takes

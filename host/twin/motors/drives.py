@@ -1,10 +1,7 @@
 """The motors, gears and supply that a robot's file describes, as the rotors' model takes them."""
 
 from math import inf, pi
-from typing import Final
 
-from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.emulator.motors.motor import CATALOGUE, Motor
 from steptwin.emulator.motors.pull_out import DriveSupply
@@ -13,9 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor
 from steptwin.host.robots.robot import Robot
-
-_USUAL: Final = PROFILES["chip-330pf"].module
-"""The driver whose bridge motors have, where none is named."""
+from steptwin.protocol.drivers import ChipSheet
 
 
 def check_described(robot: Robot) -> Dynamics:
@@ -39,16 +34,16 @@ def motor_of(chosen: JointMotor, full_steps_per_rev: int) -> Motor:
     return Motor("own", source="the robot's file", full_steps_per_rev=full_steps_per_rev, **figures)
 
 
-def drive_of(joint: Joint, mounting_rad: float = 0.0, driver: Module = _USUAL) -> Drive:
-    """Return the drive of a joint that has a motor."""
+def drive_of(joint: Joint, chip: ChipSheet, mounting_rad: float = 0.0) -> Drive:
+    """Return the drive of a joint that has a motor, at a driver with this chip."""
     chosen, link, transmission = joint.motor, joint.link, joint.transmission
     assert chosen is not None
     lower, upper = (link.stop_lower, link.stop_upper) if link else (None, None)
     rad_per_unit = 2.0 * pi / transmission.travel_per_rev
     return Drive(
         motor=motor_of(chosen, transmission.full_steps_per_rev),
-        bridge_ohm=driver.kind.on_resistance_ohm + driver.sense_ohm,
-        current_max_a=driver.kind.current_max_a,
+        bridge_ohm=bridge_ohm(chip),
+        current_max_a=chip.current_max_a.value,
         friction_nm=chosen.friction_nm,
         efficiency=chosen.efficiency,
         brake_nm=chosen.brake_nm,
@@ -65,7 +60,14 @@ def power_supply(dynamics: Dynamics) -> PowerSupply:
     return PowerSupply(dynamics.supply_v, dynamics.supply_ohm, 1e-6 * dynamics.supply_uf)
 
 
-def supply_of(robot: Robot, axis: int, current_a: float, fast_decay: float, volt: float | None = None) -> DriveSupply:
-    """Return what drives an axis' motor, for its pull-out torque; by default at the supply's full voltage."""
+def supply_of(
+    robot: Robot, chip: ChipSheet, current_a: float, fast_decay: float, volt: float | None = None
+) -> DriveSupply:
+    """Return what drives a motor, for its pull-out torque; by default at the supply's full voltage."""
     volt = check_described(robot).supply_v if volt is None else volt
-    return DriveSupply(volt, current_a, fast_decay, drive_of(robot.joints[axis]).bridge_ohm)
+    return DriveSupply(volt, current_a, fast_decay, bridge_ohm(chip))
+
+
+def bridge_ohm(chip: ChipSheet) -> float:
+    """Return what a chip has in series with a phase: both switches of its bridge and the sense resistor."""
+    return chip.on_resistance_ohm.value + chip.sense_ohm.value

@@ -17,12 +17,13 @@ from steptwin.emulator.motors.motor import FULL_STEPS_PER_TOOTH
 from steptwin.emulator.motors.rotors import Drive, DriverEvents
 from steptwin.host.common.arrays import BoolArray, FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.board_settings import PHASE_CURRENT_MAX_A
 from steptwin.host.robots.motor import Dynamics
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.drivers import DriverSetup, driver_settings
 from steptwin.host.twin.motors.drives import check_described, drive_of
 from steptwin.host.twin.motors.mechanism import arm_of
 from steptwin.host.verify import AxisEvidence, Evidence, LevelEdges
+from steptwin.protocol.drivers import ChipSheet, DriverProfile
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 _CYCLE: Final = 64
@@ -55,8 +56,8 @@ class DriverRecord:
     fast: FloatArray
 
     @classmethod
-    def of(cls, axis: AxisEvidence) -> Self:
-        """Return a driver's record from a run's evidence."""
+    def of(cls, axis: AxisEvidence, setup: DriverSetup) -> Self:
+        """Return a driver's record from a run's evidence, and from how the drivers were set."""
         phases = axis.phases
         counts = np.unique(np.concatenate([phases.counts, *(axis.pins[pin].counts for pin in _DECAY_PINS)]))
         at = np.searchsorted(phases.counts, counts, side="right") - 1
@@ -67,7 +68,7 @@ class DriverRecord:
             a_amp=1e-3 * phases.a_ma[at].astype(np.float64),
             b_amp=-1e-3 * phases.b_ma[at].astype(np.float64),
             on=(phases.a_ma[at] != 0) | (phases.b_ma[at] != 0),
-            fast=_fast_decay(axis, counts),
+            fast=_fast_decay(axis, counts) if setup.by_pins else np.full(counts.size, setup.fast_decay_part),
         )
 
     def at_current(self, current_a: float) -> Self:
@@ -141,10 +142,11 @@ _SETTLING_MS: Final = 100
 """Time after the last edge for which the rotors are followed: what slips by an overshoot slips then."""
 
 
-def check_current(current_a: float) -> None:
-    """Raise InputError unless a TB6560 sets this phase current."""
-    if not 0.0 < current_a <= PHASE_CURRENT_MAX_A:
-        raise InputError(f"current_a={current_a:g} A is not above 0 and up to {PHASE_CURRENT_MAX_A:g} A")
+def check_current(current_a: float, chip: ChipSheet) -> None:
+    """Raise InputError unless a chip carries this phase current."""
+    most_a = chip.current_max_a.value
+    if not 0.0 < current_a <= most_a:
+        raise InputError(f"current_a={current_a:g} A is not above 0 and up to {most_a:g} A")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +181,7 @@ class Driving:
 
     Attributes:
         robot: with motors, masses, payload and supply.
+        chip: the drivers' chip.
         drivers: what each axis' driver did.
         starts_rad: each rotor's angle at power-up.
         payload: when it hangs at the tool.
@@ -188,6 +191,7 @@ class Driving:
     """
 
     robot: Robot
+    chip: ChipSheet
     drivers: tuple[DriverRecord, ...]
     starts_rad: tuple[float, ...]
     payload: PayloadTimes
@@ -196,12 +200,18 @@ class Driving:
     arms: tuple[Arm, Arm]
 
     @classmethod
-    def of(cls, robot: Robot, evidence: Evidence) -> Self:
-        """Return a run's driving; raise InputError unless the robot's file describes its motors and masses."""
+    def of(cls, robot: Robot, evidence: Evidence, profile: DriverProfile | None = None) -> Self:
+        """Return a run's driving, with other drivers than the robot file's or with those.
+
+        Raises:
+            InputError: the robot's file does not describe its motors and masses.
+        """
         dynamics = check_described(robot)
+        setup = driver_settings(robot.board, profile or robot.board.profile)
         return cls(
             robot=robot,
-            drivers=tuple(DriverRecord.of(axis) for axis in evidence.axes),
+            chip=setup.chip,
+            drivers=tuple(DriverRecord.of(axis, setup) for axis in evidence.axes),
             starts_rad=tuple(
                 2.0 * pi * axis.start_steps / (joint.transmission.full_steps_per_rev * joint.transmission.microsteps)
                 for axis, joint in zip(evidence.axes, robot.joints, strict=True)
@@ -246,9 +256,9 @@ class Driving:
         """Return the same with another phase current at full torque.
 
         Raises:
-            InputError: no TB6560 sets that current.
+            InputError: the drivers do not carry that current.
         """
-        check_current(current_a)
+        check_current(current_a, self.chip)
         return replace(self, drivers=tuple(driver.at_current(current_a) for driver in self.drivers))
 
     def with_payload(self, payload_kg: float) -> Self:
@@ -274,6 +284,7 @@ class Driving:
         return [
             drive_of(
                 joint,
+                self.chip,
                 driver.first_on_rad - joint.transmission.full_steps_per_rev // FULL_STEPS_PER_TOOTH * start_rad,
             )
             for joint, driver, start_rad in zip(self.robot.joints, self.drivers, self.starts_rad, strict=True)

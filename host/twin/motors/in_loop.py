@@ -10,15 +10,21 @@ from steptwin.host.twin.machine.boards import standing_steps
 from steptwin.host.twin.machine.input_changes import Wires
 from steptwin.host.twin.motors.drives import check_described, drive_of, power_supply
 from steptwin.host.twin.motors.mechanism import arm_of
+from steptwin.protocol.drivers import ChipSheet
 
 
 def motor_wiring(
-    robot: Robot, start_joints: Sequence[float], axes_per_board: Sequence[int], stretch_ticks: int = REST_TICKS
+    robot: Robot,
+    chip: ChipSheet,
+    start_joints: Sequence[float],
+    axes_per_board: Sequence[int],
+    stretch_ticks: int = REST_TICKS,
 ) -> MotorWiring:
     """Return a robot's motors and arm as the emulator has them.
 
     Args:
         robot: the machine.
+        chip: of its drivers.
         start_joints: joint positions where it stands at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
         stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
@@ -30,7 +36,7 @@ def motor_wiring(
     steps = standing_steps(robot, start_joints)
     held_by = dynamics.payload_held_by
     return MotorWiring(
-        drives=[drive_of(joint) for joint in robot.joints],
+        drives=[drive_of(joint, chip) for joint in robot.joints],
         start_rad=[
             2.0 * pi * each / (joint.transmission.full_steps_per_rev * joint.transmission.microsteps)
             for each, joint in zip(steps, robot.joints, strict=True)

@@ -14,7 +14,6 @@ from typing import Any, Final, Self
 import numpy as np
 from scipy.optimize import brentq
 
-from steptwin.emulator.drivers.driver_profiles import DriverProfile
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM
 from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
 from steptwin.emulator.motors.rotors import Drive
@@ -27,6 +26,7 @@ from steptwin.host.twin.motors.drives import drive_of
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
+from steptwin.protocol.drivers import DriverProfile
 
 ALMOST_NONE: Final = 1e-6
 """Part of the highest speed where friction already opposes, but nothing else depends on speed."""
@@ -106,7 +106,7 @@ class Ramps:
     @classmethod
     def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup) -> Self:
         """Return what finds the ramps of a robot whose drivers are set like this."""
-        drives = tuple(drive_of(joint) for joint in robot.joints)
+        drives = tuple(drive_of(joint, settings.chip) for joint in robot.joints)
         current_a, standing_a = settings.current_a, settings.standing_part * settings.current_a
         return cls(
             robot,
@@ -210,7 +210,7 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
     """
     at, fastest = ArmAtPoses.of(robot), robot.axis_speeds_max * rad_per_unit(robot)
     settings = driver_settings(robot.board, drivers or driver_profile(robot.board))
-    curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings.fast_decay_part)
+    curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings)
     ramps = Ramps.of(robot, at, curves, settings)
     return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))
 

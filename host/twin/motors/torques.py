@@ -11,6 +11,7 @@ from steptwin.emulator.motors.needed_torque import needed_torque_nm
 from steptwin.emulator.motors.pull_out import pull_out_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.drivers import DriverSetup
 from steptwin.host.twin.motors.drives import drive_of, supply_of
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.verify import Comparison
@@ -92,7 +93,7 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
     rad = robot.coupling.to_axes(trajectory.positions(t_s)) * rad_per_unit
     rad_s = robot.coupling.to_axes(trajectory.velocities(t_s)) * rad_per_unit
     rad_s2 = np.asarray(np.gradient(rad_s, _EVERY_S, axis=0))
-    drives = [drive_of(joint) for joint in robot.joints]
+    drives = [drive_of(joint, driving.chip) for joint in robot.joints]
     held = driving.payload.at(np.rint(driving.start_counts + t_s * COUNTS_PER_SECOND).astype(np.int64))
     needed = np.empty_like(rad)
     for arm, when in zip(driving.arms, (~held, held), strict=True):
@@ -104,9 +105,9 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
 def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = None) -> tuple[PullOutCurve, ...]:
     """Return each axis' pull-out curve to beyond its highest speed; like motors with like drivers share theirs."""
     kinds = []
-    for axis, (joint, record) in enumerate(zip(driving.robot.joints, driving.drivers, strict=True)):
-        supply = supply_of(driving.robot, axis, record.phase_current_a, record.fast_decay, supply_v)
-        kinds.append((drive_of(joint).motor, supply))
+    for joint, record in zip(driving.robot.joints, driving.drivers, strict=True):
+        supply = supply_of(driving.robot, driving.chip, record.phase_current_a, record.fast_decay, supply_v)
+        kinds.append((drive_of(joint, driving.chip).motor, supply))
     curves = {}
     for motor, supply in dict.fromkeys(kinds):
         fastest = max(rpm for rpm, kind in zip(rpm_max.tolist(), kinds, strict=True) if kind == (motor, supply))
@@ -121,14 +122,14 @@ _MOTOR_CURVE_SPEEDS: Final = 25
 class Curves:
     """The pull-out curves of motors on a robot's drivers, up to a speed in turns a minute."""
 
-    def __init__(self, robot: Robot, rpm_max: float, fast_decay_part: float) -> None:
-        self._robot, self._fast_decay_part = robot, fast_decay_part
+    def __init__(self, robot: Robot, rpm_max: float, setup: DriverSetup) -> None:
+        self._robot, self._setup = robot, setup
         self._rpm = np.linspace(0.0, rpm_max, _MOTOR_CURVE_SPEEDS)
         self._known: dict[tuple[Motor, float], PullOutCurve] = {}
 
     def of(self, motor: Motor, current_a: float) -> PullOutCurve:
         """Return the curve of a motor at an amplitude of the phase current."""
         if (motor, current_a) not in self._known:
-            supply = supply_of(self._robot, 0, current_a, self._fast_decay_part)
+            supply = supply_of(self._robot, self._setup.chip, current_a, self._setup.fast_decay_part)
             self._known[motor, current_a] = PullOutCurve(self._rpm, pull_out_nm(motor, supply, self._rpm))
         return self._known[motor, current_a]

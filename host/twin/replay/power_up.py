@@ -16,7 +16,7 @@ from steptwin.host.faults.requests import read_request
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
-from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.drivers import other_drivers
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import BITRATES
@@ -84,7 +84,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             axes_per_board=(axes_per_board := _axes_per_board(table, robot)),
             crystal_ppm=_crystals(table, len(axes_per_board)),
             bitrate=report.run.bus.bitrate,
-            driver_profile=_other_drivers(robot, report.driver_profile),
+            driver_profile=other_drivers(robot.board, report.driver_profile),
             stock=_stock(table),
         )
         power_up = MachineAtPowerUp(
@@ -112,11 +112,6 @@ def _crystals(table: Table, boards: int) -> Sequence[int]:
     crystals_ppm = [ppm for ppm in table.elements("crystal_ppm") if isinstance(ppm, int)]
     check_crystals(crystals_ppm, boards, motors=False)
     return crystals_ppm
-
-
-def _other_drivers(robot: Robot, name: str) -> str | None:
-    """Return the name of a run's drivers if they were not those of the robot's file."""
-    return None if name == driver_profile(robot.board).name else name
 
 
 def _stock(table: Table) -> Mapping[str, str] | None:

@@ -18,11 +18,8 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
-from steptwin.emulator.drivers.driver_chip import Cooling
-from steptwin.emulator.drivers.driver_module import Coupler, Module
-from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS, Tb6560Kind
 from steptwin.emulator.faults.drivers import DriverProtect
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.limit_switches import StuckSwitch
@@ -32,6 +29,8 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
+from steptwin.protocol.drivers import Cooling, Coupler
+from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE, tb6560
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.compiled import on_sources_only, skip_if_compiled
@@ -43,21 +42,19 @@ from tests.controller.modes.homing_bench import (
     HomingBench,
     Slider,
 )
-from tests.emulator.pins import CHIP, WIRES
+from tests.emulator.pins import CHIP, PERIOD, WIRES
 from tests.emulator.simulations import MS, STEP
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
-BY_DRIVERS_TICKS = 99 * PERIOD_MIN_COUNTS // TICK_COUNTS
+BY_DRIVERS_TICKS = 99 * PERIOD // TICK_COUNTS
 """Ticks in which no driver counts a hundred steps."""
 
 Seen = list[tuple[int, list[DigitalInput]]]
 
 
 def board_of(kernel: Kernel, axes: int, *switches: Switch, start: Sequence[int] = (), osc_pf: float = 330.0) -> Board:
-    return Board(
-        BoardConfig((Module(Tb6560Kind(osc_pf)),) * axes, switches=switches, start_substeps=tuple(start)), kernel
-    )
+    return Board(BoardConfig((Module(tb6560(osc_pf)),) * axes, switches=switches, start_substeps=tuple(start)), kernel)
 
 
 def watched(board: Board) -> Seen:
@@ -157,7 +154,7 @@ class TestEdges:
         ramp, cruise = PvtRecord(300 * STEP, full, 40, 0), PvtRecord(600 * STEP, full, 40, 1)
         run(simulation, {0x10: [ramp, cruise, PvtRecord(300 * STEP, 0, 40, 2)]}, 200)
         trace = board.trace(0)
-        assert trace.step_counts[759] - trace.step_counts[699] == 60 * PERIOD_MIN_COUNTS
+        assert trace.step_counts[759] - trace.step_counts[699] == 60 * PERIOD
         assert [levels for _, levels in seen] == [[HOME]]
         assert seen[0][0] - TICK_COUNTS <= trace.step_counts[edge - 1] < seen[0][0]
 
@@ -231,8 +228,8 @@ class TestEdges:
 
         The firmware counts with the pins' mode. It takes the module's 16 steps for the way of `microsteps` of them.
         """
-        fitted = THREE_AMP_MODULE.fitted(microsteps) if module else WIRES
-        config = BoardConfig(switches=(Switch(0, HOME, from_substeps=48),), modules=(fitted,))
+        driver = fitted(THREE_AMP_MODULE, microsteps) if module else WIRES
+        config = BoardConfig(switches=(Switch(0, HOME, from_substeps=48),), modules=(driver,))
         board = Board(config, fast_kernel)
         seen = watched(board)
         simulation = Simulation([board], Bus(1_000_000))
@@ -326,7 +323,7 @@ def test_the_first_rotor_that_may_reach_a_switch_says_when_it_is_read_again(
     """A way of three rotors with weights of 1, whose steps are a substep: the switch is 300 of them away."""
     switch = Switch(0, HOME, from_substeps=300)
     way = Travel(tuple((rotor, WEIGHT_ONE) for rotor in range(3)))
-    inputs = BoardInputs([switch], [0, 0, 0], [way, Travel.of_rotor(1), Travel.of_rotor(2)], PERIOD_MIN_COUNTS)
+    inputs = BoardInputs([switch], [0, 0, 0], [way, Travel.of_rotor(1), Travel.of_rotor(2)], PERIOD)
     motion: Any = Rotors(quiet_ticks, pulses)
     assert inputs.due_tick(motion) == motion.tick
     inputs.look(motion)

@@ -5,26 +5,35 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
-from steptwin.emulator.drivers.driver_module import Coupler, Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES, DriverProfile
+from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.faults.drivers import OscCapacitor
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
-from tests.emulator.drivers.edge_counter import SUBSTEPS, EdgeCounters
+from steptwin.protocol.drivers import PROFILES, Coupler, DriverProfile, Fact, InputLevels
+from tests.emulator.drivers.edge_counter import EDGE_COUNTER, MADE, SUBSTEPS
 from tests.emulator.pins import WIRES
 
-COUNTER = Module(EdgeCounters())
+COUNTER = Module(EDGE_COUNTER)
+SLOW = Fact(Coupler(10_000, 10_000), MADE)
 ROBOT = load_robot("lab-scara")
 
 
 @pytest.fixture
 def counters(monkeypatch: pytest.MonkeyPatch) -> str:
     """Name of a profile with these chips, behind slow couplers."""
-    module = Module(EdgeCounters(), clk=Coupler(10_000, 10_000), direction=Coupler(10_000, 10_000))
-    monkeypatch.setitem(PROFILES, "counter", DriverProfile("counter", "counts edges", module))
+    profile = DriverProfile(
+        name="counter",
+        title="counts edges",
+        chip=EDGE_COUNTER,
+        clk=SLOW,
+        direction=SLOW,
+        switched=False,
+        inputs=Fact(InputLevels(2.0), MADE),
+    )
+    monkeypatch.setitem(PROFILES, "counter", profile)
     return "counter"
 
 
@@ -64,7 +73,7 @@ def test_motors_turn_with_it(fast_kernel: Kernel, counters: str) -> None:
 
 def test_it_has_no_capacitor_at_osc(fast_kernel: Kernel) -> None:
     board = Board(BoardConfig((COUNTER,)), fast_kernel)
-    with pytest.raises(ValueError, match="an edge counter has no part osc_pf"):
+    with pytest.raises(ValueError, match="a edge counter has no capacitor at OSC"):
         board.operate(OscCapacitor(0, 330), 0)
 
 

@@ -9,28 +9,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import LevelChange, TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge, Coupler, Module, Requirements
-from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
+from steptwin.emulator.drivers.driver_module import Module, delay_of, fitted
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import Tb6560, Tb6560Kind
-from steptwin.emulator.drivers.tb6560.dip_switches import switches_for
-from steptwin.emulator.drivers.tb6560.pins import TERMINALS
-from tests.emulator.pins import CHIP, POWER_UP, WIDTH, WIRES, at, cut, pins
+from steptwin.emulator.drivers.terminals import LevelChange, TerminalEdges
+from steptwin.protocol.drivers import ActiveEdge, Coupler
+from steptwin.protocol.drivers.tb6560 import SLOW_BLUE_BOARD, THREE_AMP_MODULE, tb6560
+from tests.emulator.pins import CHIP, POWER_UP, TERMINALS, WIDTH, WIRES, a_tb6560, at, cut, pins, times
 from tests.emulator.simulations import MS
 
 US = 72
 UP = ((1, 1),)
 
-THREE_AMP = THREE_AMP_MODULE.fitted(16)
-SLOW_BLUE = SLOW_BLUE_BOARD.fitted(16)
+THREE_AMP = fitted(THREE_AMP_MODULE, 16)
+SLOW_BLUE = fitted(SLOW_BLUE_BOARD, 16)
 LATE_DIR = 24 * US - 6
 """A DIR that falls needs this to overtake a CLK that rises: 24 us less 75 ns, rounded up."""
 
 
 def driven(module: Module, *stretches: TerminalEdges, osc_pf: float = 330) -> Driver:
     """Return a driver with its supply after these stretches, and after the time that all edges take to arrive."""
-    driver = Driver(replace(module, kind=Tb6560Kind(osc_pf)))
+    driver = Driver(replace(module, chip=tb6560(osc_pf)))
     driver.feed(pins(changes=POWER_UP, until=1))
     for stretch in stretches:
         driver.feed(stretch)
@@ -46,12 +44,12 @@ def found(driver: Driver) -> list[tuple[Rule, int, int]]:
 
 def test_a_module_of_wires_is_the_chip() -> None:
     pulses = pins([10_000, 20_000, 21_000, 40_000], [WIDTH, 100, WIDTH, WIDTH], [(9_000, 1), (30_000, 0)])
-    driver, chip = driven(WIRES, pulses), Tb6560(330)
+    driver, chip = driven(WIRES, pulses), a_tb6560(330)
     chip.feed(pins(changes=POWER_UP, until=1))
     chip.feed(pulses)
     assert [values.tolist() for values in driver.steps] == [values.tolist() for values in chip.steps]
     assert driver.violations.counts.tolist() == chip.violations.counts.tolist()
-    assert driver.position_steps == 0
+    assert driver.chip.position_steps == 0
 
 
 class TestLateDirection:
@@ -76,10 +74,10 @@ class TestLateDirection:
         turns = [(rises[i] - 15 * US, 1 - i // 10 % 2) for i in range(0, 40, 10)]
         driver = driven(THREE_AMP, pins(rises, directions=turns))
         assert driver.steps[1].tolist() == ([1] * 10 + [1] + [-1] * 9) * 2
-        assert driver.position_steps == driver.lost_steps * -1 == 4
+        assert driver.chip.position_steps == driver.lost_steps * -1 == 4
         assert driver.violation_count == driver.violations.counts.size == 2
         assert [rule for rule, _, _ in found(driver)] == [Rule.DIR_SETUP] * 2
-        assert driven(WIRES, pins(rises, directions=turns)).position_steps == 0
+        assert driven(WIRES, pins(rises, directions=turns)).chip.position_steps == 0
 
     def test_several_steps_go_the_wrong_way_where_clk_is_fast(self) -> None:
         """DIR takes 100 us through a slow part and CLK rises every 67 us: two rises come before it."""
@@ -128,9 +126,9 @@ class TestPulses:
     def test_lost_steps_are_steps_at_the_terminals_less_steps_counted(self) -> None:
         """One pulse too short for the module, one for the chip, one of the other direction that is counted."""
         rises, widths = [50_000, 60_000, 70_000, 90_000], [WIDTH, 100, WIDTH - 1, WIDTH]
-        module = Module(CHIP, requirements=Requirements(steplen_ns=10_000))
+        module = Module(CHIP, times=times(steplen_ns=10_000))
         driver = driven(module, pins(rises, widths, [*UP, (80_000, 0)]))
-        assert (driver.position_steps, driver.lost_steps, driver.violation_count) == (0, 2, 2)
+        assert (driver.chip.position_steps, driver.lost_steps, driver.violation_count) == (0, 2, 2)
 
     def test_the_rotor_s_moves_are_handed_out_as_the_chip_counts_steps(self) -> None:
         driver = driven(SLOW_BLUE)
@@ -191,7 +189,7 @@ class TestRequirements:
         assert self.driver.steps[0].tolist() == [self.FALL - 20_000]
 
     def test_with_the_rising_edge_steplen_is_the_pulse(self) -> None:
-        module = SLOW_BLUE_BOARD.fitted(16, active_edge=ClkEdge.RISING)
+        module = fitted(SLOW_BLUE_BOARD, 16, active_edge=ActiveEdge.RISING)
         driver = driven(module, pins([self.FALL, 2 * self.FALL], [self.LIMIT - 1, self.LIMIT]))
         assert driver.steps[0].tolist() == [2 * self.FALL]
         assert found(driver) == [(Rule.CLK_HIGH, self.LIMIT - 1, self.LIMIT)]
@@ -200,16 +198,16 @@ class TestRequirements:
 class TestSwitches:
     def test_the_firmware_does_not_reach_what_the_switches_hold(self) -> None:
         """RESET is high with the supply, and the switches set the mode, here 1/8."""
-        module = THREE_AMP_MODULE.fitted(8)
+        module = fitted(THREE_AMP_MODULE, 8)
         driver = driven(module, pins([10_000, 20_000], changes=at(15_000, RESET=0, M1=0)))
-        assert driver.position_steps == -2
-        assert driver.outputs.field_substeps(np.array([30_000])).tolist() == [4]
+        assert driver.chip.position_steps == -2
+        assert driver.chip.outputs.field_substeps(np.array([30_000])).tolist() == [4]
         assert not driver.violations.counts.size
 
     def test_enable_comes_through_its_coupler(self) -> None:
         """4 us to off and 2 us in the chip; 24 us and 3 us to on."""
         driver = driven(THREE_AMP, pins(changes=(*at(100_000, ENABLE=0), *at(200_000, ENABLE=1))))
-        flows = driver.outputs.currents_a(
+        flows = driver.chip.outputs.currents_a(
             np.array([100_000 + 6 * US - 1, 100_000 + 6 * US, 200_000 + 27 * US - 1, 200_000 + 27 * US])
         )
         assert (flows[:, 0] > 0).tolist() == [True, False, False, True]
@@ -218,40 +216,40 @@ class TestSwitches:
         """Off, on for 20 us, off: to on takes 24 us, to off 4 us."""
         changes = (*at(50_000, ENABLE=0), *at(100_000, ENABLE=1), *at(100_000 + 20 * US, ENABLE=0))
         driver = driven(THREE_AMP, pins(changes=changes))
-        assert driver.outputs.currents_a(np.array([300_000]))[0, 0] == 0
+        assert driver.chip.outputs.currents_a(np.array([300_000]))[0, 0] == 0
 
     @pytest.mark.parametrize(("idle_percent", "expected"), [(50, 0.5), (20, 0.2)])
     def test_idle_current(self, idle_percent: int, expected: float) -> None:
         """500 ms after the last step, until the next; 3 A is a setting without TQ1."""
-        switches = switches_for(3.0, 1, idle_percent=idle_percent)
-        module = Module(CHIP, switches=switches, idle_ms=500)
+        switches = fitted(THREE_AMP_MODULE, 1, 3.0, idle_percent=idle_percent).switches
+        full_a = 0.5 * (1 / 0.33 + 1 / 0.5 + 1 / 1.2)
+        module = Module(CHIP, full_a, switches=switches)
         first, second = 10 * MS, 1200 * MS
         driver = driven(module, pins([first, second], WIDTH, UP, until=5000 * MS))
-        full_a = 0.5 * (1 / 0.33 + 1 / 0.5 + 1 / 1.2)
         times = np.array([first, first + 500 * MS - 1, first + 500 * MS, second - 1, second, second + 500 * MS])
-        currents = np.abs(driver.outputs.currents_a(times)[:, 0]) / full_a
+        currents = np.abs(driver.chip.outputs.currents_a(times)[:, 0]) / full_a
         assert currents.tolist() == pytest.approx([1, 1, expected, expected, 1, expected])
 
     @pytest.mark.parametrize(("idle", "fast_decay"), [(20, None), (None, 25)])
     def test_are_only_where_there_are_some(self, idle: int | None, fast_decay: int | None) -> None:
-        module = THREE_AMP_MODULE.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+        module = fitted(THREE_AMP_MODULE, 16, idle_percent=idle, fast_decay_percent=fast_decay)
         assert module.switches != THREE_AMP.switches
         with pytest.raises(ValueError, match="slow-blue-board has no switches"):
-            SLOW_BLUE_BOARD.fitted(16, idle_percent=idle, fast_decay_percent=fast_decay)
+            fitted(SLOW_BLUE_BOARD, 16, idle_percent=idle, fast_decay_percent=fast_decay)
 
     def test_idle_current_begins_after_power_up_without_a_step(self) -> None:
         driver = driven(THREE_AMP, pins(until=1000 * MS))
-        full, less = np.abs(driver.outputs.currents_a(np.array([499 * MS, 501 * MS])))[:, 0].tolist()
+        full, less = np.abs(driver.chip.outputs.currents_a(np.array([499 * MS, 501 * MS])))[:, 0].tolist()
         assert less == pytest.approx(full / 0.75 / 2)
 
     def test_power_cycle(self) -> None:
         """The idle circuit starts again; the switches' levels go and come with the supply."""
         changes = (*at(600 * MS, VM=0, VDD=0), *at(700 * MS, VDD=1, VM=1))
         driver = driven(THREE_AMP, pins([800 * MS], changes=changes, until=1150 * MS))
-        currents = driver.outputs.currents_a(np.array([599 * MS, 650 * MS, 701 * MS]))[:, 0].tolist()
+        currents = driver.chip.outputs.currents_a(np.array([599 * MS, 650 * MS, 701 * MS]))[:, 0].tolist()
         assert currents[1] == 0
         assert currents[0] == pytest.approx(currents[2] / 0.75 / 2)
-        assert driver.position_steps == -1
+        assert driver.chip.position_steps == -1
         assert not driver.violations.counts.size
 
 
@@ -266,7 +264,7 @@ class TestSupply:
         driver = Driver(module)
         driver.feed(pins(changes=sorted(changes, key=lambda change: change.counts)))
         assert driver.violations.rules() == []
-        currents = driver.outputs.currents_a(US * np.array(times_us))
+        currents = driver.chip.outputs.currents_a(US * np.array(times_us))
         return [bool(flows) for flows in (currents != 0).any(axis=1)]
 
     @pytest.mark.parametrize(("enable_us", "from_us"), [(500, 1027), (990, 1027), (1200, 1227)])
@@ -298,18 +296,19 @@ class TestSupply:
         assert driver.violations.rules() == []
 
 
-SHORT_IDLE = replace(THREE_AMP, idle_ms=1)
+assert THREE_AMP.switches is not None
+SHORT_IDLE = replace(THREE_AMP, switches=replace(THREE_AMP.switches, idle_ms=1))
 MODULES = [
     WIRES,
     SHORT_IDLE,
     SLOW_BLUE,
-    SLOW_BLUE_BOARD.fitted(16, active_edge=ClkEdge.RISING),
+    fitted(SLOW_BLUE_BOARD, 16, active_edge=ActiveEdge.RISING),
     Module(CHIP, clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
     Module(
         CHIP,
         clk=Coupler(40_000, 3_000),
         direction=Coupler(1_000, 90_000),
-        requirements=Requirements(10_000, 8_000, 30_000, 25_000),
+        times=times(steplen_ns=10_000, stepspace_ns=8_000, dirsetup_ns=30_000, dirhold_ns=25_000),
     ),
 ]
 PULSES = st.lists(st.tuples(st.integers(1, 12_000), st.integers(1, 12_000)), min_size=1, max_size=40)
@@ -332,14 +331,14 @@ def test_pieces_make_no_difference(
     module: Module, pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
 ) -> None:
     whole = stream(pulses, turns, changes)
-    once, pieced = Driver(replace(module, kind=Tb6560Kind(100))), Driver(replace(module, kind=Tb6560Kind(100)))
+    once, pieced = Driver(replace(module, chip=tb6560(100))), Driver(replace(module, chip=tb6560(100)))
     once.feed(whole)
     for piece in cut(whole, cuts):
         pieced.feed(piece)
         assert pieced.steps[0].size == pieced.steps[1].size
     assert recorded(pieced) == recorded(once)
     times = np.linspace(0, 700_000, 200).astype(np.int64)
-    assert np.array_equal(pieced.outputs.currents_a(times), once.outputs.currents_a(times))
+    assert np.array_equal(pieced.chip.outputs.currents_a(times), once.chip.outputs.currents_a(times))
 
 
 def recorded(driver: Driver) -> list[list[int]]:
@@ -357,7 +356,7 @@ def through(coupler: Coupler, edges: list[tuple[int, int]]) -> list[tuple[int, i
     """Pass edges one by one: a new edge cancels those that would arrive after it."""
     arriving: list[tuple[int, int]] = []
     for counts, level in edges:
-        arrival = counts + coupler.delay.of(level)
+        arrival = counts + delay_of(coupler).of(level)
         while arriving and arriving[-1][0] >= arrival:
             arriving.pop()
         if level != (arriving[-1][1] if arriving else 0):
@@ -381,7 +380,7 @@ def test_against_couplers_stepped_edge_by_edge(
         if rise - previous >= 4800:
             expected.append((rise, 2 * level - 1))
         previous = rise
-    driver = Driver(Module(Tb6560Kind(100), clk=clk, direction=direction))
+    driver = Driver(Module(tb6560(100), clk=clk, direction=direction))
     driver.feed(whole)
     assert list(zip(*(values.tolist() for values in driver.chip.steps), strict=True)) == expected
 

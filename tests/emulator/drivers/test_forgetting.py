@@ -9,14 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_chip import Cooling, LevelChange, Outputs, Rail
-from steptwin.emulator.drivers.driver_module import Coupler, Module
-from steptwin.emulator.drivers.driver_profiles import SLOW_BLUE_BOARD, THREE_AMP_MODULE
-from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
-from steptwin.emulator.drivers.tb6560.outputs import Tb6560Outputs
-from steptwin.emulator.drivers.tb6560.pins import TERMINALS
-from tests.emulator.pins import CHIP, POWER_UP, WIRES, at, cut, pins
+from steptwin.emulator.drivers.driver_module import Module, fitted
+from steptwin.emulator.drivers.terminals import LevelChange, Rail
+from steptwin.protocol.drivers import Cooling, Coupler, Fact
+from steptwin.protocol.drivers.tb6560 import SLOW_BLUE_BOARD, THREE_AMP_MODULE, tb6560
+from tests.emulator.pins import CHIP, POWER_UP, TERMINALS, WIRES, at, cut, pins
 from tests.emulator.simulations import MS
 
 END = 2_000_000
@@ -25,8 +24,8 @@ CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
 MODULES = [
     WIRES,
     Module(CHIP, cooling=CRUMB),
-    SLOW_BLUE_BOARD.fitted(16),
-    replace(THREE_AMP_MODULE.fitted(8), idle_ms=2),
+    fitted(SLOW_BLUE_BOARD, 16),
+    fitted(replace(THREE_AMP_MODULE, idle_ms=Fact(2, "made for a test")), 8),
     Module(CHIP, clk=Coupler(9_000, 60_000), direction=Coupler(5_000, 2_000), enable=Coupler(70_000, 100)),
 ]
 
@@ -54,15 +53,14 @@ def told(driver: Driver) -> History:
     return History(
         np.column_stack(driver.steps),
         np.column_stack((found.counts, found.which, found.values)),
-        sampled(driver.outputs),
+        sampled(driver.chip.outputs),
     )
 
 
-def sampled(outputs: Outputs) -> NDArray[np.float64]:
-    assert isinstance(outputs, Tb6560Outputs)
+def sampled(outputs: ChipOutputs) -> NDArray[np.float64]:
     counts = outputs.instants()
     return np.column_stack(
-        (counts, outputs.field_substeps(counts), outputs.mo_levels(counts), outputs.currents_a(counts))
+        (counts, outputs.field_substeps(counts), outputs.home_levels(counts), outputs.currents_a(counts))
     )
 
 
@@ -81,7 +79,7 @@ def test_the_pieces_are_the_whole(
     directions = [(counts, (i + 1) % 2) for i, counts in enumerate(sorted(turns))]
     in_order = sorted(changes, key=lambda change: change.counts)
     whole = pins(rises, widths, directions, (*POWER_UP, *in_order), until=2 * END)
-    once, forgetful = Driver(replace(module, kind=Tb6560Kind(100))), Driver(replace(module, kind=Tb6560Kind(100)))
+    once, forgetful = Driver(replace(module, chip=tb6560(100))), Driver(replace(module, chip=tb6560(100)))
     once.feed(whole)
     pieces = []
     for piece in cut(whole, cuts):
@@ -95,8 +93,8 @@ def test_the_pieces_are_the_whole(
         assert (np.diff(instants) >= 0).all()
     times = np.linspace(0, 2 * END, 500).astype(np.int64)
     assert np.array_equal(history.outputs_at(times), expected.outputs_at(times))
-    assert (forgetful.position_steps, forgetful.lost_steps, forgetful.violation_count) == (
-        once.position_steps,
+    assert (forgetful.chip.position_steps, forgetful.lost_steps, forgetful.violation_count) == (
+        once.chip.position_steps,
         once.lost_steps,
         once.violation_count,
     )

@@ -7,13 +7,14 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, Status
+from steptwin.protocol.drivers import PROFILES
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.simulations import MS, STEP, wait, write
@@ -32,7 +33,7 @@ class Rig:
     def __init__(self, kernel: Kernel, drivers: str = "chip-330pf", boards: int = 1, bitrate: int = 1_000_000) -> None:
         profile = PROFILES[drivers]
         self.boards = [
-            Board(BoardConfig(modules=(profile.fitted(16),) * 2, first_node_id=node), kernel)
+            Board(BoardConfig(modules=(fitted(profile, 16),) * 2, first_node_id=node), kernel)
             for node in (NODE, NODE + 2)[:boards]
         ]
         self.board = self.boards[0]

@@ -12,14 +12,14 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.drivers.axis_wires import AxisWires
-from steptwin.emulator.drivers.driver_chip import TerminalEdges
-from steptwin.emulator.drivers.driver_module import ClkEdge, Module
-from steptwin.emulator.drivers.driver_profiles import PROFILES
+from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.terminals import TerminalEdges
 from steptwin.emulator.faults.wiring import Noise, Wire, WireState
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.drivers import PROFILES, ActiveEdge
 from steptwin.protocol.frame import Frame
 from tests.emulator.faults.wires_rig import Rig
 from tests.emulator.pins import CHIP
@@ -70,7 +70,7 @@ NOISES = st.builds(
 
 def passed(turns: Turns, noise: dict[Wire, Noise], cuts: list[int]) -> list[TerminalEdges]:
     """What a driver is told, stretch by stretch."""
-    wires = AxisWires(ClkEdge.RISING, enable_open=0, dir_level=0, enable_level=0)
+    wires = AxisWires(ActiveEdge.RISING, enable_open=0, dir_level=0, enable_level=0)
     told = [wires.change(wire, condition, 0).told for wire, condition in noise.items()]
     told += [wires.take(pins(turns, *stretch)).told for stretch in pairwise([0, *cuts, END])]
     assert wires.lost_steps == signed(turns) - sum(
@@ -161,10 +161,10 @@ def test_without_step_the_driver_counts_nothing_until_the_repair(rig: Rig, condi
     assert not trace.violations.counts.size
 
 
-@pytest.mark.parametrize(("edge", "at_once", "at_repair"), [(ClkEdge.RISING, 1, 0), (ClkEdge.FALLING, 0, -1)])
-def test_step_held_high_is_one_pulse(fast_kernel: Kernel, edge: ClkEdge, at_once: int, at_repair: int) -> None:
+@pytest.mark.parametrize(("edge", "at_once", "at_repair"), [(ActiveEdge.RISING, 1, 0), (ActiveEdge.FALLING, 0, -1)])
+def test_step_held_high_is_one_pulse(fast_kernel: Kernel, edge: ActiveEdge, at_once: int, at_repair: int) -> None:
     """The driver steps with its rise or with its fall, to where DIR points then: up first, down after the move."""
-    rig = Rig(fast_kernel, None if edge is ClkEdge.RISING else Module(CHIP, active_edge=edge))
+    rig = Rig(fast_kernel, None if edge is ActiveEdge.RISING else Module(CHIP, active_edge=edge))
     rig.move(10)
     wait(rig.simulation, 150)
     high = rig.wire(Wire.STEP, HIGH)
@@ -215,7 +215,7 @@ def test_enable_decides_over_the_current_not_over_the_count(
     fast_kernel: Kernel, driver: str, condition: WireState, on: tuple[int, int]
 ) -> None:
     """The 3 A module is on without a cable: so the firmware cannot switch its current off then."""
-    rig = Rig(fast_kernel, PROFILES[driver].fitted(16) if driver != "chip-330pf" else None)
+    rig = Rig(fast_kernel, fitted(PROFILES[driver], 16) if driver != "chip-330pf" else None)
     rig.wire(Wire.ENABLE, condition)
     rig.move()
     wait(rig.simulation, 400)

@@ -9,13 +9,14 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.inputs import Bouncer
-from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE
+from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.faults.drivers import DriverMode, OscCapacitor
 from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE
 from tests.compiled import skip_if_compiled
 from tests.emulator.faults.wires_rig import Rig
 from tests.emulator.simulations import MS, wait
@@ -132,7 +133,7 @@ class TestMode:
     @pytest.mark.parametrize("module", [False, True])
     def test_decides_how_long_a_step_is_until_it_is_as_before(self, fast_kernel: Kernel, module: bool) -> None:
         """Sixteenth steps become half steps in the middle of a motion; the driver is in reset for none of it."""
-        rig = Rig(fast_kernel, THREE_AMP_MODULE.fitted(16) if module else None)
+        rig = Rig(fast_kernel, fitted(THREE_AMP_MODULE, 16) if module else None)
         rig.move()
         wait(rig.simulation, 50)
         before = rig.board.position_steps(0)

@@ -13,13 +13,13 @@ from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import PERIOD_MIN_COUNTS
-from steptwin.emulator.drivers.tb6560.oscillator import clk_width_min_counts
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, Mode, State, Status
+from steptwin.protocol.drivers import Oscillator
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, counts_of_ns
+from tests.emulator.pins import PERIOD
 from tests.emulator.random_host.pins import PinRecord, level_faults
 from tests.emulator.random_host.queues import overfull, overgrown
 from tests.emulator.random_host.session import BusOff, Pause, PowerCycle, Session, Setup, Step
@@ -34,7 +34,7 @@ VELOCITY_ROUNDING = 4 * STEP
 _STREAMED = (Mode.INTERPOLATED_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
 """The modes in which the host plans the accelerations. A mode stays while its axis moves."""
 _TICKS_PER_S = 4000
-_CLK_WIDTH_COUNTS = clk_width_min_counts(330)
+_CLK_WIDTH_COUNTS = Oscillator(330).clk_width_min_counts
 
 
 class BrokenInvariantError(AssertionError):
@@ -213,7 +213,7 @@ class Machine:
         for axis in range(motion.axis_count):
             config = motion.config(axis)
             high, low = counts_of_ns(config.steplen_ns), counts_of_ns(config.stepspace_ns)
-            self._slow_enough &= high >= _CLK_WIDTH_COUNTS and high + low >= PERIOD_MIN_COUNTS
+            self._slow_enough &= high >= _CLK_WIDTH_COUNTS and high + low >= PERIOD
 
     def _has(self, axis: int, bit: Status) -> bool:
         return bool(self.board.firmware.nodes[axis].dictionary.get(od.STATUSWORD) & bit)

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from steptwin.emulator.board.board import BoardConfig
-from steptwin.emulator.drivers.driver_profiles import bare_chip
+from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.faults.drivers import DriverProtect
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.limit_switches import StuckSwitch
 from steptwin.emulator.faults.machine import BoardTemperature, EmergencyStop, Supply
 from steptwin.emulator.world.switches import Switch
 from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.frame import Frame
 
 
@@ -101,7 +102,7 @@ def machine_board(
 ) -> BoardConfig:
     """Return a board with an axis for each start position; its bare chips see the pins as the firmware sets them."""
     return BoardConfig(
-        modules=(bare_chip(330).module,) * len(start_substeps),
+        modules=(fitted(bare_chip(330), 16),) * len(start_substeps),
         read_latency_counts=read_latency_counts,
         switches=switches,
         start_substeps=start_substeps,

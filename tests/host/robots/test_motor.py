@@ -15,6 +15,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
 from steptwin.host.robots.switches import JointSwitches
 from steptwin.host.twin.motors.drives import drive_of
+from steptwin.protocol.drivers import bare_chip
 from tests.end_to_end.pages import read_page
 from tests.host.complaints import complaint_of
 from tests.host.robots.coupled import coupled_text
@@ -91,7 +92,7 @@ def stopped(stops: Mapping[str, Any], **changes: Any) -> Joint:
 
 class TestEndStops:
     def test_are_angles_of_the_rotor(self) -> None:
-        drive = drive_of(stopped({"stop_lower": -180.0, "stop_upper": 155.01}))
+        drive = drive_of(stopped({"stop_lower": -180.0, "stop_upper": 155.01}), bare_chip(330).chip)
         turns = ELBOW.transmission.ratio
         assert drive.lower_rad == pytest.approx(-np.pi * turns)
         assert drive.upper_rad == pytest.approx(np.deg2rad(155.01) * turns)

@@ -10,27 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.driver import Driver
-from steptwin.emulator.drivers.driver_module import ClkEdge
-from steptwin.emulator.drivers.driver_profiles import PROFILES
-from steptwin.emulator.drivers.tb6560 import oscillator
-from steptwin.emulator.drivers.tb6560.chip import Tb6560Kind
-from steptwin.emulator.drivers.tb6560.dip_switches import IDLE_PERCENT, DipSwitches
-from steptwin.emulator.drivers.tb6560.pins import FAST_DECAY_PERCENT
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
-from steptwin.host.robots.board_settings import (
-    DRIVER_PROFILES,
-    OSC_PF_MIN,
-    PHASE_CURRENT_MAX_A,
-    SWITCH_CHOICES,
-    SWITCHED_PROFILES,
-    ActiveEdge,
-    Output,
-)
+from steptwin.host.robots.board_settings import Output
 from steptwin.host.robots.joint import MICROSTEPS, Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.protocol.drivers import ActiveEdge
 from tests.emulator.pins import POWER_UP, pins
 from tests.host.complaints import complaint_of
 
@@ -261,13 +248,13 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nidle_percent = 30',
-                "board.idle_percent: 30 % is not one of 20, 50 %",
+                "board.idle_percent: 30 % at standstill: 3a-module has 20, 50; the nearest are 20 and 50",
                 id="idle current",
             ),
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nfast_decay_percent = 75',
-                "board.fast_decay_percent: 75 % is not one of 0, 25, 50, 100 %",
+                "board.fast_decay_percent: 75 % fast decay: 3a-module has 0, 25, 50, 100; the nearest are 50 and 100",
                 id="decay",
             ),
             pytest.param(
@@ -481,7 +468,7 @@ class TestDrivers:
         board = ROBOT.board
         assert (board.osc_pf, board.driver_profile, board.current_a, board.active_edge) == (330, None, None, None)
 
-    @pytest.mark.parametrize("name", DRIVER_PROFILES)
+    @pytest.mark.parametrize("name", ["chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board"])
     def test_may_be_named(self, name: str) -> None:
         text = changed("osc_pf = 330", f'driver_profile = "{name}"\ncurrent_a = 3\nactive_edge = "falling"')
         board = parse_robot(text, "mine.toml").board
@@ -498,22 +485,15 @@ class TestDrivers:
         (config,) = board_configs(robot, robot.home, [len(robot.joints)])
         driver = Driver(config.modules[0])
         driver.feed(pins(changes=POWER_UP, until=600 * 72_000))
-        currents = np.abs(driver.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)
+        currents = np.abs(driver.chip.outputs.currents_a(np.array([499, 501]) * 72_000)).max(axis=1)
         assert currents.tolist() == pytest.approx([0.5 * (1 / 0.33 + 1 / 1.2), currents[0] * idle_percent / 100])
         switches = config.modules[0].switches
-        assert isinstance(switches, DipSwitches)
-        assert (switches.s6, switches.s5) == {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}[fast_decay_percent]
+        assert switches is not None
+        levels = switches.running["DCY2"], switches.running["DCY1"]
+        assert levels == {0: (0, 0), 25: (0, 1), 50: (1, 0), 100: (1, 1)}[fast_decay_percent]
 
     def test_the_smallest_capacitor_is_a_choice(self) -> None:
         assert parse_robot(changed("osc_pf = 330", "osc_pf = 64"), "mine.toml").board.osc_pf == 64
-
-    def test_the_profiles_are_the_emulators(self) -> None:
-        assert tuple(PROFILES) == DRIVER_PROFILES
-        assert tuple(name for name, profile in PROFILES.items() if profile.switched) == SWITCHED_PROFILES
-        choices = {"idle_percent": IDLE_PERCENT, "fast_decay_percent": tuple(FAST_DECAY_PERCENT.values())}
-        assert choices == SWITCH_CHOICES
-        assert (oscillator.OSC_PF_MIN, Tb6560Kind.current_max_a) == (OSC_PF_MIN, PHASE_CURRENT_MAX_A)
-        assert [edge.value for edge in ClkEdge] == [edge.value for edge in ActiveEdge]
 
 
 LINES = TEXT.splitlines()

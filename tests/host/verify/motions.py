@@ -8,7 +8,6 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.record.folder.edges_file import PINS
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import (
     AxisEvidence,
     BusReport,
@@ -21,6 +20,7 @@ from steptwin.host.verify import (
     RunInfo,
     ideal_steps,
 )
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 START_COUNTS = 3_600_000

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify.counted import counted_steps
 from steptwin.host.verify.evidence import AxisEvidence
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import NO_PHASES, NO_VIOLATIONS
 

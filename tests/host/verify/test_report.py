@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.robots.poses.rotations import wrapped_deg
 from steptwin.host.verify import (
     POSITION_ERROR_LIMIT_STEPS,
@@ -24,6 +23,7 @@ from steptwin.host.verify import (
     verify,
 )
 from steptwin.host.verify.pulses import clk_durations
+from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import (
     CLK_HIGH_COUNTS,

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.driver_chip import LevelChange
+from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip.excitation import excitations
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import Tb6560
-from steptwin.emulator.drivers.tb6560.excitation import PHASE_PERCENT, Excitation, states
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS, FAST_DECAY_PERCENT, TERMINALS, TORQUE_PERCENT
-from tests.emulator.pins import POWER_UP, at, pins
+from steptwin.emulator.drivers.terminals import LevelChange
+from tests.emulator.pins import CHIP, MODES, POWER_UP, TERMINALS, a_tb6560, at, pins
 
 # Pages 12 to 14, clockwise from the initial state.
 A_EIGHTHS = [100, 98, 92, 83, 71, 56, 38, 20, 0, -20, -38, -56, -71, -83, -92, -98]
@@ -41,9 +40,9 @@ STEP = 10_000
 FIRST = 100_000
 
 
-def chip_in_mode(m2: int, m1: int, *changes: LevelChange, sense_ohm: float = 0.5) -> Tb6560:
-    """Return a chip with supply, out of reset and enabled; 0.5 ohm make 1 A."""
-    chip = Tb6560(330, sense_ohm)
+def chip_in_mode(m2: int, m1: int, *changes: LevelChange, full_a: float = 1.0) -> Chip:
+    """Return a chip with supply, out of reset and enabled; by default 1 A."""
+    chip = a_tb6560(330, full_a)
     supplies, released = POWER_UP[:2], POWER_UP[2:]
     chip.feed(pins(changes=(*supplies, *at(0, M2=m2, M1=m1), *released, *changes), until=1))
     return chip
@@ -58,7 +57,7 @@ def instants(count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return np.array([FIRST - 1, *rises(count)], dtype=np.int64)
 
 
-def percent(chip: Tb6560, times: np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[list[int]]:
+def percent(chip: Chip, times: np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[list[int]]:
     currents = chip.outputs.currents_a(times) * 100
     assert np.abs(currents - np.rint(currents)).max() < 1e-9
     return [[round(value) for value in phase] for phase in currents.T.tolist()]
@@ -82,28 +81,28 @@ class TestTables:
     def test_mo_is_low_in_one_state_of_a_cycle(self, levels: tuple[int, int]) -> None:
         """From the edge that enters the initial state to the edge that leaves it; every 4, 8, 32 or 64 steps."""
         cycle = len(TABLES[levels][0])
-        assert cycle == 4 * EXCITATIONS[levels]
+        assert cycle == 4 * MODES[levels]
         chip = chip_in_mode(*levels)
         chip.feed(pins(rises(2 * cycle + 1)))
         low = [0, *[1] * (cycle - 1)]
-        assert chip.outputs.mo_levels(instants(2 * cycle + 1)).tolist() == [*low, *low, 0, 1]
+        assert chip.outputs.home_levels(instants(2 * cycle + 1)).tolist() == [*low, *low, 0, 1]
         around = np.array(rises(cycle)[-1:], dtype=np.int64)
-        assert chip.outputs.mo_levels(around - 1).tolist() == [1]
-        assert chip.outputs.mo_levels(around).tolist() == [0]
+        assert chip.outputs.home_levels(around - 1).tolist() == [1]
+        assert chip.outputs.home_levels(around).tolist() == [0]
 
     def test_a_step_turns_the_field_by_its_part_of_a_full_step(self, levels: tuple[int, int]) -> None:
-        mode = EXCITATIONS[levels]
+        mode = MODES[levels]
         chip = chip_in_mode(*levels)
         chip.feed(pins(rises(5)))
         angles = chip.outputs.angle_deg(instants(5))
-        assert angles[0] == (315 if mode is Excitation.TWO_PHASE else 0)
+        assert angles[0] == (315 if mode == 1 else 0)
         assert np.array_equal((np.diff(angles) + 360) % 360, np.full(5, 90 / mode))
 
     def test_the_vector_is_as_long_as_the_table_allows(self, levels: tuple[int, int]) -> None:
         """141 % in two-phase mode, else 100 % as near as whole percents come."""
-        mode = EXCITATIONS[levels]
-        lengths = np.hypot(*PHASE_PERCENT[mode][states(mode)].astype(float).T)
-        expected = 141.42 if mode is Excitation.TWO_PHASE else 100
+        mode = MODES[levels]
+        lengths = 100 * np.hypot(*excitations(CHIP)[mode].parts.T)
+        expected = 141.42 if mode == 1 else 100
         assert lengths == pytest.approx(expected, abs=1.5)
 
     def test_reset_goes_back_to_the_initial_state(self, levels: tuple[int, int]) -> None:
@@ -114,7 +113,7 @@ class TestTables:
         chip.feed(pins([350_000 + 100_000]))
         times = np.array([299_999, 300_000, 399_999, 400_000, 450_000], dtype=np.int64)
         assert percent(chip, times) == [[a[3], a[0], a[0], a[0], a[1]], [b[3], b[0], b[0], b[0], b[1]]]
-        assert chip.outputs.mo_levels(times).tolist() == [1, 0, 0, 0, 1]
+        assert chip.outputs.home_levels(times).tolist() == [1, 0, 0, 0, 1]
         assert chip.position_steps == -4
 
 
@@ -165,15 +164,16 @@ class TestTorqueAndDecay:
     def test_torque_scales_the_currents(self, tq2: int, tq1: int, expected: int) -> None:
         chip = chip_in_mode(1, 0, *at(5_000, TQ2=tq2, TQ1=tq1))
         assert percent(chip, np.array([5_000], dtype=np.int64))[0] == [expected]
-        assert TORQUE_PERCENT[tq2, tq1] == expected
+        assert CHIP.torque_percent.value.selected({"TQ2": tq2, "TQ1": tq1}) == expected
 
     def test_decay(self) -> None:
         """The last 0, 1, 2 or 4 of a chopping period's 4 oscillations."""
-        assert [FAST_DECAY_PERCENT[levels] for levels in ((0, 0), (0, 1), (1, 0), (1, 1))] == [0, 25, 50, 100]
+        chip = chip_in_mode(1, 0, *at(5_000, DCY1=1), *at(6_000, DCY1=0, DCY2=1), *at(7_000, DCY1=1))
+        assert chip.outputs.fast_decay(np.array([4_000, 5_000, 6_000, 7_000])).tolist() == [0, 0.25, 0.5, 1]
 
-    @pytest.mark.parametrize(("ohm", "ampere"), [(0.5, 1.0), (0.25, 2.0), (1.25, 0.4)])
-    def test_the_sense_resistor_sets_the_full_current(self, ohm: float, ampere: float) -> None:
-        chip = chip_in_mode(1, 0, sense_ohm=ohm)
+    @pytest.mark.parametrize("ampere", [1.0, 2.0, 0.4])
+    def test_the_full_current(self, ampere: float) -> None:
+        chip = chip_in_mode(1, 0, full_a=ampere)
         assert chip.outputs.currents_a(np.array([5_000])).tolist() == [[pytest.approx(ampere), 0]]
 
 
@@ -182,16 +182,17 @@ def test_instants_may_be_asked_for_in_any_order() -> None:
     chip.feed(pins(rises(40), directions=[(1, 1), (FIRST + 15 * STEP, 0)]))
     times = np.array(rises(40), dtype=np.int64)
     shuffled = np.random.default_rng(3).permutation(40)
-    for ask in (chip.outputs.field_substeps, chip.outputs.mo_levels, chip.outputs.currents_a):
+    for ask in (chip.outputs.field_substeps, chip.outputs.home_levels, chip.outputs.currents_a):
         assert np.array_equal(np.asarray(ask(times))[shuffled], ask(times[shuffled]))
 
 
 def test_before_the_supply_nothing_flows() -> None:
-    chip = Tb6560(330)
+    chip = a_tb6560(330)
     assert chip.outputs.currents_a(np.array([0, 10])).tolist() == [[0, 0], [0, 0]]
-    assert chip.outputs.mo_levels(np.array([0])).tolist() == [0]
+    assert chip.outputs.home_levels(np.array([0])).tolist() == [0]
 
 
 def test_every_mode_has_its_levels() -> None:
-    assert {levels: int(mode) for levels, mode in EXCITATIONS.items()} == {(0, 0): 1, (0, 1): 2, (1, 0): 16, (1, 1): 8}
+    table = CHIP.modes.value
+    assert {levels: table.selected({"M2": levels[0], "M1": levels[1]}) for levels in MODES} == MODES
     assert set(TERMINALS) >= {Pin.M1, Pin.M2}

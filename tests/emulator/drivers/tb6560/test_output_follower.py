@@ -5,10 +5,11 @@ import pytest
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.driver_chip import Cooling, FieldTurns, LevelChange, OutputChanges, Rail, TerminalEdges
-from steptwin.emulator.drivers.tb6560.chip import Tb6560
-from steptwin.emulator.drivers.tb6560.pins import TERMINALS
+from steptwin.emulator.drivers.chip import Chip, FieldTurns, OutputChanges
+from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
+from steptwin.protocol.drivers import Cooling
 from steptwin.protocol.timer import COUNTS_PER_MS
+from tests.emulator.pins import TERMINALS, a_tb6560
 
 ON = (Rail.VDD, Rail.VM, Pin.RESET, Pin.ENABLE)
 SETTINGS = (Pin.M1, Pin.M2, Pin.TQ1, Pin.TQ2, Pin.DCY1, Pin.DCY2)
@@ -25,10 +26,12 @@ def in_full(found: FieldTurns | OutputChanges) -> OutputChanges:
     if isinstance(found, OutputChanges):
         return found
     counts, substeps, steady = found
-    return OutputChanges(counts, substeps, steady.currents_a[substeps % 64], np.full(counts.size, steady.fast))
+    return OutputChanges(
+        counts, substeps, steady.currents_a[steady.states(substeps)], np.full(counts.size, steady.fast)
+    )
 
 
-def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
+def followed(chip: Chip, seed: int, cycles: int = 40) -> list[OutputChanges]:
     """Let a chip live through some ms with pulses, turns and changes of its inputs; look after each stretch of it."""
     random, follower = np.random.default_rng(seed), chip.follow_outputs()
     levels, now_counts, told = dict.fromkeys(TERMINALS, 0), 0, []
@@ -54,10 +57,10 @@ def followed(chip: Tb6560, seed: int, cycles: int = 40) -> list[OutputChanges]:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_it_tells_what_the_outputs_are(seed: int) -> None:
-    told = followed(Tb6560(100.0), seed)
+    told = followed(a_tb6560(100.0), seed)
     counts = np.concatenate([each.counts for each in told])
     assert (np.diff(counts) >= 0).all()
-    whole = Tb6560(100.0)
+    whole = a_tb6560(100.0)
     _ = followed_without_forgetting(whole, seed)
     outputs = whole.outputs
     last = np.searchsorted(counts, counts, side="right") - 1
@@ -71,7 +74,7 @@ def test_it_tells_what_the_outputs_are(seed: int) -> None:
     assert np.abs(np.diff(angles)).max() <= 32
 
 
-def followed_without_forgetting(chip: Tb6560, seed: int) -> list[OutputChanges]:
+def followed_without_forgetting(chip: Chip, seed: int) -> list[OutputChanges]:
     """Let a chip live through the same, and remember all of it."""
     chip.forget = lambda: None  # type: ignore[method-assign]
     return followed(chip, seed)
@@ -79,7 +82,7 @@ def followed_without_forgetting(chip: Tb6560, seed: int) -> list[OutputChanges]:
 
 def test_a_thermal_shutdown_is_told_at_its_instant() -> None:
     """A chip that is nearly too hot switches its outputs off without an edge at any pin."""
-    chip = Tb6560(100.0, cooling=Cooling(resistance_k_per_w=200.0, capacity_j_per_k=1e-4))
+    chip = a_tb6560(100.0, cooling=Cooling(resistance_k_per_w=200.0, capacity_j_per_k=1e-4))
     follower, nothing = chip.follow_outputs(), np.empty(0, dtype=np.int64)
     none = nothing, np.empty(0, dtype=np.int8)
     chip.feed(pins(nothing, none, [LevelChange(0, pin, 1) for pin in (*ON, *SETTINGS[:2])], COUNTS_PER_MS))

@@ -8,20 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.driver_chip import LevelChange
-from steptwin.emulator.drivers.tb6560.chip import Tb6560
-from steptwin.emulator.drivers.tb6560.excitation import Excitation
-from steptwin.emulator.drivers.tb6560.pins import EXCITATIONS
-from tests.emulator.pins import POWER_UP, at, cut, pins
+from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.terminals import LevelChange
+from tests.emulator.pins import MODES, POWER_UP, a_tb6560, at, cut, pins
 
-LEVELS = {int(mode): {"M2": m2, "M1": m1} for (m2, m1), mode in EXCITATIONS.items()}
+LEVELS = {mode: {"M2": m2, "M1": m1} for (m2, m1), mode in MODES.items()}
 STEP_COUNTS = 10_000
 UP = [(1, 1)]
 
 
-def powered(microsteps: int) -> Tb6560:
+def powered(microsteps: int) -> Chip:
     """A chip that has been set to a mode in reset, at the instant 0."""
-    chip = Tb6560(330)
+    chip = a_tb6560(330)
     chip.feed(pins(changes=(*POWER_UP[:2], *at(0, **LEVELS[microsteps]), *POWER_UP[2:]), until=1))
     return chip
 
@@ -90,4 +88,4 @@ def test_it_follows_the_field(
 
 
 def test_without_supply_the_mode_is_that_of_low_pins() -> None:
-    assert Tb6560(330).microsteps == Excitation.TWO_PHASE
+    assert a_tb6560(330).microsteps == 1

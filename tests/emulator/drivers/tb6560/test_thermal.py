@@ -7,25 +7,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.driver_chip import Cooling
+from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip.junction import Junction
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.emulator.drivers.tb6560.chip import Tb6560
-from steptwin.emulator.drivers.tb6560.thermal import Junction
-from tests.emulator.pins import POWER_UP, at, pins
+from steptwin.protocol.drivers import Cooling, Release, Shutdown
+from tests.emulator.pins import POWER_UP, a_tb6560, at, pins
 from tests.emulator.simulations import SECOND
 
 BARE = Cooling()
 """25 K/W, 100 s, 25 degC."""
+SHUTDOWN = Shutdown(170, 20, Release.RESET)
 
 
-def hot_chip(sense_ohm: float = 0.5 / 3, cooling: Cooling = BARE) -> Tb6560:
+def hot_chip(full_a: float = 3.0, cooling: Cooling = BARE) -> Chip:
     """Two-phase mode at 3 A: 2 * 9 * 0.6 = 10.8 W, on the way to 295 degC."""
-    chip = Tb6560(330, sense_ohm, cooling)
+    chip = a_tb6560(330, full_a, cooling)
     chip.feed(pins(changes=POWER_UP, until=1))
     return chip
 
 
-def shutdown_counts(chip: Tb6560) -> int:
+def shutdown_counts(chip: Chip) -> int:
     """The first count at which Protect is low, by bisection."""
     high, low = 0, 1000 * SECOND
     while low - high > 1:
@@ -36,7 +37,7 @@ def shutdown_counts(chip: Tb6560) -> int:
 
 class TestJunction:
     def test_follows_an_exponential(self) -> None:
-        junction = Junction(BARE)
+        junction = Junction(BARE, SHUTDOWN)
         junction.heat(0, 4.0)
         for t_s in (0, 1, 10, 100, 1000):
             assert junction.celsius(t_s * SECOND) == pytest.approx(25 + 100 * (1 - exp(-t_s / 100)))
@@ -44,7 +45,7 @@ class TestJunction:
     @given(st.lists(st.tuples(st.integers(1, 60), st.floats(0, 12)), min_size=1, max_size=8))
     def test_against_small_steps(self, stretches: list[tuple[int, float]]) -> None:
         """Powers for some seconds each; the integration knows the shutdown too, and that nothing ends it."""
-        junction, celsius, shut_down, now_s = Junction(BARE), 25.0, False, 0
+        junction, celsius, shut_down, now_s = Junction(BARE, SHUTDOWN), 25.0, False, 0
         for duration_s, power_w in stretches:
             junction.heat(now_s * SECOND, power_w)
             for _ in range(duration_s * 100):
@@ -105,7 +106,7 @@ class TestShutdown:
 
     def test_microsteps_heat_half_as_much(self) -> None:
         """5.4 W: 160 degC, just below."""
-        chip = Tb6560(330, 0.5 / 3, BARE)
+        chip = a_tb6560(330, 3.0, BARE)
         chip.feed(pins(changes=(*POWER_UP[:2], *at(0, M2=1), *POWER_UP[2:])))
         assert chip.junction_celsius(5000 * SECOND) == pytest.approx(160)
         assert chip.fault_level(5000 * SECOND) == 1

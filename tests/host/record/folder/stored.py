@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import DriverLimit, DriverViolations, Phases
+from steptwin.protocol.drivers import ActiveEdge
 from tests.host.verify.motions import altered, expect, motion, perfect_evidence, sines, still
 
 EVIDENCE = altered(

@@ -13,8 +13,8 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.verify import Comparison, DriverLimit, Expectation, Phases, compare
+from steptwin.protocol.drivers import ActiveEdge
 from tests.host.verify.motions import (
     NO_VIOLATIONS,
     RUN,

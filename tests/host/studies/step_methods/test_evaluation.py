@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from steptwin.host.robots.board_settings import ActiveEdge
 from steptwin.host.studies.step_methods.evaluation import (
     StepErrors,
     figures_of,
@@ -15,6 +14,7 @@ from steptwin.host.studies.step_methods.evaluation import (
     violations,
 )
 from steptwin.host.studies.step_methods.pulses import AxisPulses, Method, PlacedPulses
+from steptwin.protocol.drivers import ActiveEdge
 from tests.host.studies.step_methods.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 
 

@@ -5,12 +5,14 @@ from dataclasses import replace
 import pytest
 
 from steptwin import load_robot
-from steptwin.emulator.drivers.driver_profiles import THREE_AMP_MODULE, bare_chip
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driver_settings
 from steptwin.host.twin.motors.ramps import ramps_of, steep_homings
+from steptwin.protocol.drivers import bare_chip
+from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE
 
 LAB = load_robot("lab-scara")
+CHIP = THREE_AMP_MODULE.chip
 
 
 def homing_at(name: str, acceleration: float) -> Robot:
@@ -53,7 +55,7 @@ def test_settings_are_the_files_for_its_own_drivers_only() -> None:
     module = replace(LAB.board, driver_profile="3a-module", osc_pf=None)
     stated = replace(module, current_a=1.2, idle_percent=20, fast_decay_percent=0)
     other = replace(THREE_AMP_MODULE, current_a=2.0, idle_percent=50, fast_decay_percent=25)
-    assert driver_settings(module, THREE_AMP_MODULE) == DriverSetup(1.5, 0.5, 0.0)
-    assert driver_settings(stated, THREE_AMP_MODULE) == DriverSetup(1.2, 0.2, 0.0)
-    assert driver_settings(stated, other) == DriverSetup(2.0, 0.5, 0.25)
-    assert driver_settings(stated, bare_chip(330)) == DriverSetup(1.5, 1.0, 0.0)
+    assert driver_settings(module, THREE_AMP_MODULE) == DriverSetup(CHIP, 1.5, 0.5, 0.0, by_pins=False)
+    assert driver_settings(stated, THREE_AMP_MODULE) == DriverSetup(CHIP, 1.2, 0.2, 0.0, by_pins=False)
+    assert driver_settings(stated, other) == DriverSetup(CHIP, 2.0, 0.5, 0.25, by_pins=False)
+    assert driver_settings(stated, bare_chip(330)) == DriverSetup(CHIP, 1.5, 1.0, 0.0)

@@ -1,32 +1,82 @@
 """Follow a chip's outputs as its history grows: what has changed from one look to the next.
 
-`Tb6560Outputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is
+`ChipOutputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is
 new. Nearly always that is steps alone, which turn the field through a table of currents. Only where an input has
-changed, or a thermal shutdown comes or goes, is the stretch computed by `Tb6560Outputs`, with a beginning of its own.
+changed, or a thermal shutdown comes or goes, is the stretch computed by `ChipOutputs`, with a beginning of its own.
 """
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from steptwin.emulator.board.edges import FloatArray, Int8Array, Int64Array, joined
-from steptwin.emulator.drivers.driver_chip import FieldTurns, LevelChange, OutputChanges, Steady
-from steptwin.emulator.drivers.tb6560.excitation import CYCLE_SIXTEENTHS
-from steptwin.emulator.drivers.tb6560.outputs import Origin, Tb6560Outputs
-from steptwin.emulator.drivers.tb6560.thermal import Junction
+from steptwin.emulator.drivers.chip.junction import Junction
+from steptwin.emulator.drivers.chip.outputs import ChipOutputs, Origin, Wiring
+from steptwin.emulator.drivers.terminals import LevelChange
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 _SETTLING_COUNTS: Final = COUNTS_PER_MS
-"""Time from a change of an input until all outputs have followed: ENABLE's delay is 3 us."""
+"""Time from a change of an input until all outputs have followed: a TB6560's delay of ENABLE is 3 us."""
 
 
-class Tb6560Follower:
+class Steady(NamedTuple):
+    """What holds while only steps come.
+
+    Attributes:
+        step_substeps: angle by which a step turns the field.
+        first_substeps: angle of the first of the mode's states.
+        currents_a: shape (states, 2), currents of A and B by the field's state, `step_substeps` apart.
+        fast: fraction of fast decay.
+    """
+
+    step_substeps: int
+    first_substeps: int
+    currents_a: FloatArray
+    fast: float
+
+    def states(self, substeps: Int64Array) -> Int64Array:
+        """Return the number of the state at each of some angles, counted through or not."""
+        states: Int64Array = (substeps - self.first_substeps) // self.step_substeps % len(self.currents_a)
+        return states
+
+
+class FieldTurns(NamedTuple):
+    """Steps, and what held meanwhile.
+
+    Attributes:
+        counts: shape (n,), instants.
+        substeps: shape (n,), the field's angle, counted through; it grows with DIR low.
+        steady: what held.
+    """
+
+    counts: Int64Array
+    substeps: Int64Array
+    steady: Steady
+
+
+class OutputChanges(NamedTuple):
+    """Any changes at the outputs, in order of time.
+
+    Attributes:
+        counts: shape (n,), instants.
+        substeps: shape (n,), as in `FieldTurns`.
+        currents_a: shape (n, 2), in phases A and B, rounded to mA.
+        fast: shape (n,), fraction of fast decay.
+    """
+
+    counts: Int64Array
+    substeps: Int64Array
+    currents_a: FloatArray
+    fast: FloatArray
+
+
+class OutputFollower:
     """The changes at one chip's outputs since power-up, each told once."""
 
-    def __init__(self, origin: Origin, sense_ohm: float, junction: Junction) -> None:
+    def __init__(self, wiring: Wiring, origin: Origin, junction: Junction) -> None:
         """Begin at an origin, before any input has changed."""
-        self._origin, self._sense_ohm, self._junction = origin, sense_ohm, junction
+        self._wiring, self._origin, self._junction = wiring, origin, junction
         self._changes: list[LevelChange] = []
         self._counts: list[Int64Array] = []
         self._signs: list[Int8Array] = []
@@ -68,7 +118,7 @@ class Tb6560Follower:
             return
         self._steady = None
         assert self._through is not None
-        field = self._origin.field._replace(sixteenths=self._through % CYCLE_SIXTEENTHS)
+        field = self._origin.field._replace(substeps=self._through % self._wiring.cycle_substeps)
         self._origin = self._origin._replace(field=field, from_counts=self._looked_counts)
 
     def _look_at_steps(self, steady: Steady, until_counts: int) -> FieldTurns | None:
@@ -97,9 +147,8 @@ class Tb6560Follower:
 
     def _look_at_all(self, until_counts: int) -> OutputChanges | None:
         steps = joined(self._counts, np.int64), joined(self._signs, np.int8)
-        outputs = Tb6560Outputs(
-            self._origin, self._changes, steps, self._junction.shutdowns(until_counts), self._sense_ohm
-        )
+        shutdowns = self._junction.shutdowns(until_counts)
+        outputs = ChipOutputs(self._wiring, self._origin, self._changes, steps, shutdowns)
         counts = outputs.instants()
         counts = counts[counts < until_counts]
         changes = self._sampled(outputs, counts) if counts.size else None
@@ -112,21 +161,21 @@ class Tb6560Follower:
             self._steady = _steady(outputs, until_counts - 1)
         return changes
 
-    def _sampled(self, outputs: Tb6560Outputs, counts: Int64Array) -> OutputChanges:
-        sixteenths = outputs.field_substeps(counts)
-        before = int(sixteenths[0]) if self._through is None else self._through
-        moves = np.diff(sixteenths, prepend=before % CYCLE_SIXTEENTHS)
-        half = CYCLE_SIXTEENTHS // 2
-        through = before + np.cumsum((moves + half) % CYCLE_SIXTEENTHS - half)
+    def _sampled(self, outputs: ChipOutputs, counts: Int64Array) -> OutputChanges:
+        substeps, cycle = outputs.field_substeps(counts), self._wiring.cycle_substeps
+        before = int(substeps[0]) if self._through is None else self._through
+        moves = np.diff(substeps, prepend=before % cycle)
+        through = before + np.cumsum((moves + cycle // 2) % cycle - cycle // 2)
         self._through = int(through[-1])
         return OutputChanges(counts, through, _rounded(outputs.currents_a(counts)), outputs.fast_decay(counts))
 
 
-def _steady(outputs: Tb6560Outputs, counts: int) -> Steady:
+def _steady(outputs: ChipOutputs, counts: int) -> Steady:
     """Return what holds at an instant."""
-    setting = outputs.setting(counts)
+    excitation, amplitude_a = outputs.setting(counts)
     (fast,) = outputs.fast_decay(np.array([counts], dtype=np.int64)).tolist()
-    return Steady(setting.excitation.step_sixteenths, _rounded(setting.currents_a()), fast)
+    currents_a = _rounded(excitation.parts * amplitude_a)
+    return Steady(excitation.step_substeps, excitation.first_substeps, currents_a, fast)
 
 
 def _rounded(currents_a: FloatArray) -> FloatArray:

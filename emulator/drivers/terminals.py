@@ -1,0 +1,51 @@
+"""The terminals of a driver: what is held at a level there, and stretches of edges."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.emulator.board.edges import Int8Array, Int64Array
+
+
+class Rail(StrEnum):
+    """A supply: VDD of the chip's logic, VM of its bridges. It is high when it is up."""
+
+    VDD = "VDD"
+    VM = "VM"
+
+
+class LevelChange(NamedTuple):
+    """A terminal, by its name, takes a level, 0 or 1: a supply, a pin of the board, or a switch of the driver."""
+
+    counts: int
+    terminal: str
+    level: int
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalEdges:
+    """One stretch of edges at a driver's inputs: sorted times in counts, and the level after each edge.
+
+    Attributes:
+        clk_rise_counts: shape (pulses,), the rises of STEP.
+        clk_fall_counts: shape (pulses,), the fall that ends each pulse.
+        dir_counts: shape (d,).
+        dir_levels: shape (d,).
+        changes: changes of the terminals that are held at a level.
+        until_counts: all edges before this instant are in this stretch or in an earlier one.
+    """
+
+    clk_rise_counts: Int64Array
+    clk_fall_counts: Int64Array
+    dir_counts: Int64Array
+    dir_levels: Int8Array
+    changes: tuple[LevelChange, ...]
+    until_counts: int
+
+
+SubstepArray = NDArray[np.signedinteger[Any]]
+Moves = tuple[Int64Array, SubstepArray]
+"""Instants of a rotor's moves, and each move in substeps (`ChipSheet.substeps`) with its sign."""

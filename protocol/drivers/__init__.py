@@ -1,0 +1,46 @@
+"""Drivers as data, by which the emulator counts and within which the host plans: chips, and what is around them."""
+
+from typing import Final
+
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, HomeOutput, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.driver_profile import (
+    NO_TIMES,
+    WIRE,
+    ActiveEdge,
+    Cooling,
+    Coupler,
+    CurrentSetting,
+    DriverProfile,
+    InputLevels,
+)
+from steptwin.protocol.drivers.facts import Fact, Grade
+from steptwin.protocol.drivers.oscillator import OSC_PF_MIN, Oscillator
+from steptwin.protocol.drivers.pin_table import PinTable
+from steptwin.protocol.drivers.tb6560 import PROFILES as _TB6560
+from steptwin.protocol.drivers.tb6560 import bare_chip
+
+PROFILES: Final = {profile.name: profile for profile in _TB6560}
+"""Profiles by their names."""
+
+__all__ = [
+    "NO_TIMES",
+    "OSC_PF_MIN",
+    "PROFILES",
+    "WIRE",
+    "ActiveEdge",
+    "ChipSheet",
+    "Cooling",
+    "Coupler",
+    "CurrentSetting",
+    "DriverProfile",
+    "Fact",
+    "Grade",
+    "HomeOutput",
+    "InputLevels",
+    "Oscillator",
+    "PinTable",
+    "Release",
+    "Shutdown",
+    "StepTimes",
+    "bare_chip",
+]

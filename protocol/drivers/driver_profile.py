@@ -1,0 +1,162 @@
+"""A driver as it stands at an axis connector: a chip, what is around it, and how it is usually set."""
+
+from bisect import bisect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple, TypeVar
+
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, StepTimes
+from steptwin.protocol.drivers.facts import Fact, assumed
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+class ActiveEdge(StrEnum):
+    """The edge of STEP that makes a driver step."""
+
+    RISING = "rising"
+    FALLING = "falling"
+
+
+@dataclass(frozen=True, slots=True)
+class Coupler:
+    """An optocoupler or a wire, with its delays in ns for a level that becomes high or low at the chip's pin."""
+
+    to_high_ns: int = 0
+    to_low_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Cooling:
+    """Cooling of a chip; the default is the TB6560's bare package in still air."""
+
+    resistance_k_per_w: float = 25.0
+    capacity_j_per_k: float = 4.0
+    ambient_celsius: float = 25.0
+
+    @property
+    def time_constant_counts(self) -> float:
+        """Time until 63 % of a change of temperature is over."""
+        return self.resistance_k_per_w * self.capacity_j_per_k * COUNTS_PER_SECOND
+
+
+class CurrentSetting(NamedTuple):
+    """A row of a module's table of currents.
+
+    Attributes:
+        printed_a: the current of the table, by which it is chosen.
+        full_a: current of 100 percent with these switches.
+        torque_percent: part of it that the switches select at the chip's pins.
+        switches: names of the switches that are ON.
+    """
+
+    printed_a: float
+    full_a: float
+    torque_percent: int = 100
+    switches: tuple[str, ...] = ()
+
+
+class InputLevels(NamedTuple):
+    """What STEP, DIR and ENABLE must be driven with: least voltage of a high level, and current, 0 without a light."""
+
+    high_v: float
+    light_ma: float = 0.0
+
+
+WIRE: Final = Coupler()
+"""No delay."""
+NO_TIMES: Final = StepTimes()
+_WIRE: Final = Fact(WIRE, "a wire")
+_IDLE_MS: Final = assumed(500, "no source gives the time")
+_BARE: Final = Fact(Cooling(), "TB6560AHQ datasheet, pages 6 to 8")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverProfile:
+    """A kind of driver, and its usual settings.
+
+    Attributes:
+        name: its name in robot files and on the command line.
+        title: description in one line.
+        chip: the chip.
+        times: what it needs at its terminals beyond the chip's times.
+        clk: part between STEP and CLK.
+        direction: part between DIR and the chip.
+        enable: part between EN and ENABLE; the wiring takes care of a low-active terminal.
+        active_edge: edge of STEP that makes the step.
+        enable_open: ENABLE at the chip if nothing is connected to EN: 0 for the chip's pull-down, 1 where a light
+            switches the chip off.
+        switched: switches, straps or registers of its own set mode, current and decay, and RESET is high with the
+            supply; else the board's pins do.
+        currents: the only currents that it can be set to; empty: any up to the chip's highest.
+        current_a: usual phase current at full torque.
+        idle_percents: currents at standstill that can be chosen, in percent of the full current.
+        idle_percent: the usual one.
+        idle_ms: time from the last step until it begins.
+        fast_decay_percent: usual part of each chopping period with fast decay.
+        inputs: levels at its terminals.
+        cooling: of the chip.
+        source: origin of the delays, for reports.
+    """
+
+    name: str
+    title: str
+    chip: ChipSheet
+    times: StepTimes = NO_TIMES
+    clk: Fact[Coupler] = _WIRE
+    direction: Fact[Coupler] = _WIRE
+    enable: Fact[Coupler] = _WIRE
+    active_edge: ActiveEdge = ActiveEdge.RISING
+    enable_open: int = 0
+    switched: bool = True
+    currents: Fact[tuple[CurrentSetting, ...]] | None = None
+    current_a: float = 1.5
+    idle_percents: tuple[int, ...] = (100,)
+    idle_percent: int = 100
+    idle_ms: Fact[int] = _IDLE_MS
+    fast_decay_percent: int = 0
+    inputs: Fact[InputLevels]
+    cooling: Fact[Cooling] = _BARE
+    source: str = "wires"
+
+    def mode(self, microsteps: int) -> int:
+        """Return microsteps that the driver has; raise ValueError, with the nearest ones, for others."""
+        return _one_of(microsteps, self.chip.microsteps, "microsteps", f"{self.name} has")
+
+    def current(self, current_a: float) -> CurrentSetting:
+        """Return how the driver is set to a current.
+
+        Raises:
+            ValueError: it is not positive, beyond the chip's highest, or none of the driver's; the nearest are named.
+        """
+        most_a = self.chip.current_max_a.value
+        if self.currents is None:
+            if not 0 < current_a <= most_a:
+                raise ValueError(f"{current_a:g} A is not above 0 and up to {most_a:g} A, the most of {self.name}")
+            return CurrentSetting(current_a, current_a)
+        settings = {setting.printed_a: setting for setting in self.currents.value}
+        return settings[_one_of(current_a, tuple(settings), "A", f"{self.name} has switches for")]
+
+    def idle(self, percent: int) -> int:
+        """Return a current at standstill that the driver has; raise ValueError, with the nearest ones, for others."""
+        return _one_of(percent, self.idle_percents, "% at standstill", f"{self.name} has")
+
+    def fast_decay(self, percent: int) -> int:
+        """Return a part of fast decay that the driver has; raise ValueError, with the nearest ones, for others."""
+        return _one_of(percent, self.chip.fast_decay_percent.value.values, "% fast decay", f"{self.name} has")
+
+
+Number = TypeVar("Number", int, float)
+
+
+def _one_of(value: Number, choices: Sequence[Number], unit: str, whose: str) -> Number:
+    """Return a value if it is one of the choices; raise ValueError, naming all and the nearest, if not."""
+    if value in choices:
+        return value
+    ordered = sorted(choices)
+    place = bisect(ordered, value)
+    around = ordered[max(place - 1, 0) : place + 1]
+    nearest = " and ".join(f"{each:g}" for each in around)
+    verb = "are" if len(around) > 1 else "is"
+    listed = ", ".join(f"{each:g}" for each in ordered)
+    raise ValueError(f"{value:g} {unit}: {whose} {listed}; the nearest {verb} {nearest}")
