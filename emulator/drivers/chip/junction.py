@@ -47,11 +47,13 @@ class Junction:
 
     def heat(self, counts: int, power_w: float) -> None:
         """Set the power that the outputs dissipate from an instant on, unless they are shut down."""
+        self._reach(counts)  # what has come before, by the power before
         self._power_w = power_w
         self._turn(counts)
 
     def release(self, counts: int, *, on: bool) -> None:
         """Let a shutdown end, from an instant on, as soon as the junction is cool enough, or not."""
+        self._reach(counts)
         self._released = on
         self._turn(counts)
 

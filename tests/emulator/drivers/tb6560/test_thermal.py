@@ -56,6 +56,20 @@ class TestJunction:
             assert junction.shut_down(now_s * SECOND) == shut_down
 
 
+    def test_a_change_of_power_changes_nothing_before_it(self) -> None:
+        """Shut down and free again, all before the power falls: the junction is heated from then until it does."""
+        asked, unasked = Junction(BARE, SHUTDOWN), Junction(BARE, SHUTDOWN)
+        for junction in (asked, unasked):
+            junction.heat(0, 10.8)
+            junction.release(SECOND, on=True)
+        for t_s in range(2, 100):
+            asked.celsius(t_s * SECOND)
+        for junction in (asked, unasked):
+            junction.heat(100 * SECOND, 0.0)
+        assert unasked.shutdowns(200 * SECOND) == asked.shutdowns(200 * SECOND)
+        assert unasked.celsius(101 * SECOND) == asked.celsius(101 * SECOND) > 150
+
+
 class TestShutdown:
     def test_at_170_degrees_and_not_a_count_sooner(self) -> None:
         """77.0 s: 100 s * ln(270 / 125)."""
