@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from steptwin.emulator.board.edges import Delay
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.protocol.drivers import NO_TIMES, WIRE, ActiveEdge, ChipSheet, Cooling, Coupler, DriverProfile, StepTimes
 from steptwin.protocol.timer import counts_of_ns
 
@@ -69,9 +69,9 @@ class Module:
     cooling: Cooling = field(default_factory=Cooling)
     source: str = "wires"
 
-    def make_chip(self) -> Chip:
+    def make_chip(self) -> DriverChip:
         """Return a chip as it is on the module; raise ValueError if its current is outside its operating range."""
-        return Chip(self.chip, self.full_a, self.cooling)
+        return DriverChip(self.chip, self.full_a, self.cooling)
 
     @property
     def only_wires(self) -> bool:

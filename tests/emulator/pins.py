@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import Cooling, Fact, StepTimes
@@ -28,9 +28,9 @@ POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Rail.VDD, Rail.VM, Pin.RESET
 """The power-up sequence of the datasheet."""
 
 
-def a_tb6560(osc_pf: float = 330, full_a: float = 1.5, cooling: Cooling | None = None) -> Chip:
+def a_tb6560(osc_pf: float = 330, full_a: float = 1.5, cooling: Cooling | None = None) -> DriverChip:
     """Return a TB6560 without supply."""
-    return Chip(tb6560(osc_pf), full_a, cooling or Cooling())
+    return DriverChip(tb6560(osc_pf), full_a, cooling or Cooling())
 
 
 def times(**values_ns: int) -> StepTimes:

@@ -1,7 +1,7 @@
 """One driver chip, modelled by the behaviour of its pins as its sheet says (`protocol.drivers`)."""
 
-from steptwin.emulator.drivers.chip.chip import Chip
+from steptwin.emulator.drivers.chip.chip import DriverChip
 from steptwin.emulator.drivers.chip.output_follower import FieldTurns, OutputChanges, OutputFollower, Steady
 from steptwin.emulator.drivers.chip.outputs import ChipOutputs
 
-__all__ = ["Chip", "ChipOutputs", "FieldTurns", "OutputChanges", "OutputFollower", "Steady"]
+__all__ = ["ChipOutputs", "DriverChip", "FieldTurns", "OutputChanges", "OutputFollower", "Steady"]

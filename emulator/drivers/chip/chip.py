@@ -140,7 +140,7 @@ _INPUT_RISES, _VM_FALLS = 1, 2
 """Indices of the steps that concern CLK and DIR, too."""
 
 
-class Chip:
+class DriverChip:
     """One chip, at first without supply and with all inputs low: in reset, disabled, DIR low.
 
     Raises:

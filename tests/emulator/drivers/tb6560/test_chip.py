@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.limits import LimitUnit, Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import Oscillator
@@ -17,7 +17,7 @@ UP = ((1, 1),)
 """DIR is high from the start."""
 
 
-def powered(osc_pf: float = 330) -> Chip:
+def powered(osc_pf: float = 330) -> DriverChip:
     chip = a_tb6560(osc_pf)
     chip.feed(pins(changes=POWER_UP, until=1))
     return chip
@@ -322,7 +322,7 @@ def test_pieces_make_no_difference(
     assert np.array_equal(pieced.outputs.currents_a(times), once.outputs.currents_a(times))
 
 
-def recorded(chip: Chip) -> list[list[int]]:
+def recorded(chip: DriverChip) -> list[list[int]]:
     """Steps and violations; those of one instant in any order."""
     found = chip.violations
     order = np.lexsort((found.which, found.counts))

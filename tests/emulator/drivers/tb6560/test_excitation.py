@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.chip.excitation import excitations
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange
@@ -40,7 +40,7 @@ STEP = 10_000
 FIRST = 100_000
 
 
-def chip_in_mode(m2: int, m1: int, *changes: LevelChange, full_a: float = 1.0) -> Chip:
+def chip_in_mode(m2: int, m1: int, *changes: LevelChange, full_a: float = 1.0) -> DriverChip:
     """Return a chip with supply, out of reset and enabled; by default 1 A."""
     chip = a_tb6560(330, full_a)
     supplies, released = POWER_UP[:2], POWER_UP[2:]
@@ -57,7 +57,7 @@ def instants(count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return np.array([FIRST - 1, *rises(count)], dtype=np.int64)
 
 
-def percent(chip: Chip, times: np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[list[int]]:
+def percent(chip: DriverChip, times: np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[list[int]]:
     currents = chip.outputs.currents_a(times) * 100
     assert np.abs(currents - np.rint(currents)).max() < 1e-9
     return [[round(value) for value in phase] for phase in currents.T.tolist()]

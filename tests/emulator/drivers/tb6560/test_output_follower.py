@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.chip import Chip, FieldTurns, OutputChanges
+from steptwin.emulator.drivers.chip import DriverChip, FieldTurns, OutputChanges
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import Cooling
 from steptwin.protocol.timer import COUNTS_PER_MS
@@ -31,7 +31,7 @@ def in_full(found: FieldTurns | OutputChanges) -> OutputChanges:
     )
 
 
-def followed(chip: Chip, seed: int, cycles: int = 40) -> list[OutputChanges]:
+def followed(chip: DriverChip, seed: int, cycles: int = 40) -> list[OutputChanges]:
     """Let a chip live through some ms with pulses, turns and changes of its inputs; look after each stretch of it."""
     random, follower = np.random.default_rng(seed), chip.follow_outputs()
     levels, now_counts, told = dict.fromkeys(TERMINALS, 0), 0, []
@@ -74,7 +74,7 @@ def test_it_tells_what_the_outputs_are(seed: int) -> None:
     assert np.abs(np.diff(angles)).max() <= 32
 
 
-def followed_without_forgetting(chip: Chip, seed: int) -> list[OutputChanges]:
+def followed_without_forgetting(chip: DriverChip, seed: int) -> list[OutputChanges]:
     """Let a chip live through the same, and remember all of it."""
     chip.forget = lambda: None  # type: ignore[method-assign]
     return followed(chip, seed)

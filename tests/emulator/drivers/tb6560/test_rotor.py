@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.controller.node.pins import Pin
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.terminals import LevelChange
 from tests.emulator.pins import MODES, POWER_UP, a_tb6560, at, cut, pins
 
@@ -17,7 +17,7 @@ STEP_COUNTS = 10_000
 UP = [(1, 1)]
 
 
-def powered(microsteps: int) -> Chip:
+def powered(microsteps: int) -> DriverChip:
     """A chip that has been set to a mode in reset, at the instant 0."""
     chip = a_tb6560(330)
     chip.feed(pins(changes=(*POWER_UP[:2], *at(0, **LEVELS[microsteps]), *POWER_UP[2:]), until=1))

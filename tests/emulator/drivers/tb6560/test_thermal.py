@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.drivers.chip import Chip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.chip.junction import Junction
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.protocol.drivers import Cooling, Release, Shutdown
@@ -19,14 +19,14 @@ BARE = Cooling()
 SHUTDOWN = Shutdown(170, 20, Release.RESET)
 
 
-def hot_chip(full_a: float = 3.0, cooling: Cooling = BARE) -> Chip:
+def hot_chip(full_a: float = 3.0, cooling: Cooling = BARE) -> DriverChip:
     """Two-phase mode at 3 A: 2 * 9 * 0.6 = 10.8 W, on the way to 295 degC."""
     chip = a_tb6560(330, full_a, cooling)
     chip.feed(pins(changes=POWER_UP, until=1))
     return chip
 
 
-def shutdown_counts(chip: Chip) -> int:
+def shutdown_counts(chip: DriverChip) -> int:
     """The first count at which Protect is low, by bisection."""
     high, low = 0, 1000 * SECOND
     while low - high > 1:
@@ -54,7 +54,6 @@ class TestJunction:
             now_s += duration_s
             assert junction.celsius(now_s * SECOND) == pytest.approx(celsius, abs=0.1)
             assert junction.shut_down(now_s * SECOND) == shut_down
-
 
     def test_a_change_of_power_changes_nothing_before_it(self) -> None:
         """Shut down and free again, all before the power falls: the junction is heated from then until it does."""
