@@ -24,11 +24,9 @@ from steptwin.bench.live_throughput import live_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.timing import cyclic_table, timing_table
 from steptwin.controller.motion.backend import KERNELS
-from steptwin.host.cli.output import print_table
-from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
-from steptwin.host.studies.step_methods.cortex_m3 import core_rows
+from steptwin.host.cli.run.bench import print_figures
 from steptwin.host.studies.step_methods.motions import all_motions
-from steptwin.host.studies.step_methods.table import COLUMNS, measured, table_rows
+from steptwin.host.studies.step_methods.table import measured
 
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "panel": panel_tables,
@@ -57,11 +55,7 @@ def _all() -> Iterator[Table | str]:
     yield drawer_pull_table(kernels)
     yield compiled_text()
     yield "Pulse timing: the kernel beside other methods, against the exact crossings of the planned motion"
-    figures, on_core = measured(all_motions(), fastest)
-    print_table(list(COLUMNS), table_rows(figures), text_columns=2)
-    if on_core:
-        yield f"The kernel on an emulated Cortex-M3, {on_core[0].text_bytes} bytes of flash; busiest 100 ms"
-        print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
+    print_figures(*measured(all_motions(), fastest))
     yield from scaling_tables(fastest)
     yield timing_table(fastest)
     yield cyclic_table(fastest)

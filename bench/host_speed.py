@@ -15,7 +15,7 @@ from steptwin.host.record.waveforms.export import csv, vcd
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.step_methods.loads import AXES
+from steptwin.host.studies.step_methods.motions import AXES
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 BATCH: Final = 8192

@@ -24,7 +24,8 @@ from steptwin.bench.bench_table import bench_table
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.studies.step_methods.loads import AXES, UNLIMITED, Advance, Load, constant, ready, run, sine
+from steptwin.host.studies.step_methods.kernel import UNLIMITED, Advance, Load, constant, ready, run, sine
+from steptwin.host.studies.step_methods.motions import AXES
 
 STEPS = 5_000_000
 """Number of steps in a load for a compiled kernel: 80 MB of edges, more than caches hold."""

@@ -22,7 +22,8 @@ from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.arrays import AxisRecords
-from steptwin.host.studies.step_methods.loads import AXES, MICROSTEPS, UNITS_PER_STEP, Load
+from steptwin.host.studies.step_methods.kernel import Load
+from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, UNITS_PER_STEP
 from steptwin.protocol.pvt import QUEUE_DEPTH
 
 POINT_MS: Final = 4

@@ -81,51 +81,19 @@ class Storage:
 
 @dataclass(slots=True)
 class Metered:
-    """What was measured of `st_advance`."""
+    """What was measured of `st_advance`.
 
-    axes: int
-    ticks_a_call: int
+    Attributes:
+        calls: the cycles of each call.
+        instructions: all instructions.
+        flash_waits: all cycles in which the core waits for an STM32F103's flash.
+        stack_bytes: the most stack used.
+    """
+
+    calls: list[Ends] = field(default_factory=list)
     instructions: int = 0
     flash_waits: int = 0
-    calls: list[Ends] = field(default_factory=list)
-    """Cycles of each call."""
     stack_bytes: int = 0
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks metered."""
-        return len(self.calls) * self.ticks_a_call
-
-    def per_axis_and_tick(self, end: int = 1) -> float:
-        """Return the mean cycles; `end` is 0 for the model's low end, 1 for typical, 2 for high."""
-        return sum(call[end] for call in self.calls) / (self.ticks * self.axes)
-
-    @property
-    def instructions_per_axis_and_tick(self) -> float:
-        """Mean number of instructions."""
-        return self.instructions / (self.ticks * self.axes)
-
-    @property
-    def flash_waits_per_axis_and_tick(self) -> float:
-        """Mean number of cycles in which the core waits for an STM32F103's flash."""
-        return self.flash_waits / (self.ticks * self.axes)
-
-    @property
-    def mean_percent(self) -> float:
-        """Typical load of a processor of 72 MHz over the window."""
-        return 100 * sum(call[1] for call in self.calls) / (self.ticks * k.TICK_COUNTS)
-
-    @property
-    def busiest_percent(self) -> float:
-        """Typical load in the busiest 10 ms."""
-        width = 10 * k.TICKS_PER_MS // self.ticks_a_call
-        sums = [sum(call[1] for call in self.calls[i : i + width]) for i in range(max(len(self.calls) - width, 0) + 1)]
-        return 100 * max(sums) / (min(width, len(self.calls)) * self.ticks_a_call * k.TICK_COUNTS)
-
-    @property
-    def worst_percent(self) -> float:
-        """Typical load of the worst call: its cycles over the time of its ticks."""
-        return 100 * max(call[1] for call in self.calls) / (self.ticks_a_call * k.TICK_COUNTS)
 
 
 def stopping_at(fast: Kernel, tick: int, seen: Callable[[Storage], None]) -> Kernel:
@@ -152,7 +120,7 @@ def meter(image: Image, start: Storage, window: range, ticks_a_call: int, *, hal
     axes, queue, group = (cells.copy() for cells in (start.axes, start.queue, start.group))
     before = np.zeros_like(axes)
     clk, direction = (np.zeros((start.axis_count, EDGES_A_TICK * ticks_a_call), np.int64) for _ in range(2))
-    metered = Metered(start.axis_count, ticks_a_call)
+    metered = Metered()
     half = len(window) // 2
     ramps = {window.start: (k.FULL_RATE_Q16, 0), window.start + half: (0, k.FULL_RATE_Q16)} if halting else {}
     for tick in window[::ticks_a_call]:

@@ -1,7 +1,7 @@
 """`steptwin bench [ROBOT [JOB]]`: compare the kernel's pulse timing with other ways of making step pulses."""
 
 from importlib.util import find_spec
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,6 +9,10 @@ from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
 from steptwin.host.cli.output import print_json, print_table, say
 from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures
+    from steptwin.host.studies.step_methods.evaluation import MethodErrors
 
 ROBOT_AND_JOB = "[ROBOT] [JOB]"
 
@@ -24,10 +28,8 @@ def bench(
 ) -> None:
     """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
     from steptwin.host.planning.jobs import job_names
-    from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
-    from steptwin.host.studies.step_methods.cortex_m3 import core_rows
     from steptwin.host.studies.step_methods.motions import all_motions, motion_of_job
-    from steptwin.host.studies.step_methods.table import COLUMNS, document, measured, table_rows
+    from steptwin.host.studies.step_methods.table import document, measured
     from steptwin.host.twin.machine.kernels import fastest_kernel
 
     if not find_spec("numba"):
@@ -43,7 +45,16 @@ def bench(
     figures, on_core = measured(motions, kernel)
     if as_json:
         print_json(document(figures, on_core, kernel))
-        return
+    else:
+        print_figures(figures, on_core)
+
+
+def print_figures(figures: "list[MethodErrors]", on_core: "list[CoreFigures]") -> None:
+    """Print the table of the methods, and that of the kernel on an emulated core where that was metered."""
+    from steptwin.host.studies.step_methods.cortex_m3 import COLUMNS as CORE_COLUMNS
+    from steptwin.host.studies.step_methods.cortex_m3 import core_rows
+    from steptwin.host.studies.step_methods.table import COLUMNS, table_rows
+
     print_table(list(COLUMNS), table_rows(figures), text_columns=2)
     if on_core:
         flash = f"{on_core[0].text_bytes} bytes of flash"

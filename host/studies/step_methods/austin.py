@@ -17,12 +17,11 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.host.studies.step_methods.pulses import (
     THRESHOLD_Q16,
-    Buffers,
     PinTimes,
     PlacedPulses,
     compiled,
     counter_at,
-    place_with,
+    place_axes,
 )
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -38,14 +37,10 @@ def austin(motion: PlannedMotion) -> PlacedPulses:
     points_q16, velocities_hz = motion.points_q16, motion.velocities_hz
     pins = PinTimes.of(motion.board)
 
-    def place(buffers: Buffers) -> None:
-        for axis, start in enumerate(motion.start_steps):
-            buffers.counts[axis] = _run(
-                motion.times_ms, points_q16[axis], velocities_hz[axis], start, pins,
-                buffers.rises[axis], buffers.direction[axis],
-            )  # fmt: skip
+    def place(axis: int, start: int, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
+        return _run(motion.times_ms, points_q16[axis], velocities_hz[axis], start, pins, rises, direction)
 
-    return place_with(place, motion)
+    return place_axes(place, motion)
 
 
 @compiled

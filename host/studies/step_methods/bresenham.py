@@ -11,16 +11,15 @@ import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import Buffers, PlacedPulses, compiled, counter_at, place_with
+from steptwin.host.studies.step_methods.pulses import PlacedPulses, compiled, counter_at, place_with
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 
 def bresenham(motion: PlannedMotion) -> PlacedPulses:
     """Place a motion with one constant rate in each of its records."""
 
-    def place(buffers: Buffers) -> None:
-        counters = np.array(motion.start_steps)
-        _run(motion.times_ms, motion.points_q16, counters, buffers.rises, buffers.direction, buffers.counts)
+    def place(rises: Int64Array, direction: Int64Array, made: Int64Array) -> None:
+        _run(motion.times_ms, motion.points_q16, np.array(motion.start_steps), rises, direction, made)
 
     return place_with(place, motion)
 

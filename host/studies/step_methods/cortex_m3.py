@@ -7,7 +7,7 @@ come on top. The other methods have no version for this core, so they are not me
 
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.kernel_c.layout import Layout
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.studies.step_methods.kernel import place_once
-from steptwin.host.studies.step_methods.loads import POINTS_AHEAD
+from steptwin.host.studies.step_methods.kernel import POINTS_AHEAD, place_once
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+if TYPE_CHECKING:
+    from steptwin.emulator.cortex_m3.meter import Metered
 
 LOADS: Final = ((1, False), (4, False), (1, True))
 """Ticks that a call of the kernel computes, one for every interrupt of the servo timer or a millisecond at once; and
@@ -74,25 +76,35 @@ def core_figures(motion: PlannedMotion, fast: Kernel) -> list[CoreFigures]:
     found = []
     for ticks_a_call, halting in LOADS:
         metered = meter(image, starts[0], window, ticks_a_call, halting=halting)
-        found.append(
-            CoreFigures(
-                motion.name,
-                ticks_a_call,
-                halting,
-                metered.instructions_per_axis_and_tick,
-                metered.per_axis_and_tick(0),
-                metered.per_axis_and_tick(1),
-                metered.per_axis_and_tick(2),
-                metered.flash_waits_per_axis_and_tick,
-                metered.mean_percent,
-                metered.busiest_percent,
-                metered.worst_percent,
-                metered.stack_bytes,
-                len(image.code),
-                ram_bytes(motion.axes, ticks_a_call, metered.stack_bytes),
-            )
-        )
+        found.append(_figures(motion, metered, ticks_a_call, len(image.code), halting=halting))
     return found
+
+
+def _figures(
+    motion: PlannedMotion, metered: "Metered", ticks_a_call: int, text_bytes: int, *, halting: bool
+) -> CoreFigures:
+    """Return means per axis and tick, and the load of a processor of 72 MHz by the typical cycles."""
+    cycles = np.array(metered.calls)
+    ticks = len(cycles) * ticks_a_call
+    low, typical, high = (cycles.sum(axis=0) / (ticks * motion.axes)).tolist()
+    percent = 100 * cycles[:, 1] / (ticks_a_call * k.TICK_COUNTS)
+    calls_in_10_ms = min(10 * k.TICKS_PER_MS // ticks_a_call, len(cycles))
+    return CoreFigures(
+        motion=motion.name,
+        ticks_a_call=ticks_a_call,
+        halting=halting,
+        instructions=metered.instructions / (ticks * motion.axes),
+        cycles_low=low,
+        cycles_typical=typical,
+        cycles_high=high,
+        flash_waits=metered.flash_waits / (ticks * motion.axes),
+        mean_percent=float(percent.mean()),
+        busiest_percent=float(np.convolve(percent, np.ones(calls_in_10_ms) / calls_in_10_ms, "valid").max()),
+        worst_percent=float(percent.max()),
+        stack_bytes=metered.stack_bytes,
+        text_bytes=text_bytes,
+        ram_bytes=ram_bytes(motion.axes, ticks_a_call, metered.stack_bytes),
+    )
 
 
 def ram_bytes(axes: int, ticks_a_call: int, stack_bytes: int) -> int:

@@ -13,14 +13,7 @@ from math import floor
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import (
-    THRESHOLD_Q16,
-    Buffers,
-    PinTimes,
-    PlacedPulses,
-    compiled,
-    place_with,
-)
+from steptwin.host.studies.step_methods.pulses import THRESHOLD_Q16, PinTimes, PlacedPulses, compiled, place_axes
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 Q32 = 1 << 32
@@ -33,14 +26,11 @@ def dda(base_hz: int, motion: PlannedMotion) -> PlacedPulses:
     positions, velocities = motion.points_q16 / 65_536, motion.velocities_hz / 1000
     pins = PinTimes.of(motion.board)
 
-    def place(buffers: Buffers) -> None:
-        for axis, start in enumerate(motion.start_steps):
-            buffers.counts[axis] = _run(
-                motion.times_ms, positions[axis], velocities[axis], start, period_counts, pins,
-                buffers.rises[axis], buffers.direction[axis],
-            )  # fmt: skip
+    def place(axis: int, start: int, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
+        own = (motion.times_ms, positions[axis], velocities[axis])
+        return _run(*own, start, period_counts, pins, rises, direction)
 
-    return place_with(place, motion)
+    return place_axes(place, motion)
 
 
 @compiled

@@ -16,7 +16,7 @@ from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.step_methods.loads import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP
+from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 JOBS: Final = (
@@ -25,6 +25,10 @@ JOBS: Final = (
     ("hybrid-arm", "helix"),
     ("teaching-scara", "carry"),
 )
+AXES: Final = 7
+MICROSTEPS: Final = 16
+UNITS_PER_STEP: Final = UNITS_PER_FULL_STEP // MICROSTEPS
+POINT_MS: Final = 10
 STRESS_PEAK_HZ: Final = 14_000.0
 STRESS_S: Final = 8.0
 
@@ -130,9 +134,9 @@ class Sines:
         return 2 * np.pi * np.array(self.cycles) / self.duration_s
 
 
-def sines(name: str, motion: Sines, board: BoardSettings) -> PlannedMotion:
-    """Plan sines with a point every 10 ms, rounded as the planner does."""
-    times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, POINT_MS)
+def sines(name: str, motion: Sines, board: BoardSettings, point_ms: int = POINT_MS) -> PlannedMotion:
+    """Plan sines, rounded as the planner does."""
+    times_ms = np.arange(0, round(1000 * motion.duration_s) + 1, point_ms)
     t_s = times_ms / 1000
     velocities = np.round(motion.velocities(t_s) * UNITS_PER_STEP * VELOCITY_PER_UNIT_PER_MS / 1000)
     axes = len(motion.cycles)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -109,29 +109,33 @@ class PinTimes(NamedTuple):
         )
 
 
-@dataclass(slots=True, eq=False)
-class Buffers:
-    """One row for each axis: CLK rises, DIR edges as 2 * counts + level, and the number of both."""
-
-    rises: Int64Array
-    direction: Int64Array
-    counts: Int64Array = field(init=False)
-    """Shape (axes, 2)."""
-
-    def __post_init__(self) -> None:
-        self.counts = np.zeros((len(self.rises), 2), np.int64)
+Place = Callable[[Int64Array, Int64Array, Int64Array], None]
+"""Fills a row for each axis: of CLK rises, of DIR edges as 2 * counts + level, and of the numbers of both."""
 
 
-def place_with(place: Callable[[Buffers], None], motion: PlannedMotion) -> PlacedPulses:
-    """Let a method fill the buffers REPEATS + 1 times; return its pulses and the shortest time."""
-    shape = (motion.axes, motion.steps_max)
-    buffers = Buffers(np.zeros(shape, np.int64), np.zeros(shape, np.int64))
+def place_with(place: Place, motion: PlannedMotion) -> PlacedPulses:
+    """Let a method fill the rows REPEATS + 1 times; return its pulses and the shortest time."""
+    rises, direction = (np.zeros((motion.axes, motion.steps_max), np.int64) for _ in range(2))
+    made = np.zeros((motion.axes, 2), np.int64)
     wall_s = float("inf")
     for _ in range(REPEATS + 1):
         started = time.perf_counter()
-        place(buffers)
+        place(rises, direction, made)
         wall_s = min(wall_s, time.perf_counter() - started)
-    rows = zip(buffers.rises, buffers.direction, buffers.counts.tolist(), strict=True)
     steplen = PinTimes.of(motion.board).steplen
-    axes = [AxisPulses.of(rises[:steps], edges[:turns], steplen) for rises, edges, (steps, turns) in rows]
-    return PlacedPulses(axes, wall_s)
+    rows = zip(rises, direction, made.tolist(), strict=True)
+    return PlacedPulses(
+        [AxisPulses.of(own[:steps], edges[:turns], steplen) for own, edges, (steps, turns) in rows], wall_s
+    )
+
+
+def place_axes(
+    place: Callable[[int, int, Int64Array, Int64Array], tuple[int, int]], motion: PlannedMotion
+) -> PlacedPulses:
+    """Let a method that places one axis after the other do so: from its number and its counter, into its rows."""
+
+    def place_all(rises: Int64Array, direction: Int64Array, made: Int64Array) -> None:
+        for axis, start in enumerate(motion.start_steps):
+            made[axis] = place(axis, start, rises[axis], direction[axis])
+
+    return place_with(place_all, motion)
