@@ -186,7 +186,7 @@ def campaign(
 
 
 def _require_extra() -> None:
-    if find_spec("pyarrow") is None or find_spec("distributed") is None:
+    if not all(map(find_spec, ("distributed", "pyarrow", "tomlkit"))):
         raise InputError("campaigns are not installed: pip install 'steptwin[campaign]'")
 
 

@@ -15,7 +15,6 @@ from steptwin.host.studies.campaign.campaign import Campaign
 from steptwin.host.studies.campaign.results import Results
 from steptwin.host.studies.campaign.running import run_trial
 from steptwin.host.studies.campaign.summary import Cause, Summary, summarised
-from steptwin.host.studies.campaign.toml_text import toml_text
 from steptwin.host.studies.campaign.trial import draw, placed
 from steptwin.host.studies.campaign.values import AtPart, PlannedAt
 
@@ -170,6 +169,8 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
 
     It is empty if the run fails no more, as after a repair of what it found.
     """
+    import tomlkit
+
     trial = draw(campaign, cause.seeds[0])
     wanted = _kind(run_trial(trial).breaches)
     if wanted is None:
@@ -190,7 +191,7 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
         *(() if table.get("fault") else ("# It has no fault: the run fails alike without one.",)),
         "",
     ]
-    return "\n".join(head) + toml_text(table)
+    return "\n".join(head) + tomlkit.dumps(table)
 
 
 def _kind(breaches: Any) -> tuple[str, str] | None:

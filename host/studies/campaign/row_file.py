@@ -5,12 +5,12 @@ anything is read, and every value is checked before a row is made of it.
 """
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from stat import S_ISREG
-from typing import TYPE_CHECKING, Any, BinaryIO, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, get_origin, get_type_hints
 
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -31,39 +31,29 @@ if TYPE_CHECKING:
 
 _ROWS_AT_ONCE: Final = 100
 """Rows that are Python objects at the same time."""
-_MAPS: Final = ("parameters", "choices", "margins")
-_LISTS: Final = ("codes", "faults", "struck", "met", "asked")
+_HINTS: Final = get_type_hints(Row)
+_MAPS: Final = [name for name, hint in _HINTS.items() if get_origin(hint) is Mapping]
+_LISTS: Final = [name for name, hint in _HINTS.items() if get_origin(hint) is tuple]
 
 
 def schema() -> "pa.Schema":
-    """Return the columns of the Parquet files."""
+    """Return the columns of the Parquet files: one for each field of a row, and the cause."""
     import pyarrow as pa
 
-    text, texts = pa.string(), pa.list_(pa.string())
-    return pa.schema(
-        [
-            pa.field("seed", pa.int64(), nullable=False),
-            pa.field("robot", text),
-            pa.field("motion", text),
-            pa.field("scenario", text),
-            pa.field("ended", text),
-            pa.field("message", text),
-            pa.field("codes", texts),
-            pa.field("faults", texts),
-            pa.field("struck", pa.list_(pa.int64())),
-            pa.field("met", texts),
-            pa.field("asked", texts),
-            pa.field("breaches", pa.list_(pa.struct([("invariant", text), ("what", text), ("detail", text)]))),
-            pa.field("parameters", pa.map_(pa.string(), pa.float64())),
-            pa.field("choices", pa.map_(pa.string(), pa.string())),
-            pa.field("margins", pa.map_(pa.string(), pa.float64())),
-            pa.field("duration_s", pa.float64()),
-            pa.field("simulated_s", pa.float64()),
-            pa.field("wall_s", pa.float64()),
-            pa.field("version", text),
-            pa.field("cause", text),
-        ]
-    )
+    text, number, whole = pa.string(), pa.float64(), pa.int64()
+    types = {
+        str: text,
+        Ended: text,
+        int: whole,
+        float: number,
+        tuple[str, ...]: pa.list_(text),
+        tuple[int, ...]: pa.list_(whole),
+        tuple[Breach, ...]: pa.list_(pa.struct([("invariant", text), ("what", text), ("detail", text)])),
+        Mapping[str, float]: pa.map_(text, number),
+        Mapping[str, str]: pa.map_(text, text),
+    }
+    fields = [pa.field(name, types[hint], nullable=name != "seed") for name, hint in _HINTS.items()]
+    return pa.schema([*fields, pa.field("cause", text)])
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
@@ -218,10 +208,8 @@ def rows_of(table: "pa.Table") -> Iterator[Row]:
 
 
 def _row(document: dict[str, Any]) -> Row:
-    values = {key: value for key, value in document.items() if key != "cause"}
-    for name in _MAPS:
-        values[name] = dict(values[name])
-    for name in _LISTS:
-        values[name] = tuple(values[name])
-    values["breaches"] = tuple(Breach(**breach) for breach in values["breaches"])
-    return Row(**values | {"ended": Ended(values["ended"])})
+    del document["cause"]
+    document["ended"] = Ended(document["ended"])
+    document["breaches"] = [Breach(**breach) for breach in document["breaches"]]
+    made = {name: dict(document[name]) for name in _MAPS} | {name: tuple(document[name]) for name in _LISTS}
+    return Row(**document | made)

@@ -3,6 +3,7 @@
 import logging
 import time
 import traceback
+from dataclasses import replace
 from functools import cache
 
 from steptwin.host.common.choices import MotorsTurn
@@ -44,30 +45,21 @@ def run_trial(trial: Trial) -> Row:
     """Make a run; whatever goes wrong is in its row."""
     began_s = time.perf_counter()
     try:
-        return row_of(perform(trial), time.perf_counter() - began_s)
+        row = row_of(perform(trial))
     except InputError as error:
-        return _bare_row(trial, Ended.REFUSED, str(error), time.perf_counter() - began_s)
+        row = _row(trial, Ended.REFUSED, str(error))
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         breach = Breach("program", f"{type(error).__name__} in {place.name}", f"{error} (line {place.lineno})")
-        return _bare_row(trial, Ended.CRASHED, str(error), time.perf_counter() - began_s, breach)
+        row = replace(_row(trial, Ended.CRASHED, str(error)), asked=(breach.invariant,), breaches=(breach,))
+    return replace(row, wall_s=time.perf_counter() - began_s)
 
 
-def _bare_row(trial: Trial, ended: Ended, message: str, wall_s: float, *breaches: Breach) -> Row:
+def _row(trial: Trial, ended: Ended, message: str) -> Row:
+    """Return what a row says of the draw and of the end."""
     parameters, choices = split_parameters(trial.parameters)
-    return Row(
-        trial.seed,
-        trial.robot_name,
-        trial.motion,
-        trial.scenario,
-        ended,
-        message,
-        asked=tuple(breach.invariant for breach in breaches),
-        breaches=breaches,
-        parameters=parameters,
-        choices=choices,
-        wall_s=wall_s,
-    )
+    own = (trial.seed, trial.robot_name, trial.motion, trial.scenario)
+    return Row(*own, ended, message, parameters=parameters, choices=choices)
 
 
 def perform(trial: Trial) -> Performance:
@@ -147,30 +139,20 @@ def _by_own_clocks(trial: Trial, board: EmbeddedBoard, outcome: Outcome | None) 
     return verify(outcome.comparison.expected, board.evidence_by_own_clocks(), outcome.report.run)
 
 
-def row_of(run: Performance, wall_s: float = 0.0) -> Row:
-    """Return the row of a run."""
-    trial, outcome = run.trial, run.outcome
-    parameters, choices = split_parameters(trial.parameters)
+def row_of(run: Performance) -> Row:
+    """Return the row of a run, without the time that it took."""
     margins = {name: margin.of(run) for name, margin in MARGINS.items()}
-    return Row(
-        seed=trial.seed,
-        robot=trial.robot_name,
-        motion=trial.motion,
-        scenario=trial.scenario,
-        ended=run.ended,
-        message=run.message,
+    return replace(
+        _row(run.trial, run.ended, run.message),
         codes=_codes(run),
         faults=tuple(fault.name for fault in run.faults),
         struck=tuple(fault.strikes for fault in run.faults),
         met=tuple(sorted({fault.what for fault in run.faults if fault.struck})),
         asked=asked_of(run),
         breaches=breaches_of(run),
-        parameters=parameters,
-        choices=choices,
         margins={name: _short(margin) for name, margin in margins.items() if margin is not None},
-        duration_s=0.0 if outcome is None else _short(outcome.report.run.duration_s),
+        duration_s=0.0 if run.outcome is None else _short(run.outcome.report.run.duration_s),
         simulated_s=_short(run.simulated_s),
-        wall_s=wall_s,
     )
 
 

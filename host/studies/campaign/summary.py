@@ -1,8 +1,9 @@
 """What a campaign has found: pass rates, worst cases, and the failed runs by their causes."""
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from heapq import nsmallest
 from math import sqrt
 from typing import Any, Final, NamedTuple
 
@@ -163,49 +164,18 @@ def _place(row: Row) -> dict[str, Any]:
     return {"seed": row.seed, "robot": row.robot, "motion": row.motion, "scenario": row.scenario}
 
 
-_BY: Final[Mapping[str, Callable[[Row], str]]] = {
-    "robots": lambda row: row.robot,
-    "motions": lambda row: row.motion,
-    "scenarios": lambda row: row.scenario,
-}
-
-
-@dataclass(slots=True)
-class _Count:
-    passed: int = 0
-    runs: int = 0
-
-    def add(self, passed: bool) -> None:
-        self.runs += 1
-        self.passed += passed
-
-    @property
-    def rate(self) -> PassRate:
-        return PassRate(self.passed, self.runs)
-
-
-@dataclass(slots=True)
-class _Failed:
-    runs: int = 0
-    rows: list[Row] = field(default_factory=list)
-    robots: Counter[str] = field(default_factory=Counter)
-
-    def add(self, row: Row) -> None:
-        self.runs += 1
-        self.robots[row.robot] += 1
-        self.rows = sorted((*self.rows, row), key=lambda each: each.seed)[:_SEEDS_SHOWN]
-
-
 @dataclass(slots=True)
 class _Tally:
-    ended: Counter[Ended] = field(default_factory=Counter)
-    all: _Count = field(default_factory=_Count)
-    groups: dict[str, dict[str, _Count]] = field(default_factory=lambda: {what: defaultdict(_Count) for what in _BY})
-    asked: Counter[str] = field(default_factory=Counter)
-    broken: Counter[str] = field(default_factory=Counter)
-    struck: dict[str, _Count] = field(default_factory=lambda: defaultdict(_Count))
+    """What rows have told so far."""
+
+    rates: dict[str, dict[str, PassRate]] = field(default_factory=lambda: defaultdict(dict))
+    """Pass rates by name, of everything of a kind: robots, motions, scenarios, invariants ..."""
+    robots: dict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
+    """Runs that failed, by cause and robot."""
+    first: dict[str, list[Row]] = field(default_factory=lambda: defaultdict(list))
+    """Rows of each cause, those of the least seeds."""
     worst: dict[str, Worst] = field(default_factory=dict)
-    failed: dict[str, _Failed] = field(default_factory=lambda: defaultdict(_Failed))
+    ended: Counter[Ended] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
     codes: Counter[str] = field(default_factory=Counter)
     versions: Counter[str] = field(default_factory=Counter)
@@ -219,45 +189,47 @@ class _Tally:
         if row.ended is Ended.REFUSED:
             self.refused[row.message] += 1
             return
-        self.all.add(row.passed)
-        for what, of in _BY.items():
-            self.groups[what][of(row)].add(row.passed)
-        self.asked.update(row.asked)
-        self.broken.update({breach.invariant for breach in row.breaches})
-        self.codes.update(row.codes)
+        for kind, name in (("", ""), ("robots", row.robot), ("motions", row.motion), ("scenarios", row.scenario)):
+            self._count(kind, name, row.passed)
+        broken = {breach.invariant for breach in row.breaches}
+        for name in row.asked:
+            self._count("invariants", name, name not in broken)
         if row.faults:
-            self.struck[row.scenario].add(all(row.struck))
+            self._count("struck", row.scenario, all(row.struck))
+        self.codes.update(row.codes)
         for name, left in row.margins.items():
             if name not in self.worst or (left, row.seed) < (self.worst[name].left, self.worst[name].row.seed):
                 self.worst[name] = Worst(name, left, row)
         if row.breaches:
-            self.failed[row.cause].add(row)
+            self.robots[row.cause][row.robot] += 1
+            self.first[row.cause] = nsmallest(_SEEDS_SHOWN, (*self.first[row.cause], row), key=lambda each: each.seed)
         self.simulated_s += row.simulated_s
 
+    def _count(self, kind: str, name: str, passed: bool) -> None:
+        before = self.rates[kind].get(name, PassRate(0, 0))
+        self.rates[kind][name] = PassRate(before.passed + passed, before.runs + 1)
+
     def summary(self, planned: int) -> Summary:
-        ordered = sorted(self.failed.items(), key=lambda item: (-item[1].runs, item[0]))
+        causes = [
+            Cause(
+                text,
+                robots.total(),
+                tuple(row.seed for row in self.first[text]),
+                str(self.first[text][0].breaches[0]),
+                dict(sorted(robots.items())),
+            )
+            for text, robots in self.robots.items()
+        ]
+        asked = self.rates["invariants"]
         return Summary(
             planned=planned,
             ended={kind: self.ended[kind] for kind in Ended if self.ended[kind]},
-            all=self.all.rate,
-            groups={what: {name: rates[name].rate for name in sorted(rates)} for what, rates in self.groups.items()},
-            invariants={
-                name: PassRate(self.asked[name] - self.broken[name], self.asked[name])
-                for name in INVARIANTS
-                if self.asked[name]
-            },
-            struck={name: self.struck[name].rate for name in sorted(self.struck)},
+            all=self.rates[""].get("", PassRate(0, 0)),
+            groups={kind: dict(sorted(self.rates[kind].items())) for kind in ("robots", "motions", "scenarios")},
+            invariants={name: asked[name] for name in INVARIANTS if name in asked},
+            struck=dict(sorted(self.rates["struck"].items())),
             worst=tuple(self.worst[name] for name in MARGINS if name in self.worst),
-            causes=tuple(
-                Cause(
-                    text,
-                    failed.runs,
-                    tuple(row.seed for row in failed.rows),
-                    str(failed.rows[0].breaches[0]),
-                    dict(sorted(failed.robots.items())),
-                )
-                for text, failed in ordered
-            ),
+            causes=tuple(sorted(causes, key=lambda cause: (-cause.runs, cause.text))),
             refused=dict(self.refused.most_common()),
             codes=dict(sorted(self.codes.items())),
             simulated_s=self.simulated_s,

@@ -4,7 +4,6 @@ Each quantity has a generator of its own, seeded by the run's seed and the quant
 parameter is added draws the same robots, motions and faults as before.
 """
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from random import Random
@@ -29,7 +28,6 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign.campaign import Campaign, CampaignMotion, JobMotion, RandomMoves
-from steptwin.host.studies.campaign.toml_text import toml_text
 from steptwin.host.studies.campaign.values import AtPart, PlannedAt, drawn
 from steptwin.host.studies.campaign.variations import Setup, set_up
 
@@ -239,7 +237,7 @@ def _leaves(place: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def with_varied_file(trial: Trial) -> Trial:
-    """Return the same run with a robot whose file says what was varied; its comments are lost if anything was.
+    """Return the same run with a robot whose file says what was varied.
 
     A file may not state speeds for which the drivers cannot step fast enough, as with more microsteps. There it states
     the highest speed that they manage: the run was no faster.
@@ -253,16 +251,18 @@ def with_varied_file(trial: Trial) -> Trial:
 
 
 def _varied_text(robot: Robot, head: str) -> str:
+    import tomlkit
+
     if read_robot(robot.toml) == robot:
         return robot.toml
     stated = replace(robot, joints=tuple(_within(joint, robot.board.driver_rate_max_hz) for joint in robot.joints))
-    document = tomllib.loads(robot.toml)
+    document: Any = tomlkit.parse(robot.toml)
     document["board"]["bitrate"] = stated.board.bitrate
     for joint in stated.joints:
         _state(joint, document["joints"][joint.name])
     if stated.dynamics is not None:
         document["dynamics"]["payload_kg"] = stated.dynamics.payload_kg
-    text = head + toml_text(document)
+    text = head + tomlkit.dumps(document)
     if read_robot(text) != stated:
         raise InputError(f"{robot.name}: its file cannot say what was varied")
     return text

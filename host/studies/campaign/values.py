@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import exp, log
 from random import Random
 from reprlib import repr as short
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple
 
 from steptwin.host.common.bad_input import known, prefixed
 from steptwin.host.common.control import SWITCHES
@@ -22,98 +22,18 @@ Template = Any
 """A value of TOML in which tables of a single key may be drawn: a scalar, a Draw, or a list or dict of templates."""
 
 
-class Draw(Protocol):
-    """A value that is drawn."""
-
-    def drawn(self, random: Random, robot: Robot) -> Any:
-        """Return a value for a run with this robot."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
-class Choose:
-    """One of some values, each as likely."""
+class Draw:
+    """A value that is drawn.
 
-    values: tuple[Template, ...]
+    Attributes:
+        how: the key of its table, one of `_DRAWS`.
+        source: what it is drawn from: the values to choose from, the least and the greatest value, or the switch that a
+            joint must have, by its name in requests; empty for any joint.
+    """
 
-    def drawn(self, random: Random, robot: Robot) -> Any:
-        """Return one of the values, itself drawn if it is a template."""
-        return drawn(random.choice(self.values), random, robot)
-
-
-@dataclass(frozen=True, slots=True)
-class Uniform:
-    """A number between two, each as likely."""
-
-    lower: float
-    upper: float
-
-    def drawn(self, random: Random, _: Robot) -> float:
-        """Return a number of six significant digits: short to read, and the same when it is read again."""
-        return _short(random.uniform(self.lower, self.upper))
-
-
-@dataclass(frozen=True, slots=True)
-class LogUniform:
-    """A number between two above 0, each factor as likely: for values over several decades."""
-
-    lower: float
-    upper: float
-
-    def drawn(self, random: Random, _: Robot) -> float:
-        """Return a number of six significant digits."""
-        return _short(exp(random.uniform(log(self.lower), log(self.upper))))
-
-
-@dataclass(frozen=True, slots=True)
-class Whole:
-    """A whole number from one to another, both included."""
-
-    lower: int
-    upper: int
-
-    def drawn(self, random: Random, _: Robot) -> int:
-        """Return the number."""
-        return random.randint(self.lower, self.upper)
-
-
-@dataclass(frozen=True, slots=True)
-class AnyJoint:
-    """The name of one of the robot's joints; with a switch, by its name in requests, of one that has it."""
-
-    switch: str = ""
-
-    def drawn(self, random: Random, robot: Robot) -> str:
-        """Return the name; raise InputError if no joint has the switch."""
-        axes = range(len(robot.joints))
-        names = [robot.joint_names[axis] for axis in axes if not self.switch or self.switch in switches_of(robot, axis)]
-        if not names:
-            raise InputError(f"any: no joint of {robot.name} has the switch {self.switch}")
-        return random.choice(names)
-
-
-@dataclass(frozen=True, slots=True)
-class PartOfMotion:
-    """An instant between two parts of the motion, 0 its start and 1 its end."""
-
-    lower: float
-    upper: float
-
-    def drawn(self, random: Random, _: Robot) -> "AtPart":
-        """Return the instant as a part, to be placed in the motion."""
-        return AtPart(_short(random.uniform(self.lower, self.upper)))
-
-
-@dataclass(frozen=True, slots=True)
-class OnTheWay:
-    """The position where the joint beside it, under the key `joint`, is at an instant between two parts."""
-
-    lower: float
-    upper: float
-
-    def drawn(self, random: Random, _: Robot) -> "PlannedAt":
-        """Return the instant as a part, at which the position is looked up."""
-        return PlannedAt(_short(random.uniform(self.lower, self.upper)))
+    how: str
+    source: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,18 +50,14 @@ class PlannedAt:
     part: float
 
 
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
-
-
 def drawn(template: Template, random: Random, robot: Robot) -> Any:
     """Return a template with all its draws drawn, in the order that they stand."""
     if isinstance(template, dict):
         return {key: drawn(value, random, robot) for key, value in template.items()}
     if isinstance(template, list):
         return [drawn(value, random, robot) for value in template]
-    if isinstance(template, Choose | Uniform | LogUniform | Whole | AnyJoint | PartOfMotion | OnTheWay):
-        return template.drawn(random, robot)
+    if isinstance(template, Draw):
+        return _DRAWS[template.how].draw(random, robot, *template.source)
     return template
 
 
@@ -157,7 +73,7 @@ def read_template(value: object) -> Template:
         return value
     if len(value) == 1 and (key := next(iter(value))) in _DRAWS:
         with prefixed(f"{key}: "):
-            return _DRAWS[key](value[key])
+            return Draw(key, _DRAWS[key].read(value[key]))
     templates = {}
     for key, item in value.items():
         with prefixed(f"{key}: "):
@@ -165,10 +81,10 @@ def read_template(value: object) -> Template:
     return templates
 
 
-def _choose(values: object) -> Choose:
+def _values(values: object) -> tuple[Template, ...]:
     if not isinstance(values, list) or not values:
         raise InputError(f"{short(values)} is not a list of values to choose from")
-    return Choose(tuple(read_template(value) for value in values))
+    return tuple(read_template(value) for value in values)
 
 
 def _range(values: object) -> tuple[float, float]:
@@ -180,18 +96,18 @@ def _range(values: object) -> tuple[float, float]:
     return lower, upper
 
 
-def _log_uniform(values: object) -> LogUniform:
+def _positive(values: object) -> tuple[float, float]:
     lower, upper = _range(values)
     if not lower > 0:
         raise InputError(f"{lower:g} is not above 0; uniform takes it")
-    return LogUniform(lower, upper)
+    return lower, upper
 
 
-def _whole(values: object) -> Whole:
+def _whole(values: object) -> tuple[int, int]:
     lower, upper = _range(values)
     if lower != int(lower) or upper != int(upper):
         raise InputError(f"{short(values)} are not whole numbers; uniform takes others")
-    return Whole(int(lower), int(upper))
+    return int(lower), int(upper)
 
 
 def _parts(values: object) -> tuple[float, float]:
@@ -201,20 +117,44 @@ def _parts(values: object) -> tuple[float, float]:
     return lower, upper
 
 
-_ANY: Final = {"joint": AnyJoint()} | {f"joint with {switch}": AnyJoint(switch) for switch in SWITCHES}
+_ANY: Final = {"joint": ()} | {f"joint with {switch}": (switch,) for switch in SWITCHES}
 
 
-def _any(what: object) -> AnyJoint:
-    return _ANY[known("any", what, _ANY)]
+def _joint(random: Random, robot: Robot, switch: str = "") -> str:
+    """Return the name of one of the robot's joints; raise InputError if none has the switch."""
+    axes = range(len(robot.joints))
+    names = [robot.joint_names[axis] for axis in axes if not switch or switch in switches_of(robot, axis)]
+    if not names:
+        raise InputError(f"any: no joint of {robot.name} has the switch {switch}")
+    return random.choice(names)
 
 
-_DRAWS: Final[Mapping[str, Callable[[object], Draw]]] = {
-    "choose": _choose,
-    "uniform": lambda values: Uniform(*_range(values)),
-    "log_uniform": _log_uniform,
-    "whole": _whole,
-    "any": _any,
-    "part_of_motion": lambda values: PartOfMotion(*_parts(values)),
-    "on_the_way": lambda values: OnTheWay(*_parts(values)),
+def _uniform(random: Random, _: Robot, lower: float, upper: float) -> float:
+    """Return a number of six significant digits: short to read, and the same when it is read again."""
+    return float(f"{random.uniform(lower, upper):.6g}")
+
+
+def _log_uniform(random: Random, _: Robot, lower: float, upper: float) -> float:
+    return float(f"{exp(random.uniform(log(lower), log(upper))):.6g}")
+
+
+class _Kind(NamedTuple):
+    """A kind of draw: how its source is read from TOML, and how a value is drawn from it."""
+
+    read: Callable[[object], tuple[Any, ...]]
+    draw: Callable[..., Any]
+
+
+_DRAWS: Final[Mapping[str, _Kind]] = {
+    "choose": _Kind(_values, lambda random, robot, *values: drawn(random.choice(values), random, robot)),
+    "uniform": _Kind(_range, _uniform),
+    "log_uniform": _Kind(_positive, _log_uniform),
+    "whole": _Kind(_whole, lambda random, _, lower, upper: random.randint(lower, upper)),
+    "any": _Kind(lambda what: _ANY[known("any", what, _ANY)], _joint),
+    "part_of_motion": _Kind(_parts, lambda *drawing: AtPart(_uniform(*drawing))),
+    "on_the_way": _Kind(_parts, lambda *drawing: PlannedAt(_uniform(*drawing))),
 }
-"""The keys that make a table of a single key a draw."""
+"""The keys that make a table of a single key a draw: one of some values, each as likely; a number between two, or with
+each factor as likely, for values over several decades; a whole number, both ends included; the name of a joint; an
+instant between two parts of the motion, 0 its start and 1 its end; the position at such an instant of the joint beside
+it, under the key `joint`."""

@@ -10,6 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.planning.motions.stretched import STRETCH_MAX
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
+from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 from steptwin.host.twin.machine.drivers import driver_profile
@@ -86,13 +87,12 @@ def _friction(setup: Setup, value: object) -> Setup:
     factor = number_at("factor", value)
     if factor < 0:
         raise InputError(f"{factor:g} is a negative factor")
-    joints = tuple(
-        joint
-        if joint.motor is None
-        else replace(joint, motor=replace(joint.motor, friction_nm=factor * joint.motor.friction_nm))
-        for joint in setup.robot.joints
-    )
-    return replace(setup, robot=replace(setup.robot, joints=joints))
+
+    def rubbing(joint: Joint) -> Joint:
+        motor = joint.motor
+        return replace(joint, motor=motor and replace(motor, friction_nm=factor * motor.friction_nm))
+
+    return _with_joints(setup, rubbing)
 
 
 def _ramps(setup: Setup, value: object) -> Setup:
@@ -105,10 +105,13 @@ def _ramps(setup: Setup, value: object) -> Setup:
 
 def _microsteps(setup: Setup, value: object) -> Setup:
     microsteps = _whole(value)
-    joints = tuple(
-        replace(joint, transmission=replace(joint.transmission, microsteps=microsteps)) for joint in setup.robot.joints
+    return _with_joints(
+        setup, lambda joint: replace(joint, transmission=replace(joint.transmission, microsteps=microsteps))
     )
-    return replace(setup, robot=replace(setup.robot, joints=joints))
+
+
+def _with_joints(setup: Setup, change: Callable[[Joint], Joint]) -> Setup:
+    return replace(setup, robot=replace(setup.robot, joints=tuple(map(change, setup.robot.joints))))
 
 
 def _driver_profile(setup: Setup, value: object) -> Setup:

@@ -11,7 +11,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.studies.campaign import Campaign, draw
 from steptwin.host.studies.campaign.trial import Trial, placed
-from steptwin.host.studies.campaign.values import Choose, Uniform
+from steptwin.host.studies.campaign.values import Draw
 from tests.host.studies.campaign.campaigns import campaign_of
 
 WIDE = """
@@ -88,8 +88,8 @@ def test_everything_is_drawn_by_its_weight(trials: list[Trial]) -> None:
 
 
 def test_a_further_parameter_leaves_the_others_as_they_were(wide: Campaign, trials: list[Trial]) -> None:
-    more = replace(wide, vary={"record_ms": Choose((5, 20)), **wide.vary})
-    fewer = replace(wide, vary={"payload_kg": Uniform(0, 2)})
+    more = replace(wide, vary={"record_ms": Draw("choose", (5, 20)), **wide.vary})
+    fewer = replace(wide, vary={"payload_kg": Draw("uniform", (0, 2))})
     for trial in trials[:10]:
         with_more, with_fewer = _facts(draw(more, trial.seed)), _facts(draw(fewer, trial.seed))
         assert with_more[:5] == with_fewer[:5] == _facts(trial)[:5]

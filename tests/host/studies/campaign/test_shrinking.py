@@ -3,11 +3,11 @@
 import tomllib
 from typing import Any
 
+import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.studies.campaign.campaign_report import shrunk
-from steptwin.host.studies.campaign.toml_text import toml_text
 from steptwin.host.studies.campaign.values import AtPart
 
 FAULTS: list[dict[str, Any]] = [
@@ -71,4 +71,4 @@ _TEXTS = st.dictionaries(
 @given(st.lists(_TEXTS, min_size=1, max_size=2), _TEXTS)
 def test_written_tables_are_read_again(tables: list[dict[str, Any]], inner: dict[str, Any]) -> None:
     table = {"seed": 3, **inner, "fault": tables, "until": {"numbers": [1, 2.5], **inner, "deep": {"er": inner}}}
-    assert tomllib.loads(toml_text(table)) == table
+    assert tomllib.loads(tomlkit.dumps(table)) == table

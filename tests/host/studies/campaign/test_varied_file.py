@@ -62,3 +62,9 @@ def test_a_robot_says_which_seed_it_is_of(trial: Trial) -> None:
     setup = set_up(load_robot("teaching-scara"), {"microsteps": 8})
     text = with_varied_file(replace(trial, setup=setup)).setup.robot.toml
     assert text.startswith("# teaching-scara as drawn for seed 3 of a campaign\n")
+
+
+def test_its_file_keeps_its_comments(trial: Trial) -> None:
+    robot = load_robot("teaching-scara")
+    text = with_varied_file(replace(trial, setup=set_up(robot, {"microsteps": 2}))).setup.robot.toml
+    assert text.count("#") == robot.toml.count("#") + 1
