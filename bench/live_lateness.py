@@ -5,8 +5,8 @@ Server and client are two processes.
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from statistics import median
+from typing import Final
 
 import can
 import numpy as np
@@ -16,11 +16,11 @@ from steptwin.bench.bench_table import bench_table
 from steptwin.bench.live_server import (
     ROBOT,
     SERVE,
+    Server,
     await_answer,
     cpu_s,
     move_all,
     send,
-    serving,
     silence_python_can,
 )
 from steptwin.emulator.bus.can_timing import frame_bits
@@ -39,7 +39,7 @@ _TYPE = Frame(COB_SDO_RESPONSE + FIRST_NODE_ID, bytes.fromhex("4300100092010400"
 def round_trip_rows() -> Iterator[str]:
     """Measure round trips at rest, then lateness during a motion; yield rows of p50, p99 and the largest."""
     silence_python_can()
-    with serving(*SERVE) as server:
+    with Server(*SERVE) as server:
         with server.client() as bus:
             times_us = _round_trips_us(bus)
             move_all(bus)
@@ -68,46 +68,34 @@ def _round_trips_us(bus: can.BusABC) -> list[float]:
     return times[ROUND_TRIPS // 10 :]
 
 
-@dataclass(frozen=True)
-class Served:
-    """One motion of a served board: lateness in us of the wall clock, and the server's processor seconds per second.
-
-    Lateness of frames is left out: so few come in this time that those of power-up decide the 99th percentile.
-    """
-
-    ticks_us_p50: float
-    ticks_us_p99: float
-    cores: float
-
-
 def live_motors_table(pairs: int = PAIRS) -> Table:
     """Serve a board without and one with motors, in turns.
 
-    The range without motors is what the computer itself makes differ.
+    The range without motors is what the computer itself makes differ. Lateness of frames is left out: so few come in
+    this time that those of power-up decide the 99th percentile.
     """
     silence_python_can()
-    sides = tuple(zip(*((_served(), _served("--motors")) for _ in range(pairs)), strict=True))
-    quantities = {
-        "ticks_us_p50": "lateness of ticks, p50, us",
-        "ticks_us_p99": "lateness of ticks, p99, us",
-        "cores": "cores that the server uses",
-    }
+    sides = zip(*((_served(), _served("--motors")) for _ in range(pairs)), strict=True)
+    without, turning = (zip(*side, strict=True) for side in sides)
     return bench_table(
         f"A live board without and with motors, in turns, six axes at 1000 steps/s: medians of {pairs}",
         "quantity|without|with|without, from to",
         (
             f"{words}|{median(without):.4g}|{median(turning):.4g}|{min(without):.4g} to {max(without):.4g}"
-            for figure, words in quantities.items()
-            for without, turning in ([[getattr(each, figure) for each in side] for side in sides],)
+            for words, without, turning in zip(_QUANTITIES, without, turning, strict=True)
         ),
     )
 
 
-def _served(*options: str) -> Served:
-    with serving(*SERVE, *options) as server:
+_QUANTITIES: Final = ("lateness of ticks, p50, us", "lateness of ticks, p99, us", "cores that the server uses")
+
+
+def _served(*options: str) -> tuple[float, float, float]:
+    """Return each of _QUANTITIES for one motion of a served board, by the wall clock."""
+    with Server(*SERVE, *options) as server:
         with server.client() as bus:
             began_s, used_s = time.perf_counter(), cpu_s(server.process.pid)
             move_all(bus, MOTION_S)
             moved_s, used_s = time.perf_counter() - began_s, cpu_s(server.process.pid) - used_s
         ticks: dict[str, float] = server.end()["real_time"]["ticks"]
-    return Served(ticks["late_us_p50"], ticks["late_us_p99"], used_s / moved_s)
+    return ticks["late_us_p50"], ticks["late_us_p99"], used_s / moved_s

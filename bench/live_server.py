@@ -14,11 +14,9 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import can
 
@@ -41,7 +39,7 @@ _CPU_TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
 class Server:
-    """A process that serves a board at `port` until `end`."""
+    """A process that serves a board at `port` until `end`, or until its block is left."""
 
     def __init__(self, module: str, *arguments: str) -> None:
         """Start `python -m MODULE ARGUMENTS`, which names its port on stderr and prints its report on stdout."""
@@ -55,6 +53,13 @@ class Server:
             banner += line
         self.port = int(found[1])
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+
     def client(self) -> can.BusABC:
         """Open a new connection with python-can."""
         return can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=self.port, tcp_tune=True)
@@ -64,17 +69,6 @@ class Server:
         self.process.send_signal(signal.SIGTERM)
         report: dict[str, Any] = json.loads(self.process.communicate()[0])
         return report
-
-
-@contextmanager
-def serving(module: str, *arguments: str) -> Iterator[Server]:
-    """Run a server within the block; kill it afterwards if it is still running."""
-    server = Server(module, *arguments)
-    try:
-        yield server
-    finally:
-        server.process.kill()
-        server.process.wait()
 
 
 def silence_python_can() -> None:

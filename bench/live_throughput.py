@@ -16,7 +16,7 @@ from rich.table import Table
 
 from steptwin.bench.bench_table import bench_table
 from steptwin.bench.live_lateness import lateness_row, round_trip_rows
-from steptwin.bench.live_server import SERVE, cpu_s, memory_mb, serving
+from steptwin.bench.live_server import SERVE, Server, cpu_s, memory_mb
 from steptwin.host.client import AxisSettings, Machine, StreamedMotion
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.client.stream import Stream
@@ -66,7 +66,7 @@ def _streamed(seconds: float) -> tuple[list[str], str]:
         AssertionError: a driver counted other steps than were sent, or a limit was broken.
     """
     records = tuple(_sine_records(axis, seconds) for axis in range(AXES))
-    with serving("steptwin.bench.live_server") as server:
+    with Server("steptwin.bench.live_server") as server:
         connection = Connection("socketcand", host="127.0.0.1", port=server.port)
         with BusLink(open_bus(connection), connection.title) as link:
             machine = Machine(link, tuple(f"axis {axis}" for axis in range(AXES)))
@@ -120,7 +120,7 @@ def _flooded(frames: int) -> str:
     Memory is the server's resident set after a tenth of the frames and after all.
     """
     early, memory_mb_early = frames // 10, 0.0
-    with serving(*SERVE, "--speed", str(_SPEED)) as server, _raw(server.port) as sender, _raw(server.port) as receiver:
+    with Server(*SERVE, "--speed", str(_SPEED)) as server, _raw(server.port) as sender, _raw(server.port) as receiver:
         with DefaultSelector() as selector:
             selector.register(sender, EVENT_WRITE)
             selector.register(receiver, EVENT_READ)

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from steptwin.bench import panel_page
 from steptwin.bench.bench_table import bench_table
-from steptwin.bench.live_server import Server, serving, silence_python_can
+from steptwin.bench.live_server import Server, silence_python_can
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, JointJog, RefusedError, ResetFaults, ToolJog
@@ -192,7 +192,7 @@ def measure(times: int = TIMES) -> list[DelayRow]:
     silence_python_can()
     joint = [JointJog("th2", speed) for speed in (10.0, -10.0)]
     tool = [ToolJog("y", speed) for speed in (-50.0, 50.0)]
-    with serving("steptwin", "serve", ROBOT.name, "--port", "0", "--json") as server:
+    with Server("steptwin", "serve", ROBOT.name, "--port", "0", "--json") as server:
         panel = _Panel(server)
         try:
             trials = [(joint[i % 2], tool[i % 2]) for i in range(times)]

@@ -16,12 +16,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from statistics import median
 from threading import Event
-from typing import Any, Final
+from typing import Any, Final, Self
 from urllib.parse import urlencode
 from urllib.request import urlopen
 from uuid import uuid4
 
-from steptwin.bench.live_server import ROBOT, SERVE, Server, cpu_s, move_all, serving, silence_python_can
+from steptwin.bench.live_server import ROBOT, SERVE, Server, cpu_s, move_all, silence_python_can
 
 VIEWERS: Final = 5
 TIMES: Final = 3
@@ -84,7 +84,7 @@ def _page(url: str) -> bytes:
 
 
 class OpenedPanel:
-    """A command that opens a panel, until `end`."""
+    """A command that opens a panel, until its block is left."""
 
     def __init__(self, *words: str) -> None:
         self.started_s = time.monotonic()
@@ -94,20 +94,12 @@ class OpenedPanel:
         addresses = (re.match(r"panel: (\S+)", line) for line in self.process.stdout)
         self.url = next(found[1] for found in addresses if found)
 
-    def end(self) -> None:
-        """Stop the command and what it has started."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self.process.terminate()
         self.process.communicate(timeout=_TIMEOUT_S)
-
-
-@contextmanager
-def panel(*words: str) -> Iterator[OpenedPanel]:
-    """Run a command that opens a panel within the block."""
-    opened = OpenedPanel(*words)
-    try:
-        yield opened
-    finally:
-        opened.end()
 
 
 def panel_of(server: Server) -> tuple[str, ...]:
@@ -126,7 +118,7 @@ def watched(server: Server) -> Iterator[None]:
         await asyncio.to_thread(gone.wait)
         await viewer.close()
 
-    with panel(*panel_of(server)) as opened, ThreadPoolExecutor(1) as threads:
+    with OpenedPanel(*panel_of(server)) as opened, ThreadPoolExecutor(1) as threads:
         watching = threads.submit(lambda: asyncio.run(watch(opened.url)))
         try:
             assert there.wait(_TIMEOUT_S), "the panel shows nothing"
@@ -150,7 +142,7 @@ def start_texts() -> Iterator[str]:
 
     Yield the seconds from each command to its page's first answer, and to the first numbers in it.
     """
-    with serving(*SERVE) as server:
+    with Server(*SERVE) as server:
         yield _start_text("panel", *panel_of(server))
     yield _start_text("serve --panel", "serve", ROBOT, "--panel", "--port", "0")
 
@@ -164,7 +156,7 @@ def _start_text(command: str, *words: str) -> str:
 
 
 def _start(*words: str) -> tuple[float, float]:
-    with panel(*words) as opened:
+    with OpenedPanel(*words) as opened:
         _page(opened.url)
         page_s = time.monotonic() - opened.started_s
 
@@ -182,7 +174,7 @@ def _start(*words: str) -> tuple[float, float]:
 
 def load_text() -> str:
     """Return what the page's server needs while browsers watch six axes move."""
-    with serving(*SERVE) as server, panel(*panel_of(server)) as opened, server.client() as bus:
+    with Server(*SERVE) as server, OpenedPanel(*panel_of(server)) as opened, server.client() as bus:
         cores, ticks_per_s = asyncio.run(_load(opened, lambda: move_all(bus)))
     return (
         f"The page's server with {VIEWERS} browsers, each with {ticks_per_s:.0f} updates a second:"
@@ -221,7 +213,7 @@ def lateness_text(times: int = TIMES) -> str:
 
 
 def _tick_late_us(company: Callable[[Server], AbstractContextManager[None]]) -> float:
-    with serving(*SERVE) as server:
+    with Server(*SERVE) as server:
         with company(server), server.client() as bus:
             move_all(bus)
         late_us: float = server.end()["real_time"]["ticks"]["late_us_p99"]
@@ -240,7 +232,7 @@ def measure_grey(death: signal.Signals, times: int = TIMES) -> tuple[float, ...]
 
 
 def _after_death_ms(death: signal.Signals) -> float:
-    with serving(*SERVE) as server, panel(*panel_of(server)) as opened:
+    with Server(*SERVE) as server, OpenedPanel(*panel_of(server)) as opened:
         return asyncio.run(_grey_ms(opened.url, lambda: os.kill(server.process.pid, death)))
 
 

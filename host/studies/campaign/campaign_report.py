@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.own_files import made_folder
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 from steptwin.host.studies.campaign.campaign import Campaign
 from steptwin.host.studies.campaign.results import Results
 from steptwin.host.studies.campaign.running import run_trial
@@ -26,46 +26,23 @@ TRIES: Final = 80
 _FAULTS: Final = "fault"
 
 
-class _TiredError(Exception):
-    """All tries are used up."""
-
-
-class _Tries:
-    """Counts the runs, and remembers what has been tried: nothing is run twice."""
-
-    def __init__(self, fails: Fails, most: int) -> None:
-        self._fails = fails
-        self._left = most
-        self._tried: dict[str, bool] = {}
-
-    def still_fails(self, table: dict[str, Any]) -> bool:
-        key = repr(table)
-        if key not in self._tried:
-            if not self._left:
-                raise _TiredError
-            self._left -= 1
-            self._tried[key] = self._fails(table)
-        return self._tried[key]
-
-
 def shrunk(table: dict[str, Any], fails: Fails, tries: int = TRIES) -> dict[str, Any]:
     """Return the smallest table found that still fails: with fewer faults, then fewer keys, then simpler numbers.
 
     Each simplification that still fails is kept, and all are tried again until none is (delta debugging; A. Zeller and
-    R. Hildebrandt, IEEE Trans. Software Eng. 28, 2002). The table itself must fail.
+    R. Hildebrandt, IEEE Trans. Software Eng. 28, 2002). Nothing is run twice. The table itself must fail.
     """
-    counted, best = _Tries(fails, tries), deepcopy(table)
-    try:
-        while (simpler := _first(counted, best)) is not None:
-            best = simpler
-    except _TiredError:
-        pass
+    best, tried = deepcopy(table), dict[str, bool]()
+    simpler = _simpler(best)
+    while (candidate := next(simpler, None)) is not None:
+        key = repr(candidate)
+        if key not in tried:
+            if len(tried) == tries:
+                break
+            tried[key] = fails(candidate)
+        if tried[key]:
+            best, simpler = candidate, _simpler(candidate)
     return best
-
-
-def _first(tries: _Tries, table: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the first simplification that still fails; None if none does."""
-    return next((simpler for simpler in _simpler(table) if tries.still_fails(simpler)), None)
 
 
 def _simpler(table: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -150,7 +127,7 @@ def write_report(
         stale.unlink()
     summary = summarised(results.rows(campaign.seeds), campaign.runs)
     files = ["report.json"]
-    _write(place / files[0], json.dumps(summary.to_dict(), indent=2) + "\n")
+    write_whole(place / files[0], json.dumps(summary.to_dict(), indent=2) + "\n")
     pictures = find_spec("matplotlib") is not None
     if pictures and summary.all.runs:
         from steptwin.host.studies.campaign.campaign_pictures import draw_campaign
@@ -160,7 +137,7 @@ def write_report(
     for number, cause in enumerate(summary.causes[:_CAUSES_SHRUNK], start=1):
         if text := smallest_scenario(campaign, cause, folder, tried):
             files.append(f"cause-{number}.toml")
-            _write(place / files[-1], text)
+            write_whole(place / files[-1], text)
     return WrittenReport(summary, tuple(files), pictures)
 
 
@@ -196,8 +173,3 @@ def smallest_scenario(campaign: Campaign, cause: Cause, folder: Path, tried: Cal
 
 def _kind(breaches: Any) -> tuple[str, str] | None:
     return (breaches[0].invariant, breaches[0].what) if breaches else None
-
-
-def _write(path: Path, text: str) -> None:
-    with whole_file(path) as file:
-        file.write(text.encode())

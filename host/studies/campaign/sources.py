@@ -13,7 +13,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, CAMPAIGN_FILE_BYTES_MAX
 from steptwin.host.common.own_files import made_folder, read_text
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 
 _FOLDERS: Final = ("controller", "emulator", "host", "protocol")
 _SUFFIXES: Final = (".py", ".toml")
@@ -82,15 +82,15 @@ class Sources:
                 texts[f"{_FILES}/{quote(name, safe='')}"] = read_text(self.path(name), CAMPAIGN_FILE_BYTES_MAX)
         if (folder / _CAMPAIGN).exists():
             for place, text in texts.items():
-                if _kept_text(folder / place) != text:
+                path = folder / place
+                if not path.is_file() or read_text(str(path), CAMPAIGN_FILE_BYTES_MAX) != text:
                     raise InputError(f"{folder}: has the results of another campaign, whose {place} differs")
             return
         folder.mkdir(parents=True, exist_ok=True)
         for place, text in reversed(texts.items()):  # the campaign comes last: with it the folder is whole
             if place.startswith(f"{_FILES}/"):
                 made_folder(folder / _FILES)
-            with whole_file(folder / place) as file:
-                file.write(text.encode())
+            write_whole(folder / place, text)
 
 
 def sources_of_file(path: str) -> Sources:
@@ -108,7 +108,3 @@ def sources_of_results(folder: Path) -> Sources:
         raise InputError(f"{folder}: holds no campaign: there is no {_CAMPAIGN} in it")
     with prefixed(f"{path}: "):
         return Sources(str(path), read_text(str(path), CAMPAIGN_BYTES_MAX), kept=folder)
-
-
-def _kept_text(path: Path) -> str | None:
-    return read_text(str(path), CAMPAIGN_FILE_BYTES_MAX) if path.is_file() else None
