@@ -110,16 +110,6 @@ class Bus:
         """Instant when the next frame may begin: the end of the last one's intermission."""
         return self._free_counts
 
-    def also_log(self, log: Log) -> None:
-        """Call a further log with each frame from now on, after the present one and before the frame's receivers."""
-        first = self._log
-
-        def both(frame: Frame, now_counts: int) -> None:
-            first(frame, now_counts)
-            log(frame, now_counts)
-
-        self._log = both
-
     def attach(self, station: CanController) -> None:
         """Connect a station's controller to the wire."""
         self._stations.append(station)

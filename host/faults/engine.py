@@ -223,7 +223,7 @@ class Engine:
     def attend(self, now_counts: int) -> None:
         """Begin and end the faults that are due; those of one instant in the scenario's order."""
         if self._sync_counts is not None and self.target.interpolating:
-            self._note_start(self._sync_counts, now_counts)
+            self._note_start(self._sync_counts)
         if self._waiting:
             for each in self._waiting:
                 if each.watch is not None and each.watch.is_due(now_counts):
@@ -232,11 +232,11 @@ class Engine:
         if not self._waiting and self.start_counts is not None:
             self.target.simulation.attendant = None  # nothing is left to do: each event would cost another look
 
-    def _note_start(self, sync_counts: int, now_counts: int) -> None:
+    def _note_start(self, sync_counts: int) -> None:
         """Note t = 0 of the motion, the first tick after the SYNC."""
         self._sync_counts = None
         self.start_counts = -(-sync_counts // TICK_COUNTS) * TICK_COUNTS
-        self._start = self.target.moment(now_counts)
+        self._start = self.target.moment()
         for each in self._waiting:
             if each.watch is not None:
                 each.watch.motion_starts(self.start_counts)
@@ -252,7 +252,7 @@ class Engine:
     def _act(self, each: Played, now_counts: int) -> None:
         if each.began is None:
             reset = isinstance(each.harm, BrownOut | WatchdogReset)
-            each.began = self.target.moment(now_counts, concerned(each.harm, self.target.boards) if reset else ())
+            each.began = self.target.moment(concerned(each.harm, self.target.board_numbers) if reset else ())
             self._begin(each, now_counts)
             each.watch = self._end_watch(each.fault, now_counts)
             if isinstance(each.harm, HostFault):

@@ -10,6 +10,7 @@ from steptwin.emulator.faults.machine import Payload
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
+from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
@@ -69,22 +70,6 @@ class Moment:
         return len(set(self.boards)) > 1
 
 
-def moment_of(axes: Sequence[tuple[Board, int]], now_counts: int, uncounted: Collection[int] = ()) -> Moment:
-    """Look at axes, each given by its board and its number there.
-
-    The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
-    which a reset within it must still be able to take back.
-    """
-    boards = list(dict.fromkeys(board for board, _ in axes))
-    return Moment(
-        now_counts,
-        tuple(
-            _axis_moment(board, axis, boards.index(board), counted=number not in uncounted)
-            for number, (board, axis) in enumerate(axes)
-        ),
-    )
-
-
 def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> AxisMoment:
     node, motion = board.firmware.nodes[axis], board.firmware.motion
     return AxisMoment(
@@ -110,7 +95,7 @@ class Places:
     def __init__(self, axes_per_board: Sequence[int]) -> None:
         """Note the number of axes on each board, in the order of the joints."""
         self._boards = range(len(axes_per_board))
-        self._places = [(board, axis) for board, axes in enumerate(axes_per_board) for axis in range(axes)]
+        self.axes = tuple((board, axis) for board, axes in enumerate(axes_per_board) for axis in range(axes))
 
     def on_boards(self, operation: Operation) -> list[tuple[int, Operation]]:
         """Return an operation on the machine as operations on boards, each with the number of its board.
@@ -119,7 +104,7 @@ class Places:
         board.
         """
         if operation.place is not None:
-            board, axis = self._places[operation.place]
+            board, axis = self.axes[operation.place]
             return [(board, operation.at(axis))]
         if operation.once:
             return [(0, operation)]
@@ -131,7 +116,7 @@ class Places:
         None: it is the one on another board than the first of an operation that is done on every board.
         """
         if operation.place is not None:
-            return operation.at(self._places.index((board, operation.place)))
+            return operation.at(self.axes.index((board, operation.place)))
         return operation if board == 0 else None
 
 
@@ -144,30 +129,25 @@ def check_motors(harm: Harm, *, turning: bool) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
 class Target:
-    """A robot's boards in a simulation.
+    """A robot's emulated machine: its boards in a simulation, with axes numbered as the robot's joints.
 
     Attributes:
         robot: the machine.
         simulation: its boards and their bus.
         start_steps: where its motors stood at power-up, in steps of the robot's file from their axes' zeros.
-        axes: board of each joint, and the number of its axis there.
-        places: the same by the boards' numbers.
+        places: where each axis is.
+        axes: the board of each joint's axis, and the number of the axis there.
+        board_numbers: the number of each axis' board.
     """
 
-    robot: Robot
-    simulation: Simulation
-    start_steps: Sequence[int]
-    axes: tuple[tuple[Board, int], ...]
-    places: Places = field(repr=False)
-
-    @classmethod
-    def of(cls, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> "Target":
-        """Return the target with the axes of all boards in order."""
-        boards = simulation.boards
-        places = Places([board.config.axis_count for board in boards])
-        return cls(robot, simulation, start_steps, tuple(axes_of(boards)), places)
+    def __init__(self, robot: Robot, simulation: Simulation, start_steps: Sequence[int]) -> None:
+        self.robot = robot
+        self.simulation = simulation
+        self.start_steps = start_steps
+        self.places = Places([board.config.axis_count for board in simulation.boards])
+        self.axes = tuple((simulation.boards[number], axis) for number, axis in self.places.axes)
+        self.board_numbers = [number for number, _ in self.places.axes]
 
     def check(self, harm: Harm) -> None:
         """Raise InputError unless the machine has what a harm concerns: motors that turn with it, a receiver."""
@@ -189,18 +169,41 @@ class Target:
         for number, each in self.places.on_boards(operation):
             self.simulation.operate(each, number)
 
-    def moment(self, now_counts: int, uncounted: Collection[int] = ()) -> Moment:
-        """Return what all axes do now, as `moment_of`."""
-        return moment_of(self.axes, now_counts, uncounted)
+    def moment(self, uncounted: Collection[int] = ()) -> Moment:
+        """Return what all axes do now.
+
+        The drivers of the axes in `uncounted` are not asked: to answer they process the pulses of the whole servo tick,
+        which a reset within it must still be able to take back.
+        """
+        return Moment(
+            self.simulation.now_counts,
+            tuple(
+                _axis_moment(board, axis, self.board_numbers[number], counted=number not in uncounted)
+                for number, (board, axis) in enumerate(self.axes)
+            ),
+        )
 
     def steps(self) -> list[float]:
-        """Return where the motors are by their drivers' counts, in steps of the robot's file from their axes' zeros."""
-        return counted_steps(self.robot, self.start_steps, self.axes)
+        """Return the position of each motor by the steps that its driver has made, from the joint's zero.
 
-    @property
-    def boards(self) -> list[int]:
-        """The number of each axis' board."""
-        return [self.simulation.boards.index(board) for board, _ in self.axes]
+        It is in steps of the robot's file, a whole number of them unless the driver makes others.
+        """
+        return [
+            start + board.position_full_steps(axis) * joint.transmission.microsteps
+            for start, joint, (board, axis) in zip(self.start_steps, self.robot.joints, self.axes, strict=True)
+        ]
+
+    def microsteps(self) -> list[Microsteps]:
+        """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
+        return [
+            Microsteps(
+                joint.name,
+                board.driver_microsteps(axis),
+                board.firmware.motion.config(axis).microsteps,
+                joint.transmission.microsteps,
+            )
+            for joint, (board, axis) in zip(self.robot.joints, self.axes, strict=True)
+        ]
 
     @property
     def moving(self) -> bool:
@@ -218,19 +221,3 @@ class Target:
         around = [board.surroundings for board in self.simulation.boards]
         axes, watch = tuple(axis for each in around for axis in each.axes), self.simulation.rotor_watch
         return replace(around[0], axes=axes, payload_kg=0.0 if watch is None else watch.payload_kg)
-
-
-def axes_of(boards: Sequence[Board]) -> list[tuple[Board, int]]:
-    """Return the board of each joint, and the number of the joint's axis on it."""
-    return [(board, axis) for board in boards for axis in range(board.config.axis_count)]
-
-
-def counted_steps(robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]]) -> list[float]:
-    """Return the position of each motor by the steps that its driver has made, from the joint's zero.
-
-    It is in steps of the robot's file, a whole number of them unless the driver makes others.
-    """
-    return [
-        start + board.position_full_steps(axis) * joint.transmission.microsteps
-        for start, joint, (board, axis) in zip(start_steps, robot.joints, axes, strict=True)
-    ]

@@ -65,7 +65,7 @@ def replay(
         result = replayed(bus, loaded, power_up, against=stored)
     if to is not None:
         with naming_options("out"):
-            result.machine.run.save(to)
+            result.run.save(to)
     tell(result.to_dict(), lambda: say_result(result), as_json=which.as_json)
     if to is not None:
         say(f"the replay's report, edges and bus log are in {to}/", err=which.as_json)

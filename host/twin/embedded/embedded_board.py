@@ -5,28 +5,23 @@ from dataclasses import replace
 from math import floor
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.faults.drivers import OscCapacitor
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotors import RotorRecord
-from steptwin.host.faults.engine import Engine, HostCondition
-from steptwin.host.faults.target import Moment, Target, check_motors
+from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
 from steptwin.host.twin.embedded.host_network import FaultyNetwork
-from steptwin.host.twin.live.operation_log import OperationLog
-from steptwin.host.twin.machine.boards import microsteps_of
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.machine.machine_parts import MachineParts
-from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
-from steptwin.host.verify import AxisEvidence, BusReport, Evidence, ShelfEvidence
+from steptwin.host.verify import AxisEvidence, BusReport, Evidence
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -66,23 +61,20 @@ class EmbeddedBoard:
         for each in schedule:
             check_motors(each.operation, turning=options.motors)
         self.robot = robot
-        self._parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
-        self.driver_profile = self._parts.driver_profile
-        self._start_steps = self._parts.start_steps
-        self._simulation = self._parts.simulation(Bus(options.bits_per_s(robot)), schedule)
+        parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
+        self.driver_profile = parts.driver_profile
+        self._machine = EmulatedMachine(parts, schedule)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
-        if watch := self._simulation.rotor_watch:
+        if watch := self._machine.simulation.rotor_watch:
             watch.on_record = self._rotor_records.append
-        self.host = HostCondition()
+        self.host = self._machine.host
         """What a scenario has made of the host."""
-        self._target = Target.of(robot, self._simulation, self._start_steps)
-        self.operations = OperationLog(robot, self._simulation)
+        self.operations = self._machine.operations
         """What is done to the machine beside its bus."""
-        scenario = options.scenario_for(robot)
-        self.network = self._network(harmed=scenario is not None and scenario.harms_host)
-        self.engine = None if scenario is None else Engine(scenario, self._target, self.host)
+        self.engine = self._machine.engine
         """Plays the scenario; None without one."""
+        self.network = self._network(harmed=self.engine is not None and self.engine.scenario.harms_host)
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
         self._changes_after = 0
@@ -91,17 +83,17 @@ class EmbeddedBoard:
 
     def _network(self, *, harmed: bool) -> EmbeddedNetwork:
         if harmed:
-            return FaultyNetwork(self._simulation, self.host, lambda: self.moving)
-        return EmbeddedNetwork(self._simulation)
+            return FaultyNetwork(self._machine.simulation, self.host, lambda: self.moving)
+        return EmbeddedNetwork(self._machine.simulation)
 
     @property
     def moving(self) -> bool:
         """True while an axis executes a motion."""
-        return self._target.interpolating
+        return self._machine.interpolating
 
     def moment(self) -> Moment:
         """Return what all axes do now, as the board itself knows it."""
-        return self._target.moment(self._simulation.now_counts)
+        return self._machine.moment()
 
     def host_restarts(self) -> None:
         """Connect another host: `network` is its network, and nothing that the one before it was told is known."""
@@ -116,7 +108,7 @@ class EmbeddedBoard:
     @property
     def now_counts(self) -> int:
         """Counts of the board's timer since power-up."""
-        return self._simulation.now_counts
+        return self._machine.simulation.now_counts
 
     def now_s(self) -> float:
         """Return the simulated seconds since power-up."""
@@ -128,14 +120,14 @@ class EmbeddedBoard:
             begin_counts = tick_after(sync_counts)
             for change in self._changes:
                 at_counts = begin_counts + round(change.at_s * COUNTS_PER_SECOND)
-                placed = self._target.places.on_boards(self._input_operation(change))
-                self._simulation.schedule(Scheduled(at_counts, each, number) for number, each in placed)
+                placed = self._machine.places.on_boards(self._input_operation(change))
+                self._machine.simulation.schedule(Scheduled(at_counts, each, number) for number, each in placed)
             self._changes = []
         self.network.wait(dt_s)
 
     def pass_time(self, dt_s: float) -> None:
         """Let simulated time pass, in whole microseconds, without a host: not even its heartbeat is sent."""
-        self._simulation.run_until(self._simulation.now_counts + whole_us_counts(dt_s))
+        self._machine.simulation.run_until(self._machine.simulation.now_counts + whole_us_counts(dt_s))
 
     def set_input(self, name: str, *, on: bool) -> None:
         """Set a digital input of the robot now; raise InputError for an unknown name."""
@@ -149,16 +141,16 @@ class EmbeddedBoard:
             if change.at_s <= 0:
                 self.operate(self._input_operation(change))
         self._changes = [change for change in changes if change.at_s > 0]
-        self._changes_after = len(self._simulation.bus.log_frames)
+        self._changes_after = len(self._machine.bus.log_frames)
 
     def _input_operation(self, change: InputChange) -> SetInput:
         return set_input(self.robot, change.name, on=change.on)
 
     def _last_sync_counts(self, after: int = 0) -> int | None:
         """Return the instant of the last SYNC of the host in the bus log from an entry on; None if there is none."""
-        bus = self._simulation.bus
+        bus = self._machine.bus
         log = zip(bus.log_counts[after:], bus.log_frames[after:], strict=True)
-        strange = {counts for counts, _ in self._simulation.strange}
+        strange = {counts for counts, _ in self._machine.simulation.strange}
         return max(
             (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
         )
@@ -170,7 +162,7 @@ class EmbeddedBoard:
             InputError: only motors that turn with the board would feel it, and there are none.
         """
         check_motors(operation, turning=self.motors_turn)
-        self._target.operate(operation)
+        self._machine.operate(operation)
 
     def repair(self) -> None:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
@@ -184,13 +176,12 @@ class EmbeddedBoard:
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
         """Every frame with the instant, in counts, when it became valid."""
-        bus = self._simulation.bus
-        return list(zip(bus.log_counts, bus.log_frames, strict=True))
+        return self._machine.bus_log
 
     def bus_report(self) -> BusReport:
         """Return bit rate, number of frames and load since power-up."""
-        bus = self._simulation.bus
-        load_percent = 100 * bus.busy_bits / (bus.bitrate * self._simulation.now_s)
+        bus = self._machine.bus
+        load_percent = 100 * bus.busy_bits / (bus.bitrate * self._machine.simulation.now_s)
         return BusReport(bus.bitrate, bus.frames, load_percent)
 
     def driver_positions(self) -> list[int]:
@@ -202,18 +193,18 @@ class EmbeddedBoard:
 
         It is in steps of the robot's file, a whole number of them unless the driver makes others.
         """
-        return self._target.steps()
+        return self._machine.steps()
 
     def counted_units(self) -> list[int]:
         """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
-        return [board.firmware.motion.counter_units(axis) for board, axis in self._target.axes]
+        return [board.firmware.motion.counter_units(axis) for board, axis in self._machine.axes]
 
     def rotor_positions(self) -> list[float]:
         """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""
-        full_steps = self._simulation.rotors_full_steps()
+        full_steps = self._machine.simulation.rotors_full_steps()
         return [
             start + moved * joint.transmission.microsteps
-            for start, moved, joint in zip(self._start_steps, full_steps, self.robot.joints, strict=True)
+            for start, moved, joint in zip(self._machine.start_steps, full_steps, self.robot.joints, strict=True)
         ]
 
     def held_positions(self) -> list[float]:
@@ -231,13 +222,13 @@ class EmbeddedBoard:
 
         That is the way from where its driver would hold it by its steps and by the slips made on purpose.
         """
-        made = [full_steps for board in self._simulation.boards for full_steps in board.slipped_full_steps]
+        made = [full_steps for board in self._machine.simulation.boards for full_steps in board.slipped_full_steps]
         places = zip(self.held_positions(), self.motor_positions(), made, self.robot.joints, strict=True)
         return [held - steps - moved * joint.transmission.microsteps for held, steps, moved, joint in places]
 
     def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:
         """Return what the rotors have done up to some ms after a run's last edge; None without motors."""
-        watch = self._simulation.rotor_watch
+        watch = self._machine.simulation.rotor_watch
         if watch is None:
             return None
         watch.finish(followed_ms(last_edge_counts(evidence)))
@@ -247,15 +238,15 @@ class EmbeddedBoard:
     @property
     def motors_turn(self) -> bool:
         """True if the robot's motors turn with the board."""
-        return self._simulation.rotor_watch is not None
+        return self._machine.simulation.rotor_watch is not None
 
     def slipped_full_steps(self) -> list[int]:
         """Return the full steps by which each rotor has fallen out of step since power-up, with their sign."""
-        return [board.shaft(axis).slipped_full_steps for board, axis in self._target.axes]
+        return [board.shaft(axis).slipped_full_steps for board, axis in self._machine.axes]
 
     def microsteps(self) -> list[Microsteps]:
         """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
-        return microsteps_of(self.robot, self._target.axes)
+        return self._machine.microsteps()
 
     @property
     def started(self) -> bool:
@@ -264,24 +255,16 @@ class EmbeddedBoard:
 
     def evidence(self) -> Evidence:
         """Return every edge at the drivers; t = 0 is the first servo tick after the last SYNC, else power-up."""
-        return self._evidence(axes_evidence(self.robot, self._start_steps, self._target.axes))
+        return self._evidence(axes_evidence(self._machine))
 
     def axes_evidence(self) -> tuple[AxisEvidence, ...]:
         """Return the edges of `evidence` without the phase currents, which take most of its time."""
-        return axes_evidence(self.robot, self._start_steps, self._target.axes, currents=False)
+        return axes_evidence(self._machine, currents=False)
 
     def evidence_by_own_clocks(self) -> Evidence:
         """Return every edge as the boards themselves count time: exactly as planned, however far crystals are off."""
-        sync_counts = self._last_sync_counts() or 0
-        return self._evidence(axes_by_own_clocks(self.robot, self._start_steps, self._target.axes, sync_counts))
+        return self._evidence(axes_by_own_clocks(self._machine, self._last_sync_counts() or 0))
 
     def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:
         start_counts = tick_after(self._last_sync_counts() or 0)
-        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._shelf_evidence())
-
-    def _shelf_evidence(self) -> ShelfEvidence | None:
-        watch = self._simulation.shelf_watch
-        if watch is None:
-            return None
-        watch.look_now(self._simulation.now_counts)
-        return shelf_evidence(watch.shelf, self._parts.stock)
+        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._machine.shelf_evidence())

@@ -171,7 +171,7 @@ def _given_up(error: BusError | DeviceFaultError, board: EmbeddedBoard) -> RunFa
     if engine is None:
         raise error
     if not board.started:
-        end = RunEnd(engine.target.moment(board.now_counts), board.evidence(), stopped=True, ended_s=0.0)
+        end = RunEnd(engine.target.moment(), board.evidence(), stopped=True, ended_s=0.0)
         played = scenario_report(engine, end)
         reasons = (*played.reasons, f"no motion began: {error}")
         raise not_begun(error, replace(played, reasons=reasons)) from error
@@ -213,7 +213,7 @@ def _played(
     last_counts = max((int(axis.step_counts[-1]) for axis in evidence.axes if axis.step_counts.size), default=0)
     stood_s = (last_counts - evidence.start_counts) / COUNTS_PER_SECOND
     end = RunEnd(
-        moment=board.engine.target.moment(board.now_counts),
+        moment=board.engine.target.moment(),
         evidence=evidence,
         stopped=fault is not None,
         ended_s=report.run.duration_s if fault is None else round(stood_s, 3),

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
@@ -19,26 +18,17 @@ from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError, RecordingError
-from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.reporting import played_document
-from steptwin.host.faults.target import Target, axes_of
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
-from steptwin.host.twin.live.operation_log import OperationLog
-from steptwin.host.twin.live.recording_report import (
-    JointFigures,
-    bus_figures,
-    load_percent,
-    mismatches,
-    recording_report,
-)
-from steptwin.host.twin.machine.evidence import axis_evidence
+from steptwin.host.twin.live.recording_report import JointFigures, bus_figures, load_percent, recording_report
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
+from steptwin.host.twin.machine.evidence import axis_evidence, driver_violations, in_bus_time, level_edges
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.machine.machine_parts import MachineParts
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
@@ -132,15 +122,16 @@ class LiveBoard:
             InputError: as `MachineParts.of`, or the scenario has a fault of the host, which is a program of its own.
             OSError: a file cannot be written.
         """
-        scenario = options.scenario_for(robot)
-        if scenario is not None and scenario.harms_host:
-            raise InputError(f"{scenario.name}: {_NO_HOST}")
+        parts = MachineParts.of(robot, kernel, options, stretch_ticks=_STRETCH_TICKS)
         self.robot = robot
-        self._parts = parts = MachineParts.of(robot, kernel, options, stretch_ticks=_STRETCH_TICKS)
-        self._boards = parts.boards
-        self._axes = axes_of(self._boards)
-        """Board of each joint, and the number of the joint's axis on it."""
         self.driver_profile = parts.driver_profile
+        self._machine = machine = EmulatedMachine(parts, log=self._log, operations_max=OPERATIONS_MAX)
+        self._boards = machine.simulation.boards
+        self.bus = machine.bus
+        self.engine = machine.engine
+        """Plays the scenario; None without one."""
+        if self.engine is not None and self.engine.scenario.harms_host:
+            raise InputError(f"{self.engine.scenario.name}: {_NO_HOST}")
         self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
         """What happened at the shelf up to the last `record`."""
         self._lines: list[str] = []
@@ -158,34 +149,27 @@ class LiveBoard:
         self._next_axis = 0
         """The axis whose turn it is in `record_next`."""
         self._bus_log = None if log is None else BusLog(log)
-        self._plan = None if out is None else LivePlan(robot, self._axes, parts.start_steps)
-        self._motion = FollowedMotion(self._axes, self._plan)
-        bitrate = options.bits_per_s(robot)
-        self._recording = None if out is None else Recording(out, self._header(bitrate), robot.toml)
-        self.bus = Bus(bitrate, log=self._log)
-        simulation = parts.simulation(self.bus)
+        self._plan = None if out is None else LivePlan(machine)
+        self._motion = FollowedMotion(machine, self._plan)
+        self._recording = None if out is None else Recording(out, self._header(), robot.toml)
         self.rotors: RotorFigures | None = None
         """What the rotors have done; None without motors."""
-        if watch := simulation.rotor_watch:
+        if watch := machine.simulation.rotor_watch:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
-        self._target = Target.of(robot, simulation, parts.start_steps)
-        self._operations = OperationLog(robot, simulation, OPERATIONS_MAX)
-        self.engine = None if scenario is None else Engine(scenario, self._target, HostCondition())
-        """Plays the scenario; None without one."""
-        self.live = LiveSimulation(simulation, Pacer(time.monotonic_ns(), speed))
+        self.live = LiveSimulation(machine.simulation, Pacer(time.monotonic_ns(), speed))
 
-    def _header(self, bitrate: int) -> Header:
+    def _header(self) -> Header:
         axes = tuple(
             AxisTotals(
                 joint.name,
                 joint.start_steps,
                 joint.active_edge,
-                axis_evidence(joint.name, joint.start_steps, board.trace(axis), axis, ()).violations.limits,
+                driver_violations(board.trace(axis).violations).limits,
             )
-            for joint, (board, axis) in zip(self._joints, self._axes, strict=True)
+            for joint, (board, axis) in zip(self._joints, self._machine.axes, strict=True)
         )
-        return Header(self.robot.name, self.driver_profile.name, bitrate, axes)
+        return Header(self.robot.name, self.driver_profile.name, self.bus.bitrate, axes)
 
     def operate(self, harm: Harm) -> None:
         """Do an operation on the machine, or let a fault of the bus begin, now; in the loop only.
@@ -198,14 +182,14 @@ class LiveBoard:
         """
         if isinstance(harm, HostFault):
             raise InputError(f"do: {_NO_HOST}")
-        self._target.harm(harm)
+        self._machine.harm(harm)
         if isinstance(harm, BusFault | BusRepair):
-            self._operations.note(harm)
+            self._machine.operations.note(harm)
 
     @property
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
-        return self._target.surroundings
+        return self._machine.surroundings
 
     @property
     def axes_per_board(self) -> tuple[int, ...]:
@@ -223,7 +207,7 @@ class LiveBoard:
     @property
     def record_every_s(self) -> float:
         """Period in which `record_next` must be called: each axis' history is held in memory for RECORD_EVERY_S."""
-        return RECORD_EVERY_S if self._recording else RECORD_EVERY_S / len(self._axes)
+        return RECORD_EVERY_S if self._recording else RECORD_EVERY_S / len(self._machine.axes)
 
     def record_next(self) -> None:
         """Do the next part of `record`: all of it with a folder, whose pieces hold all axes; one axis without.
@@ -234,8 +218,8 @@ class LiveBoard:
             self.record()
             return
         number = self._next_axis
-        self._next_axis = (number + 1) % len(self._axes)
-        board, axis = self._axes[number]
+        self._next_axis = (number + 1) % len(self._machine.axes)
+        board, axis = self._machine.axes[number]
         self._joints[number].add(board.take_trace(axis))
         if self._next_axis == 0:
             self._end_round()
@@ -253,7 +237,8 @@ class LiveBoard:
                 joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
                 joint.add(trace)
                 if self._recording and not self._recording.failure:
-                    pieces.append(axis_evidence(joint.name, joint.start_steps, trace, axis, changes, board.own_clock))
+                    evidence = axis_evidence(joint.name, joint.start_steps, trace, level_edges(axis, changes))
+                    pieces.append(in_bus_time(evidence, board.own_clock))
         if self._recording and self._plan:
             self._recording.append(self._piece(pieces, lines, self._plan))
 
@@ -262,7 +247,7 @@ class LiveBoard:
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.faults.struck.clear()
-        if watch := self.live.simulation.shelf_watch:
+        if watch := self._machine.simulation.shelf_watch:
             self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
             watch.shelf.events.clear()
         lines, self._lines = self._lines, []
@@ -313,7 +298,7 @@ class LiveBoard:
     @property
     def simulated_s(self) -> float:
         """Seconds on the board's clock since power-up."""
-        return self.live.simulation.now_s
+        return self._machine.simulation.now_s
 
     @property
     def wall_s(self) -> float:
@@ -335,10 +320,10 @@ class LiveBoard:
 
     def shelf(self) -> dict[str, Any] | None:
         """Return what happened at the shelf, the boxes and the open drawers; None if the robot has no shelf."""
-        watch = self.live.simulation.shelf_watch
+        watch = self._machine.simulation.shelf_watch
         if watch is None:
             return None
-        now = shelf_evidence(watch.shelf, self._parts.stock)
+        now = shelf_evidence(watch.shelf, self._machine.parts.stock)
         return shelf_document(replace(now, events=(*self._shelf_events, *now.events)), 0)
 
     def lateness(self) -> dict[str, dict[str, float]]:
@@ -352,21 +337,20 @@ class LiveBoard:
 
     def mismatches(self) -> list[Microsteps]:
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
-        return mismatches(self.robot, self.live.simulation)
+        return self._machine.mismatches()
 
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
         shelf = self.shelf()
         return recording_report(
-            self._parts,
-            self.live.simulation,
+            self._machine,
             [joint.figures for joint in self._joints],
-            self._motion,
+            self._motion.recorded(ended=True),
             job=LIVE_JOB,
             wall_s=self.wall_s,
             happened={
                 "real_time": self.real_time(),
-                "operations": self._operations.requests(),
+                "operations": self._machine.operations.requests(),
                 **({} if shelf is None else {"shelf": shelf}),
                 **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
                 **({} if self.engine is None else played_document(self.engine)),

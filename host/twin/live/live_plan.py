@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
-from steptwin.emulator.board.board import Board
+from steptwin.host.faults.target import Target
 from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, Frame
@@ -148,47 +148,25 @@ class ReceivedPlan:
         return trajectory_row(row.time_ms / 1000, positions.tolist(), speeds.tolist())
 
 
-class LivePlan:
-    """Turns the records that a robot's axes accept into a plan; the live board tells of SYNCs, starts and ends."""
+class LivePlan(ReceivedPlan):
+    """The plan of the records that a machine's axes accept; the live board tells of SYNCs, starts and ends."""
 
-    def __init__(self, robot: Robot, axes: Sequence[tuple[Board, int]], start_steps: Sequence[int]) -> None:
-        """Follow the axes from now on.
-
-        Args:
-            robot: the machine.
-            axes: board of each joint, and the number of the joint's axis on it.
-            start_steps: positions of the joints at power-up, in steps of the robot's file from their zeros.
-        """
-        self._received = ReceivedPlan(robot)
-        self._robot = robot
-        self._axes = axes
+    def __init__(self, machine: Target) -> None:
+        """Follow the axes from now on."""
+        super().__init__(machine.robot)
+        self._machine = machine
         self._start_units = [
             steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-            for joint, steps in zip(robot.joints, start_steps, strict=True)
+            for joint, steps in zip(machine.robot.joints, machine.start_steps, strict=True)
         ]
         self._rest_units = self._demands_units()
         """Position of each axis at the last SYNC, as the firmware counts."""
-        self._queued = [0] * len(axes)
+        self._queued = [0] * len(machine.axes)
         """Number of records in each axis' queue at that SYNC."""
-        self._offset_units = [0] * len(axes)
+        self._offset_units = [0] * len(machine.axes)
         """Difference from the firmware's positions to those of the machine at that SYNC."""
-        for joint, (board, axis) in enumerate(axes):
-            board.on_record(axis, partial(self._received.accept, joint))
-
-    @property
-    def lacking(self) -> str | None:
-        """Reason why there is no plan at present; None if there is one."""
-        return self._received.lacking
-
-    @property
-    def lacking_so_far(self) -> str | None:
-        """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
-        return self._received.lacking_so_far
-
-    @property
-    def in_motion(self) -> bool:
-        """True while the motion that the plan describes is under way."""
-        return self._received.going
+        for joint, (board, axis) in enumerate(machine.axes):
+            board.on_record(axis, partial(self.accept, joint))
 
     def sync(self) -> None:
         """Note the positions at rest: a SYNC is about to reach the axes.
@@ -196,41 +174,32 @@ class LivePlan:
         The drivers know the position to a step; for an axis with records the firmware adds the part of a step.
         """
         self._rest_units = self._demands_units()
-        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._axes]
-        for joint, (board, axis) in enumerate(self._axes):
+        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._machine.axes]
+        for joint, (board, axis) in enumerate(self._machine.axes):
             motor_units = self._start_units[joint] + round(board.position_full_steps(axis) * UNITS_PER_FULL_STEP)
             counted = board.firmware.motion.counter_units(axis) if self._queued[joint] else self._rest_units[joint]
             self._offset_units[joint] = motor_units - counted
 
-    def begin(self) -> None:
+    def begin_at_sync(self) -> None:
         """Begin a plan: the last SYNC has started a motion."""
-        self._received.begin(self._on_machine(self._rest_units), self._queued)
-        for joint, (board, axis) in enumerate(self._axes):
-            config, name = board.firmware.motion.config(axis), self._robot.joint_names[joint]
-            as_filed = config.microsteps == self._robot.joints[joint].transmission.microsteps
+        self.begin(self._on_machine(self._rest_units), self._queued)
+        for joint, (board, axis) in enumerate(self._machine.axes):
+            config, name = board.firmware.motion.config(axis), self._machine.robot.joint_names[joint]
+            as_filed = config.microsteps == self._machine.robot.joints[joint].transmission.microsteps
             if self._queued[joint] and (config.dir_inverted or not as_filed):
-                self._received.fail(f"{name} is set up otherwise than in the robot's file")
+                self.fail(f"{name} is set up otherwise than in the robot's file")
 
     def follow(self, *, in_motion: bool) -> None:
         """Note a halt or the end of the motion under way; must be called before the next frame reaches the axes."""
-        if not self._received.going:
+        if not self.going:
             return
-        if any(board.firmware.motion.group.halted for board, _ in self._axes):
-            self._received.fail(HALTED)
+        if any(board.firmware.motion.group.halted for board, _ in self._machine.axes):
+            self.fail(HALTED)
         if not in_motion:
-            self._received.end(self._on_machine(self._demands_units()))
-
-    @property
-    def number(self) -> int:
-        """The number of the present plan: plans are counted from 1 as they begin."""
-        return self._received.number
-
-    def take(self) -> list[PlanRows]:
-        """Return the rows of plans that are new, and forget them."""
-        return self._received.take()
+            self.end(self._on_machine(self._demands_units()))
 
     def _demands_units(self) -> list[int]:
-        return [board.firmware.motion.demand_units(axis) for board, axis in self._axes]
+        return [board.firmware.motion.demand_units(axis) for board, axis in self._machine.axes]
 
     def _on_machine(self, units: list[int]) -> list[int]:
         return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
@@ -263,11 +232,11 @@ class FollowedMotion:
         plan: the plan of that motion, made of its records; None if nobody wants it.
     """
 
-    def __init__(self, axes: Sequence[tuple[Board, int]], plan: LivePlan | None) -> None:
-        """Follow the axes from now on; `axes` has the board of each joint, and the number of its axis there."""
+    def __init__(self, machine: Target, plan: LivePlan | None) -> None:
+        """Follow a machine's axes from now on."""
         self.start_counts: int | None = None
         self.plan = plan
-        self._axes = axes
+        self._machine = machine
         self._sync_counts: int | None = None
         """Instant of a SYNC at rest that may start a motion; None once that is known."""
         self._complete: RecordedMotion | None = None
@@ -289,12 +258,12 @@ class FollowedMotion:
         if self._sync_counts is not None and self.in_motion:
             self.start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
             if self.plan:
-                self.plan.begin()
+                self.plan.begin_at_sync()
         self._sync_counts = None
         if self.plan:
-            went = self.plan.in_motion
+            went = self.plan.going
             self.plan.follow(in_motion=self.in_motion)
-            if went and not self.plan.in_motion and self.plan.lacking is None:
+            if went and not self.plan.going and self.plan.lacking is None:
                 self._complete = RecordedMotion(self.start_counts, None, plan_number=self.plan.number)
 
     def recorded(self, *, ended: bool) -> RecordedMotion:
@@ -304,16 +273,16 @@ class FollowedMotion:
         lacking = self.plan.lacking if ended else self.plan.lacking_so_far
         if self._complete and (lacking or self._complete.plan_number == self.plan.number):
             return self._complete
-        return RecordedMotion(self.start_counts, lacking, self.plan.in_motion, self.plan.number)
+        return RecordedMotion(self.start_counts, lacking, self.plan.going, self.plan.number)
 
     def _note_later_motion(self, now_counts: int) -> None:
         """Note that axes move on after the end of a plan, whoever has started them."""
         if not self.in_motion:
             self._rest_counts = now_counts
-        elif self._complete and not self._complete.next_counts and not (self.plan and self.plan.in_motion):
+        elif self._complete and not self._complete.next_counts and not (self.plan and self.plan.going):
             self._complete = replace(self._complete, next_counts=self._rest_counts)
 
     @property
     def in_motion(self) -> bool:
         """True while any axis moves."""
-        return any(board.firmware.motion.running(axis) for board, axis in self._axes)
+        return self._machine.interpolating

@@ -1,4 +1,4 @@
-"""Spread a robot's axes over emulated boards, and make these; tell where each joint's motor is, and its microsteps.
+"""Spread a robot's axes over emulated boards, and make these; tell where each joint's motor is.
 
 Node ids continue from board to board, so a program that talks to the axes need not know where one board ends. A
 commissioned board has the robot's settings in its flash: a program that configures nothing finds an axis that makes the
@@ -17,7 +17,6 @@ from steptwin.emulator.board.drifting_board import make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
-from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import AXES_MAX, Robot
 from steptwin.protocol import od
@@ -120,16 +119,3 @@ def make_boards(
     driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
     flashes = [commissioned_flash(robot, joints) for joints in driven]
     return [make_board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]
-
-
-def microsteps_of(robot: Robot, axes: Sequence[tuple[Board, int]]) -> list[Microsteps]:
-    """Return the microsteps per full step of each axis: its driver's, its board's and its robot file's."""
-    return [
-        Microsteps(
-            joint.name,
-            board.driver_microsteps(axis),
-            board.firmware.motion.config(axis).microsteps,
-            joint.transmission.microsteps,
-        )
-        for joint, (board, axis) in zip(robot.joints, axes, strict=True)
-    ]

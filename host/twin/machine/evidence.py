@@ -1,6 +1,6 @@
 """Convert the emulator's traces into the verifier's evidence."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -16,7 +16,7 @@ from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
-from steptwin.host.robots.robot import Robot
+from steptwin.host.faults.target import Target
 from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -31,32 +31,36 @@ _SIXTEENTHS: Final = 16
 _NO_PHASES: Final = Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
 
 
-def axes_evidence(
-    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]], *, currents: bool = True
-) -> tuple[AxisEvidence, ...]:
-    """Return the evidence of all axes since power-up; `axes` has each joint's board and its axis' number there."""
+def axes_evidence(machine: Target, *, currents: bool = True) -> tuple[AxisEvidence, ...]:
+    """Return the evidence of all axes since power-up, without `currents` as `axis_evidence`."""
     return tuple(
-        axis_evidence(name, start, board.trace(axis), axis, board.pin_changes, board.own_clock, currents=currents)
-        for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True)
+        in_bus_time(_since_power_up(name, start, board, axis, currents=currents), board.own_clock)
+        for name, start, (board, axis) in _axes(machine)
     )
 
 
-def axes_by_own_clocks(
-    robot: Robot, start_steps: Sequence[int], axes: Sequence[tuple[Board, int]], sync_counts: int
-) -> tuple[AxisEvidence, ...]:
+def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence, ...]:
     """Return the evidence of all axes by the crystals of their own boards instead of the bus' time.
 
     Each board's instants are shifted so that its first servo tick after the SYNC is where that of a board with an exact
     crystal is: whatever their crystals, boards without a fault then show exactly what is planned.
     """
     made = []
-    for name, start, (board, axis) in zip(robot.joint_names, start_steps, axes, strict=True):
-        evidence = axis_evidence(name, start, board.trace(axis), axis, board.pin_changes)
+    for name, start, (board, axis) in _axes(machine):
+        evidence = _since_power_up(name, start, board, axis)
         if board.own_clock is not None:
             ahead_counts = tick_after(board.own_clock.local_counts(sync_counts)) - tick_after(sync_counts)
             evidence = _with_instants(evidence, partial(np.add, -ahead_counts))
         made.append(evidence)
     return tuple(made)
+
+
+def _axes(machine: Target) -> Iterable[tuple[str, int, tuple[Board, int]]]:
+    return zip(machine.robot.joint_names, machine.start_steps, machine.axes, strict=True)
+
+
+def _since_power_up(name: str, start_steps: int, board: Board, axis: int, *, currents: bool = True) -> AxisEvidence:
+    return axis_evidence(name, start_steps, board.trace(axis), level_edges(axis, board.pin_changes), currents=currents)
 
 
 def tick_after(counts: int) -> int:
@@ -65,22 +69,13 @@ def tick_after(counts: int) -> int:
 
 
 def axis_evidence(
-    name: str,
-    start_steps: int,
-    trace: AxisTrace,
-    axis: int,
-    changes: Sequence[PinChange],
-    clock: LocalClock | None = None,
-    *,
-    currents: bool = True,
+    name: str, start_steps: int, trace: AxisTrace, pins: Mapping[str, LevelEdges], *, currents: bool = True
 ) -> AxisEvidence:
-    """Return the evidence of one axis' driver, with the pin changes that concern this axis.
+    """Return the evidence of one axis' driver and of its `pins`, by their names, as its board counts time.
 
-    Without `currents` it says nothing of the phases, which take most of the time. What a board with a clock of its own
-    has seen is told in the time of the bus, as a logic analyser would; values of violations stay as the board's clock
-    has them.
+    Without `currents` it says nothing of the phases, which take most of the time.
     """
-    evidence = AxisEvidence(
+    return AxisEvidence(
         name=name,
         start_steps=start_steps,
         clk_rise_counts=trace.clk_rise_counts,
@@ -90,12 +85,19 @@ def axis_evidence(
         dir_levels=trace.dir_levels,
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
-        violations=_violations(trace.violations),
+        violations=driver_violations(trace.violations),
         phases=_phases(trace.outputs, trace.substeps) if currents else _NO_PHASES,
-        pins=_level_edges(axis, changes),
+        pins=pins,
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
-    return evidence if clock is None else _with_instants(evidence, clock.instants)
+
+
+def in_bus_time(axis: AxisEvidence, clock: LocalClock | None) -> AxisEvidence:
+    """Return what a board with a clock of its own has seen in the time of the bus, as a logic analyser would.
+
+    Values of violations stay as the board's clock has them; None stands for an exact clock.
+    """
+    return axis if clock is None else _with_instants(axis, clock.instants)
 
 
 def _with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Array]) -> AxisEvidence:
@@ -113,8 +115,8 @@ def _with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Arr
     )
 
 
-def _violations(violations: Violations) -> DriverViolations:
-    """Convert limits and values given in counts to microseconds."""
+def driver_violations(violations: Violations) -> DriverViolations:
+    """Return violations with limits and values in microseconds where they are given in counts."""
     scales = np.array([_SCALES[limit.unit][1] for limit in violations.limits])
     limits = tuple(
         DriverLimit(
@@ -144,7 +146,7 @@ def _phase_values(outputs: ChipOutputs, substeps: int, counts: Int64Array) -> ND
     return np.column_stack([outputs.field_substeps(counts) * _SIXTEENTHS // substeps, currents_ma])
 
 
-def _level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
+def level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:
     """Return the edges of one axis' pins that the firmware holds at a level, by pin name."""
     in_order = sorted(changes, key=lambda change: change.counts)
     edges = {pin: [change for change in in_order if (change.axis, change.pin) == (axis, pin)] for pin in Pin}

@@ -7,6 +7,7 @@ from steptwin.controller.node.pins import Pin
 from steptwin.emulator.faults.machine import SetInput
 from steptwin.emulator.world.shelf_watch import InputWire, OutputWire
 from steptwin.host.faults.requests import wired_input
+from steptwin.host.faults.target import Places
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import DigitalInput
 
@@ -19,7 +20,7 @@ class Wires:
 
     def __init__(self, robot: Robot, axes_per_board: Sequence[int]) -> None:
         self._robot = robot
-        self._places = [(board, axis) for board, count in enumerate(axes_per_board) for axis in range(count)]
+        self._places = Places(axes_per_board).axes
 
     def output(self, name: str) -> OutputWire:
         output = self._robot.outputs[name]

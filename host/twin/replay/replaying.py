@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_timing import VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.simulation import Simulation
@@ -26,9 +25,8 @@ from steptwin.host.record.folder import REPLAY_JOB
 from steptwin.host.record.folder.edges_file import evidence_until
 from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender, senders_of
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.live.operation_log import OperationLog
 from steptwin.host.twin.live.recording_report import UnplannedRun
-from steptwin.host.twin.machine.machine_parts import MachineParts
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
 from steptwin.host.twin.replay.edge_comparison import (
     first_difference_of_edges,
     first_difference_of_steps,
@@ -95,7 +93,7 @@ class HostPlayer:
         def count(frame: Frame, _: int) -> None:
             answered[frame.cob_id] += 1
 
-        simulation.bus.also_log(count)
+        simulation.bus.listen(count)
         first_counts = LEAD_COUNTS - frames[0].us * COUNTS_PER_US
         for (us, frame, _), sender in zip(frames, senders, strict=True):
             if sender is Sender.BOARD:
@@ -128,28 +126,27 @@ class HostPlayer:
         return any(board.moving for board in self._simulation.boards)
 
 
-class ReplayedMachine:
-    """A robot's boards on a bus of their own, as they stood at power-up; what was done to them beside it is scheduled.
+def _machine(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> EmulatedMachine:
+    """Return a robot's machine as it stood at power-up, on a bus of its own; raise InputError as `MachineParts.of`.
 
-    Attributes:
-        simulation: boards and bus; its host's interface is free.
-        run: everything that the machine does.
+    What was done to it beside the bus is scheduled; the host's interface is free.
     """
-
-    def __init__(self, robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> None:
-        """Switch the boards on; raise InputError as `MachineParts.of`."""
-        options = power_up.options
-        parts = MachineParts.of(
-            robot, kernel, options, commissioned=power_up.commissioned, shelf_sensors=power_up.shelf_sensors
-        )
-        places = Places(options.boards_of(robot))
-        schedule = [
+    parts = MachineParts.of(
+        robot,
+        kernel,
+        power_up.options,
+        commissioned=power_up.commissioned,
+        shelf_sensors=power_up.shelf_sensors,
+    )
+    places = Places(power_up.options.boards_of(robot))
+    return EmulatedMachine(
+        parts,
+        [
             Scheduled(counts, each, number)
             for counts, operation in power_up.operations
             for number, each in places.on_boards(operation)
-        ]
-        self.simulation = parts.simulation(Bus(options.bits_per_s(robot)), schedule)
-        self.run = UnplannedRun(parts, self.simulation, OperationLog(robot, self.simulation), REPLAY_JOB)
+        ],
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +156,8 @@ class Replayed:
     Attributes:
         bus: the recording.
         robot: the machine.
-        machine: the boards and what they did; `machine.run.save` writes the folder.
+        machine: the boards.
+        run: what they did; its `save` writes the folder.
         played: number of frames that were sent to the boards.
         bus_faults: the faults of the bus in the recording, in words, which are not repeated.
         left_out: frames of the recording that were not played, by their kind in words.
@@ -172,7 +170,8 @@ class Replayed:
 
     bus: RecordedBus
     robot: Robot
-    machine: ReplayedMachine
+    machine: EmulatedMachine
+    run: UnplannedRun
     played: int
     bus_faults: tuple[str, ...]
     left_out: Mapping[str, int]
@@ -232,7 +231,8 @@ def replay(
     node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.joints))
     senders = senders_of(bus.frames, node_ids)
     _check_nodes(bus, senders, robot, node_ids)
-    machine = ReplayedMachine(robot, power_up, kernel or fastest_kernel())
+    machine = _machine(robot, power_up, kernel or fastest_kernel())
+    run = UnplannedRun(machine, REPLAY_JOB)
     decoder = Decoder(dict(zip(node_ids, robot.joint_names, strict=True)))
     player = HostPlayer(machine.simulation)
     left_out = Counter(bus.left_out)
@@ -243,21 +243,22 @@ def replay(
             end_counts = max(end_counts, power_up.until_counts)
         player.play_exactly(bus.frames, senders, end_counts)
         played = sum(sender is not Sender.BOARD for sender in senders)
-        frames = first_difference_on_the_board_clock(bus.frames, machine.run.bus_log, decoder)
+        frames = first_difference_on_the_board_clock(bus.frames, machine.bus_log, decoder)
     else:
         player.play_by_wall_clock(bus.frames, senders)
         played = sum(sender is Sender.HOST for sender in senders)
         left_out += others
         heard = _from_the_first_request(bus.frames, senders)
-        answered = [(counts - LEAD_COUNTS, frame) for counts, frame in machine.run.bus_log if counts > LEAD_COUNTS]
+        answered = [(counts - LEAD_COUNTS, frame) for counts, frame in machine.bus_log if counts > LEAD_COUNTS]
         frames = first_difference_by_wall_clock(heard, answered, node_ids, decoder)
     edges, shift_us = None, None
     if against:
-        edges, shift_us = _compared_edges(bus, machine, against)
+        edges, shift_us = _compared_edges(bus, run, machine.simulation.now_counts, against)
     return Replayed(
         bus=bus,
         robot=robot,
         machine=machine,
+        run=run,
         played=played,
         bus_faults=power_up.bus_faults,
         left_out=left_out,
@@ -305,14 +306,17 @@ def _from_the_first_request(frames: Sequence[RecordedFrame], senders: Sequence[S
 
 
 def _compared_edges(
-    bus: RecordedBus, machine: ReplayedMachine, against: StoredMachine
+    bus: RecordedBus, run: UnplannedRun, end_counts: int, against: StoredMachine
 ) -> tuple[Difference | None, float | None]:
-    """Return the first difference of the edges, and by a computer's clock the greatest shift of equal steps."""
-    recorded, replayed = against.evidence, machine.run.evidence()
+    """Return the first difference of the edges, and by a computer's clock the greatest shift of equal steps.
+
+    `end_counts` is the end of the replay.
+    """
+    recorded, replayed = against.evidence, run.evidence()
     if not bus.on_board_clock:
         difference = first_difference_of_steps(recorded, replayed)
         return difference, None if difference else greatest_shift_us(recorded, replayed)
-    until_counts = machine.simulation.now_counts if bus.cut else against.power_up.until_counts
+    until_counts = end_counts if bus.cut else against.power_up.until_counts
     if until_counts is not None:
         recorded, replayed = (evidence_until(each, until_counts + 1) for each in (recorded, replayed))
     return first_difference_of_edges(recorded, replayed), None

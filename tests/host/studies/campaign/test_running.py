@@ -247,7 +247,7 @@ def test_a_slip_on_purpose_is_none_that_a_rotor_makes_by_itself(rotor: float, ma
         robot=SimpleNamespace(joints=[SimpleNamespace(transmission=transmission)]),
         motor_positions=lambda: [230.0],
         rotor_positions=lambda: [rotor],
-        _simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_full_steps=[made])]),
+        _machine=SimpleNamespace(simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_full_steps=[made])])),
     )
     board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert EmbeddedBoard.rotor_slips(board) == [slipped]

@@ -201,12 +201,12 @@ class BoardInPieces(BoardUnderTest):
     """Pieces done so far."""
 
     def wait(self, dt_s: float) -> None:
-        watch = self._simulation.rotor_watch
+        watch = self._machine.simulation.rotor_watch
         assert watch is not None
         for ms in range(round(1000 * dt_s)):
             super().wait(0.001)
             for _ in range(ms % 3):
-                if watch.work_counts <= self._simulation.now_counts:
+                if watch.work_counts <= self._machine.simulation.now_counts:
                     watch.work()
                     self.pieces += 1
 

@@ -142,7 +142,7 @@ def saved(fast_kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Path
 def test_a_board_of_a_test(saved: Path, fast_kernel: Kernel) -> None:
     result = replayed(saved, fast_kernel)
     assert result.equal
-    assert result.machine.run.bus_log[-1][1] == read_bus(saved / BUS_LOG).frames[-1].frame
+    assert result.machine.bus_log[-1][1] == read_bus(saved / BUS_LOG).frames[-1].frame
     stored = stored_machine(saved, ROBOT)
     assert stored.power_up.options.driver_profile == "3a-module"
     assert [operated.counts for operated in stored.power_up.operations] == [12_000_001]
@@ -157,7 +157,7 @@ def test_the_folder_of_a_tests_board_has_its_plan(saved: Path) -> None:
 
 def test_a_replay_is_saved_as_the_run_was(saved: Path, fast_kernel: Kernel, tmp_path: Path) -> None:
     result = replayed(saved, fast_kernel)
-    result.machine.run.save(tmp_path)
+    result.run.save(tmp_path)
     for name in (BUS_LOG, "trajectory.csv", "trace.vcd"):
         assert (tmp_path / name).read_bytes() == (saved / name).read_bytes()
     assert read_run(tmp_path).report.run.job == "replay"

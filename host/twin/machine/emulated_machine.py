@@ -1,0 +1,188 @@
+"""Put an emulated machine together: its boards with their drivers, the shelf beside it, the motors at the drivers."""
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus, Log
+from steptwin.emulator.faults.bus import BusFault, BusRepair
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.schedule import Scheduled
+from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
+from steptwin.emulator.simulation import Simulation
+from steptwin.emulator.world.shelf_watch import ShelfWiring
+from steptwin.host.faults.engine import Engine, HostCondition
+from steptwin.host.faults.requests import request_of
+from steptwin.host.faults.target import Target
+from steptwin.host.robots.board_settings import Microsteps
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import make_boards, standing_steps
+from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.shelf import shelf_evidence, shelf_wiring
+from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.host.verify import ShelfEvidence
+from steptwin.protocol.drivers import DriverProfile
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+
+@dataclass(frozen=True, slots=True)
+class MachineParts:
+    """The parts of an emulated machine, as they are at power-up.
+
+    Attributes:
+        robot: the machine.
+        options: how it differs from the robot's file.
+        driver_profile: the drivers.
+        start_steps: where the motors stand, in steps of the robot's file from their axes' zeros.
+        commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+        boards: the boards, without power.
+        shelf: the shelf; None if there is none.
+        stock: the boxes in the shelf, by slot or spot.
+        motors: the motors that turn with the boards; None if they do not.
+    """
+
+    robot: Robot
+    options: MachineOptions
+    driver_profile: DriverProfile
+    start_steps: Sequence[int]
+    commissioned: bool
+    boards: Sequence[Board]
+    shelf: ShelfWiring | None
+    stock: Mapping[str, str]
+    motors: MotorWiring | None
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        kernel: Kernel,
+        options: MachineOptions,
+        *,
+        commissioned: bool = True,
+        shelf_sensors: bool = True,
+        stretch_ticks: int = REST_TICKS,
+    ) -> "MachineParts":
+        """Make the parts.
+
+        Args:
+            robot: the machine.
+            kernel: form of the firmware's kernel.
+            options: how it differs from the robot's file.
+            commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+            shelf_sensors: False if the shelf's sensors are not connected.
+            stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
+
+        Raises:
+            InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
+                switches, or the shelf has no such place, or the robot's file does not describe its motors and masses,
+                or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it.
+        """
+        joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
+        drivers = driver_profile(robot.board, profile)
+        configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
+        shelf = shelf_wiring(
+            robot, joints, per_board, stock=options.stock, locked=options.locked_drawers, sensors=shelf_sensors
+        )
+        return cls(
+            robot,
+            options,
+            drivers,
+            standing_steps(robot, joints),
+            commissioned,
+            make_boards(robot, configs, kernel, commissioned=commissioned),
+            shelf,
+            {} if shelf is None else dict(shelf.shelf.stock),
+            motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
+        )
+
+
+class OperationLog:
+    """Every operation on a machine beside its bus from now on, or the last ones, as requests of the control port.
+
+    The simulation tells of operations; faults of the bus are noted by `note`.
+    """
+
+    def __init__(self, machine: Target, most: int | None = None) -> None:
+        """Begin; `most` is the number of operations that are remembered, None for all."""
+        self._machine = machine
+        self._done: deque[tuple[int, Harm]] = deque(maxlen=most)
+        """What was done, and its instants in counts; axes are numbered among all boards'."""
+        machine.simulation.on_operation = self._operated
+
+    def _operated(self, scheduled: Scheduled) -> None:
+        operation = self._machine.places.on_machine(scheduled.board, scheduled.operation)
+        if operation is not None:
+            self._done.append((scheduled.counts, operation))
+
+    def note(self, fault: BusFault | BusRepair) -> None:
+        """Note a fault of the bus that begins now, or the end of all."""
+        self._done.append((self._machine.simulation.now_counts, fault))
+
+    def requests(self) -> list[dict[str, Any]]:
+        """Return what was done under the keys of docs/control-port.md, with `at_s` in seconds since power-up."""
+        robot = self._machine.robot
+        return [{"at_s": counts / COUNTS_PER_SECOND} | request_of(robot, harm) for counts, harm in self._done]
+
+
+class EmulatedMachine(Target):
+    """A robot's machine on a bus from power-up on: what embedded, live and replayed boards are.
+
+    Attributes:
+        parts: what it is made of.
+        bus: the bus of its boards.
+        operations: what is done to it beside its bus.
+        host: what its scenario has made of the host.
+        engine: plays its scenario; None without one.
+    """
+
+    def __init__(
+        self,
+        parts: MachineParts,
+        schedule: Iterable[Scheduled] = (),
+        *,
+        log: Log | None = None,
+        operations_max: int | None = None,
+    ) -> None:
+        """Switch the boards on.
+
+        Args:
+            parts: what the machine is made of.
+            schedule: operations on it beside its motion, each with its instant.
+            log: called with each frame on the bus and its instant; by default the bus keeps them.
+            operations_max: number of operations that are remembered; None for all.
+
+        Raises:
+            InputError: something is wrong in the scenario, or the machine has not what it harms.
+        """
+        robot, options = parts.robot, parts.options
+        self.parts = parts
+        self.bus = Bus(options.bits_per_s(robot), log)
+        simulation = Simulation(parts.boards, self.bus, schedule, parts.shelf, parts.motors)
+        super().__init__(robot, simulation, parts.start_steps)
+        self.operations = OperationLog(self, operations_max)
+        self.host = HostCondition()
+        scenario = options.scenario_for(robot)
+        self.engine = None if scenario is None else Engine(scenario, self, self.host)
+
+    @property
+    def bus_log(self) -> list[tuple[int, Frame]]:
+        """Every frame that the bus has kept, with the instant, in counts, when it became valid."""
+        return list(zip(self.bus.log_counts, self.bus.log_frames, strict=True))
+
+    def mismatches(self) -> list[Microsteps]:
+        """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
+        return [each for each in self.microsteps() if not each.agree]
+
+    def shelf_evidence(self) -> ShelfEvidence | None:
+        """Look at the shelf; return what has happened there since power-up, None if there is none."""
+        watch = self.simulation.shelf_watch
+        if watch is None:
+            return None
+        watch.look_now(self.simulation.now_counts)
+        return shelf_evidence(watch.shelf, self.parts.stock)
