@@ -19,8 +19,11 @@ from steptwin.bench.bench_table import bench_table
 from steptwin.bench.live_server import Server, silence_python_can
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection
-from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, JointJog, RefusedError, ResetFaults, ToolJog
-from steptwin.host.panel.desk.jogs import BEAT_S
+from steptwin.host.panel.desk.commands import DeclareHere, ResetFaults
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.jogs import BEAT_S, Jog, JointJog, ToolJog
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.frame import COB_SYNC, COB_TPDO, FIRST_NODE_ID

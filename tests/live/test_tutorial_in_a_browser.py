@@ -12,7 +12,10 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.limit_switches import StuckSwitch
 from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.cli.app import run
-from steptwin.host.panel.desk import Desk, HomeAll, JointJog, RefusedError, ResetFaults, RunMotion, ToolJog
+from steptwin.host.panel.desk.commands import HomeAll, ResetFaults, RunMotion
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.jogs import JointJog, ToolJog
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.panel.replay.model import Replay
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan

@@ -72,7 +72,7 @@ def _serve(
     force: bool,
 ) -> None:
     from steptwin.host.client.control_client import ControlClient
-    from steptwin.host.panel.desk import Desk
+    from steptwin.host.panel.desk.desk import Desk
     from steptwin.host.panel.page.hub import Hub
     from steptwin.host.panel.page.server import open_port, serve_page
 

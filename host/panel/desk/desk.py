@@ -7,29 +7,20 @@ from steptwin.host.client.stopping import UNSURE, send_quick_stop
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.figures import BoardFigures
 from steptwin.host.panel.desk.jogs import Jog
-from steptwin.host.panel.desk.publisher import Publisher
-from steptwin.host.panel.desk.requests import Command, Order, Requests
-from steptwin.host.panel.desk.results import Result
-from steptwin.host.panel.desk.settings import Setting
-from steptwin.host.panel.desk.state import DeskState, Snapshot
+from steptwin.host.panel.desk.requests import Command, Order, Request
+from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.panel.desk.words import RefusedError, busy, told
 from steptwin.host.panel.desk.worker import Worker
 from steptwin.host.robots.robot import Robot
 
 
-class Desk:
+class Desk(DeskState):
     """A machine that any number of pages watch and one of them operates; thread-safe, and no call waits for the bus.
 
-    A page is a client, under a text of its own. It reads `snapshot`, `history`, `events`, `settings` and `results`. To
-    move the machine it becomes the operator (`operators.take`), then asks for commands or holds a jog by beats.
-    Everybody may stop at any time.
-
-    Attributes:
-        events: what has happened, in words.
-        history: the last minutes of every joint.
-        operators: who may move the machine.
-        drawing: the planned path and the tool's trace.
+    A page is a client, under a text of its own. It reads `snapshot`, `history`, `events`, `drawing`, `settings` and
+    `results`. To move the machine it becomes the operator (`operators.take`), then asks for commands or holds a jog by
+    beats. Everybody may stop at any time.
     """
 
     def __init__(
@@ -43,34 +34,9 @@ class Desk:
             control: host and port of a served board's control port, for its load and lateness; None without one.
             force: go on although the board carries another robot's name.
         """
-        self._state = DeskState(robot)
-        self._requests = Requests(self._state)
-        self._publisher = Publisher(self._state, self._requests)
-        self.events, self.history, self.drawing = self._state.events, self._state.history, self._state.drawing
-        self.operators = self._requests.operators
-        self._worker = Worker(connection, self._state, self._requests, self._publisher, force=force)
-        self._figures = None if control is None else BoardFigures(*control, self._state)
-        self._worker.start()
-
-    @property
-    def robot(self) -> Robot:
-        """The machine, with the limits that the settings have now: plan for this one."""
-        return self._state.robot
-
-    @property
-    def snapshot(self) -> Snapshot:
-        """The machine now; a new one comes at least 30 times a second while it moves."""
-        return self._publisher.snapshot
-
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """The settings as last read; empty before the first connection."""
-        return self._state.limits.settings
-
-    @property
-    def results(self) -> tuple[Result, ...]:
-        """The last runs that have ended, the newest last."""
-        return self._state.results.all()
+        super().__init__(robot)
+        self._figures = None if control is None else BoardFigures(*control, self)
+        self._worker = Worker(connection, self, force=force)
 
     # --- for the operator
 
@@ -80,7 +46,7 @@ class Desk:
         `name` says what that is, and `shown` is the number of the newest snapshot that its page had shown then.
         """
         try:
-            self._requests.shown.require(shown)
+            self.shown.require(shown)
         except RefusedError as error:
             raise RefusedError(f"{name}: {error}") from error
 
@@ -98,16 +64,11 @@ class Desk:
                 machine is not connected, is busy, is held by an emergency stop, or not homed.
         """
         self.operators.require(client)
-        self._require_ready(command.title, drives=command.needs_drives, homed=command.needs_homed)
-        self.require_shown(command.title, shown)
+        self._require(command, shown)
         assert shown is not None
-        if self._requests.presses.present is not None:
+        if self.presses.present is not None:
             raise RefusedError(f"{command.title}: a jog button is held")
-        try:
-            command.check(self._state)
-        except InputError as error:
-            raise RefusedError(told(error)) from error
-        self._requests.ask(Order(command, shown))
+        self.order(Order(command, shown))
 
     def beat(self, client: str, press: int, jog: Jog, shown: int | None) -> None:
         """Begin a jog or hold it: call this when a button is pressed and every 80 ms (`jogs.BEAT_S`) after that.
@@ -120,25 +81,20 @@ class Desk:
             RefusedError: nothing moves, and why: as `ask`, or because the press is over.
         """
         self.operators.require(client)
-        if self._requests.presses.is_present(client, press):
+        if self.presses.is_present(client, press):
             self._require_young(jog, shown)
         else:
-            self._requests.presses.require_new(client, press)
-            self._require_ready(jog.title, drives=True, homed=jog.needs_homed, jogging=True)
-            self.require_shown(jog.title, shown)
-            try:
-                jog.check(self.robot)
-            except InputError as error:
-                raise RefusedError(told(error)) from error
-        self._requests.presses.beat(client, press, jog)
+            self.presses.require_new(client, press)
+            self._require(jog, shown)
+        self.presses.beat(client, press, jog)
 
     def _require_young(self, jog: Jog, shown: int | None) -> None:
         """End the press that is held, and raise RefusedError, if its beats come too late: its release would, too."""
         try:
-            self._requests.shown.require_young(shown)
+            self.shown.require_young(shown)
         except RefusedError as error:
             late = f"{jog.title}: {error}"
-            self._requests.presses.end(late)
+            self.presses.end(late)
             raise RefusedError(late) from error
 
     def release(self, client: str, press: int) -> str | None:
@@ -146,7 +102,7 @@ class Desk:
 
         Return why the jog had ended before; None if it had not.
         """
-        return self._requests.presses.release(client, press)
+        return self.presses.release(client, press)
 
     def resume(self, client: str, shown: int | None) -> None:
         """Let a paused trajectory go on; raise RefusedError as `ask`, or if none is paused."""
@@ -159,31 +115,36 @@ class Desk:
 
     def _executing(self, what: str) -> list[AxisClient]:
         """Return the axes that execute a trajectory, at rest or not; raise RefusedError if there is none."""
-        session = self._worker.session
+        session = self.session
         axes = [axis for axis in session.machine.axes if axis.interpolating] if session else []
         if not axes:
             raise RefusedError(f"nothing to {what}: no trajectory runs")
         return axes
 
-    def _require_ready(self, name: str, *, drives: bool, homed: bool, jogging: bool = False) -> None:
-        """Raise RefusedError, with the first reason, unless the machine can do what this name stands for now."""
-        snapshot = self.snapshot
+    def _require(self, request: Request, shown: int | None) -> None:
+        """Raise RefusedError, with the first reason, unless the machine can do now what a request asks for."""
+        name, snapshot = request.title, self.snapshot
         if not snapshot.connected:
             raise RefusedError(f"{name}: not connected: {snapshot.why_not}")
-        if drives and snapshot.emergency_stopped:
+        if request.needs_drives and snapshot.emergency_stopped:
             raise RefusedError(f"{name}: the machine is held by an emergency stop: reset it first")
         activity = snapshot.activity
-        if activity is not None and not (jogging and activity.jogging):
+        if activity is not None and not (request.jogs and activity.jogging):
             raise RefusedError(busy(name, activity.name))
-        faulty = [joint for joint in snapshot.joints if joint.error is not None]
-        if drives and faulty:
-            raise RefusedError(f"{name}: {faulty[0].name} is in fault, {faulty[0].error}: reset it first")
-        hindered = [joint for joint in snapshot.joints if joint.hindrance is not None]
-        if drives and hindered:
-            raise RefusedError(f"{name}: {hindered[0].name}: {hindered[0].hindrance}")
+        for joint in snapshot.joints if request.needs_drives else ():
+            if joint.error is not None:
+                raise RefusedError(f"{name}: {joint.name} is in fault, {joint.error}: reset it first")
+        for joint in snapshot.joints if request.needs_drives else ():
+            if joint.hindrance is not None:
+                raise RefusedError(f"{name}: {joint.name}: {joint.hindrance}")
         unknown = [joint.name for joint in snapshot.joints if not joint.homed]
-        if homed and unknown:
+        if request.needs_homed and unknown:
             raise RefusedError(f"{name}: {', '.join(unknown)} not homed: home the machine first")
+        self.require_shown(name, shown)
+        try:
+            request.check(self.limits, [joint.position for joint in snapshot.joints])
+        except InputError as error:
+            raise RefusedError(told(error)) from error
 
     # --- for everybody, at any time
 
@@ -194,15 +155,15 @@ class Desk:
 
     def stop(self, by: str = "a client", press: str | None = None) -> bool:
         """Stop all axes together; they hold their positions. Arguments and result are those of `emergency_stop`."""
-        self._requests.shown.void("a stop came")
-        self._requests.presses.end("stopped")
-        self._requests.drop()  # before the stop is asked for, or it could begin once the stop is made
-        if self._worker.session is None:
+        self.shown.void("a stop came")
+        self.presses.end("stopped")
+        self.drop()  # before the stop is asked for, or it could begin once the stop is made
+        if self.session is None:
             self.events.error(f"stop by {by}: not connected; {UNSURE}")
             return False  # the press is not known then: its copy that comes later stops the machine
-        if press is not None and not self._requests.stops.is_new(press):
+        if press is not None and not self.stops.is_new(press):
             return self.snapshot.connected
-        self._requests.stops.ask(Stop.STOP)
+        self.stops.ask(Stop.STOP)
         self.events.warning(f"stop by {by}")
         return self.snapshot.connected
 
@@ -219,14 +180,14 @@ class Desk:
         Returns:
             Whether the machine was connected, so that it has been told.
         """
-        if press is not None and not self._requests.stops.is_new(press):
+        if press is not None and not self.stops.is_new(press):
             return self.snapshot.connected
-        self._state.emergency_stopped = True
-        self._requests.shown.void("an emergency stop came")
-        self._requests.drop()
-        self._requests.stops.ask(Stop.EMERGENCY)
-        self._requests.presses.end("emergency stop")
-        session = self._worker.session
+        self.emergency_stopped = True
+        self.shown.void("an emergency stop came")
+        self.drop()
+        self.stops.ask(Stop.EMERGENCY)
+        self.presses.end("emergency stop")
+        session = self.session
         try:
             if session is None:
                 raise BusError("not connected")
@@ -240,7 +201,7 @@ class Desk:
     def gone(self, client: str) -> None:
         """Say that a page is closed for ever: its jog ends, and it no longer operates the machine."""
         self.operators.give_up(client)
-        self._requests.presses.forget(client)
+        self.presses.forget(client)
 
     def close(self) -> None:
         """End the connection; what the desk makes the machine do stops first."""

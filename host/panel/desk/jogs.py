@@ -6,17 +6,17 @@ their way do not set the machine moving again.
 """
 
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import Lock
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from steptwin.host.operate.jogging import check_jog, jog, jog_tool
 from steptwin.host.operate.session import Session
+from steptwin.host.panel.desk.requests import Request
+from steptwin.host.panel.desk.settings import MachineSettings
 from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.planning.tool_by_hand import check_tool_jog
-from steptwin.host.robots.robot import Robot
 
 BEAT_S: Final = 0.08
 """Time after which a page repeats its beat."""
@@ -24,7 +24,6 @@ LEASE_S: Final = 0.25
 """Time from the last beat to a press' end: two beats may be lost and the third late."""
 EXPIRED: Final = "the page has fallen silent: press the button again"
 RELEASED: Final = "the button was released"
-_MISSED_MAX: Final = 16
 
 
 class JogEnd(NamedTuple):
@@ -35,21 +34,27 @@ class JogEnd(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class JointJog:
-    """Move one joint at a speed with a sign, in mm/s or deg/s, for as long as the button is held."""
+class Jog(Request):
+    """A motion at a speed with a sign, in mm/s or deg/s, for as long as a button is held."""
 
-    needs_homed: ClassVar[bool] = False
+    jogs = True
+
+    def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
+        """Jog until the button is released, or the machine can go no further."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class JointJog(Jog):
+    """Move one joint, up to its limit."""
+
+    named = "jog {0.joint}"
     joint: str
     speed: float
 
-    @property
-    def title(self) -> str:
-        """Its name, with the joint."""
-        return f"jog {self.joint}"
-
-    def check(self, robot: Robot) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the joint exists and takes the speed."""
-        check_jog(robot, self.joint, self.speed)
+        check_jog(limits.robot, self.joint, self.speed)
 
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
         """Jog until the button is released, or the joint stands at its limit."""
@@ -58,22 +63,17 @@ class JointJog:
 
 
 @dataclass(frozen=True, slots=True)
-class ToolJog:
-    """Move the tool along x, y or z of the world, or turn it by phi, for as long as the button is held."""
+class ToolJog(Jog):
+    """Move the tool along x, y or z of the world, or turn it by phi."""
 
-    needs_homed: ClassVar[bool] = True
+    named = "jog {0.coordinate}"
+    needs_homed = True
     coordinate: str
     speed: float
-    """In mm/s or deg/s, with a sign."""
 
-    @property
-    def title(self) -> str:
-        """Its name, with the coordinate."""
-        return f"jog {self.coordinate}"
-
-    def check(self, robot: Robot) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the coordinate exists and takes the speed."""
-        check_tool_jog(robot, self.coordinate, self.speed)
+        check_tool_jog(limits.robot, self.coordinate, self.speed)
 
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
         """Jog until the button is released, or the tool can go no further."""
@@ -81,69 +81,60 @@ class ToolJog:
         return JogEnd(jogged.end != jogged.start, jogged.at_end)
 
 
-Jog = JointJog | ToolJog
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Press:
-    """A button that is held.
+    """A button that is held, or was.
 
     Attributes:
         client: the page.
         number: number of the press on this page.
         jog: what it moves.
+        served: True once the worker jogs for it.
+        over: why it is over; empty while it is held.
     """
 
     client: str
     number: int
     jog: Jog
+    served: bool = False
+    over: str = ""
+
+    @property
+    def in_vain(self) -> str:
+        """That nothing has moved, and why; empty if a stop or the like has ended the press, which says so itself."""
+        if self.over == EXPIRED:
+            return f"{self.jog.title}: nothing has moved: {EXPIRED}"
+        if self.over in ("", RELEASED):
+            return f"{self.jog.title}: nothing has moved: {RELEASED} before the drives were ready: hold it longer"
+        return ""
 
 
 class Presses:
     """The one button that is held, and the presses that are over; may be used from any thread."""
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic) -> None:
+        """Begin without one; `tell` is called with why a press that nobody has served was in vain."""
+        self._tell = tell
         self._now_s = now_s
         self._present: Press | None = None
         self._until_s = 0.0
         self._over: dict[str, tuple[int, str]] = {}
         """Number of the last press of each client that is over, and why it is."""
-        self._served: Press | None = None
-        self._missed: deque[tuple[Press, str]] = deque(maxlen=_MISSED_MAX)
-        """Presses that ended before the machine came to serve them, and why they did."""
         self._lock = Lock()
 
     @property
     def present(self) -> Press | None:
         """The press that is held now; None without one."""
         with self._lock:
-            self._expire()
-            return self._present
+            return self._held()
 
     def serve(self) -> Press | None:
         """Return the press that is held now, which is served from now on; None without one."""
-        self._served = self.present
-        return self._served
-
-    def missed(self) -> list[tuple[Press, str]]:
-        """Return, once, the presses that ended before they were served, and why they did."""
         with self._lock:
-            missed = list(self._missed)
-            self._missed.clear()
-            return missed
-
-    def why_over(self, press: Press) -> str:
-        """Return why a press is over, as far as that is known; empty while it is held."""
-        with self._lock:
-            self._expire()
-            if self._present is press:
-                return ""
-            number, why = self._over.get(press.client, (-1, RELEASED))
-            return why if number == press.number else RELEASED
-
-    def holds(self, press: Press) -> bool:
-        """Return whether a press is still held."""
-        return self.present is press
+            held = self._held()
+            if held is not None:
+                held.served = True
+            return held
 
     def is_present(self, client: str, number: int) -> bool:
         """Return whether this press is held now."""
@@ -152,10 +143,6 @@ class Presses:
 
     def require_new(self, client: str, number: int) -> None:
         """Raise RefusedError, with why, if a press of this number is over."""
-        with self._lock:
-            self._require_new(client, number)
-
-    def _require_new(self, client: str, number: int) -> None:
         last, why = self._over.get(client, (-1, ""))
         if number <= last:
             raise RefusedError(why if number == last else RELEASED)
@@ -163,9 +150,8 @@ class Presses:
     def beat(self, client: str, number: int, jog: Jog) -> None:
         """Begin a press, or hold it for another lease; raise RefusedError, with why, if it is over."""
         with self._lock:
-            self._expire()
-            self._require_new(client, number)
-            held = self._present
+            held = self._held()
+            self.require_new(client, number)
             if held is None or (held.client, held.number) != (client, number):
                 self._end(RELEASED)
                 self._present = Press(client, number, jog)
@@ -174,8 +160,7 @@ class Presses:
     def release(self, client: str, number: int) -> str | None:
         """End a press; one that has not come yet, too. Return why it was over before, None if it was not."""
         with self._lock:
-            self._expire()
-            held = self._present
+            held = self._held()
             if held is not None and held.client == client and held.number <= number:
                 self._end(RELEASED)
             last, why = self._over.get(client, (-1, ""))
@@ -195,13 +180,17 @@ class Presses:
                 self._end(RELEASED)
             self._over.pop(client, None)
 
-    def _expire(self) -> None:
+    def _held(self) -> Press | None:
+        """Return the press that is held, once a lease that is over has ended it."""
         if self._now_s() > self._until_s:
             self._end(EXPIRED)
+        return self._present
 
     def _end(self, why: str) -> None:
         held, self._present = self._present, None
-        if held is not None:
-            self._over[held.client] = held.number, why
-            if held is not self._served:
-                self._missed.append((held, why))
+        if held is None:
+            return
+        held.over = why
+        self._over[held.client] = held.number, why
+        if not held.served and held.in_vain:
+            self._tell(held.in_vain)

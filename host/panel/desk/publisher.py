@@ -14,8 +14,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.operate.joint_positions import joint_positions
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.reports import SILENT_S, AxisTelemetry, Reports
-from steptwin.host.panel.desk.requests import Requests
+from steptwin.host.panel.desk.reports import Reports
 from steptwin.host.panel.desk.state import Activity, DeskState, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.robots.kinematics import make_kinematics
@@ -55,22 +54,24 @@ _REST_S: Final = 0.1
 """Longest time between two snapshots, without news."""
 _SETTLED_S: Final = 0.15
 """Time for which the drives' states must last until the events tell of them: drives change one after the other."""
-_SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
 _ANOTHER: Final = "another program moves the machine"
 
 
 class Publisher:
-    """Makes snapshots; the worker publishes, any thread reads `snapshot`."""
+    """Publishes what the axes of a session report; in the worker's thread, but for `reports`.
 
-    def __init__(self, state: DeskState, requests: Requests) -> None:
+    Attributes:
+        reports: what the axes report.
+    """
+
+    def __init__(self, session: Session, state: DeskState) -> None:
+        self._session = session
         self._state = state
-        self._requests = requests
-        self._session: Session | None = None
-        self._arm: DrawnArm | None = None
-        self._reports: Reports | None = None
-        self._published_s = self._news_s = float("-inf")
         self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
         """Number of an axis and error code of emergencies that the events do not tell of yet."""
+        self.reports = Reports(session, self._emergency)
+        self._arm: DrawnArm | None = None
+        self._published_s = self._news_s = float("-inf")
         self._states: tuple[str, ...] = ()
         """The drives' states as last seen, and since when."""
         self._states_s = float("-inf")
@@ -79,55 +80,20 @@ class Publisher:
         self._stopped = self._faulty = False
         """True if a drive was stopped or in fault, as last seen."""
 
-    @property
-    def snapshot(self) -> Snapshot:
-        """The newest snapshot; not connected if the axes have fallen silent since."""
-        latest, reports = self._state.latest, self._reports
-        holder = self._requests.operators.holder
-        latest = replace(
-            latest,
-            operator=holder.name if holder else None,
-            emergency_stopped=self._state.emergency_stopped,
-            activity=self._present(latest.activity),
-        )
-        if latest.connected and (reports is None or reports.silent):
-            return replace(latest, connected=False, why_not=_SILENT, activity=None)
-        return latest
-
-    def _present(self, published: Activity | None) -> Activity | None:
-        """Return what the machine does: what was published may have ended, or something else begun since."""
-        own = self._state.activity
-        if own is None:
-            return published if published and published.foreign else None
-        return published if published and published.name == own.name else own
-
-    def connected(self, session: Session, reports: Reports) -> None:
-        """Publish what this session's axes report, from now on."""
-        self._session, self._reports = session, reports
-        self._requests.shown.void("the machine was connected again")
-
-    def disconnected(self, why: str) -> None:
-        """Publish that the machine is not connected, and why; the rest stays as last known."""
-        self._session = self._reports = None
-        self._told.clear()
-        self._state.latest = replace(
-            self._state.latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
-        )
-
-    def emergency(self, axis: int, code: int) -> None:
+    def _emergency(self, axis: int, code: int) -> None:
         """Take an error that an axis reports; called in the receiving thread.
 
         After an emergency stop, also one that is reset at once, nothing goes on that was asked for before.
         """
         self._emergencies.append((axis, code))
         if code == ErrorCode.ESTOP:
-            self._requests.shown.void("an emergency stop came")
-            self._requests.stops.ask(Stop.VOID)
+            self._state.shown.void("an emergency stop came")
+            self._state.stops.ask(Stop.VOID)
 
     def publish(self) -> None:
         """Publish a snapshot, unless the last one is new enough or an axis has not reported yet."""
-        session, reports, now_s = self._session, self._reports, time.monotonic()
-        if session is None or reports is None or now_s - self._published_s < PERIOD_S:
+        reports, now_s = self.reports, time.monotonic()
+        if now_s - self._published_s < PERIOD_S:
             return
         drives = [report.drive for report in reports.axes if report.drive is not None]
         if len(drives) < len(reports.axes) or reports.silent:
@@ -135,17 +101,16 @@ class Publisher:
         if reports.news_s == self._news_s and now_s - self._published_s < _REST_S:
             return
         self._published_s, self._news_s = now_s, reports.news_s
-        self._follow_emergency_stop(reports.axes, drives)
+        self._follow_emergency_stop(drives)
         self._follow_stops(drives)
-        self._state.latest = self._snapshot(now_s, session, reports.axes, drives)
+        self._state.latest = self._snapshot(now_s, drives)
         self._state.drawing.follow(self._state.latest.pose)
-        self._tell_emergencies(session.robot.joint_names)
+        self.tell_emergencies()
         self._tell_states(now_s, self._state.latest.joints)
 
-    def _snapshot(
-        self, now_s: float, session: Session, reports: Sequence[AxisTelemetry], drives: list[DriveStatus]
-    ) -> Snapshot:
-        robot, state = session.robot, self._state
+    def _snapshot(self, now_s: float, drives: list[DriveStatus]) -> Snapshot:
+        session, reports, state = self._session, self.reports.axes, self._state
+        robot = session.robot
         places = joint_positions(
             robot,
             [drive.position_units for drive in drives],
@@ -178,7 +143,7 @@ class Publisher:
             )
         )
         return Snapshot(
-            number=self._requests.shown.add(),
+            number=self._state.shown.add(),
             time_s=now_s,
             connected=True,
             why_not=None,
@@ -197,17 +162,14 @@ class Publisher:
             stood_percent=state.stood_percent,
         )
 
-    def _follow_emergency_stop(self, reports: Sequence[AxisTelemetry], drives: Sequence[DriveStatus]) -> None:
+    def _follow_emergency_stop(self, drives: Sequence[DriveStatus]) -> None:
         """Note an emergency stop, whoever has made it, and its end by a reset."""
-        state = self._state
-        if any(
-            drive.in_fault and report.error_code == ErrorCode.ESTOP
-            for report, drive in zip(reports, drives, strict=True)
-        ):
+        state, codes = self._state, [report.error_code for report in self.reports.axes]
+        if any(drive.in_fault and code == ErrorCode.ESTOP for drive, code in zip(drives, codes, strict=True)):
             state.emergency_stopped = True
         elif (
             state.emergency_stopped
-            and self._requests.stops.asked is not Stop.EMERGENCY
+            and self._state.stops.asked is not Stop.EMERGENCY
             and not any(drive.in_fault for drive in drives)
         ):
             state.emergency_stopped = False
@@ -217,13 +179,14 @@ class Publisher:
         """Void what was asked for before a stop or a fault, whoever has made it, and before a reset."""
         stopped, faulty = any(drive.state in STOPPED for drive in drives), any(drive.in_fault for drive in drives)
         if stopped and not self._stopped:
-            self._requests.shown.void("the machine was stopped")
+            self._state.shown.void("the machine was stopped")
         if self._faulty and not faulty:
-            self._requests.shown.void("the machine was reset")
+            self._state.shown.void("the machine was reset")
         self._stopped, self._faulty = stopped, faulty
 
-    def _tell_emergencies(self, names: Sequence[str]) -> None:
+    def tell_emergencies(self) -> None:
         """Log the errors that axes have reported, those with the same error together."""
+        names = self._session.robot.joint_names
         found: dict[int, list[str]] = {}
         while self._emergencies:
             axis, code = self._emergencies.popleft()

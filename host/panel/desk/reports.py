@@ -2,14 +2,11 @@
 
 import struct
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from time import monotonic
 from typing import Final
-
-import canopen
 
 from steptwin.host.client.axis import AxisClient, Objects
 from steptwin.host.client.drive_status import DriveStatus, at_rest
@@ -20,81 +17,6 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.frame import COB_EMCY, COB_ID_INVALID, COB_ID_NO_RTR, COB_TPDO
 from steptwin.protocol.objects import ASYNCHRONOUS
-from steptwin.protocol.pvt import SEQUENCE_MODULUS, PvtStatus
-
-REPORTS_MAX: Final = 1024
-"""Reports of each kind that are kept of an axis: more than a picture shows."""
-
-
-class Thinned:
-    """A list of times and whole numbers that keeps each, or each second, fourth ..., so that it stays short."""
-
-    def __init__(self) -> None:
-        self.items: list[tuple[float, int]] = []
-        self._count = 0
-        self._every = 1
-
-    def add(self, time_s: float, number: int) -> None:
-        """Add a number behind the others."""
-        if self._count % self._every == 0:
-            if len(self.items) == REPORTS_MAX:
-                del self.items[1::2]
-                self._every *= 2
-            self.items.append((time_s, number))
-        self._count += 1
-
-
-class AxisReports:
-    """The reports of one axis during a motion, each with the time when it was on the bus."""
-
-    def __init__(self) -> None:
-        self.places = Thinned()
-        """The positions reported by TPDO1, in wire units."""
-        self.records = Thinned()
-        """The numbers, from 0 on, of the records that TPDO3 reports as executed."""
-        self._executing = 0
-
-    def take_place(self, time_s: float, data: bytes) -> None:
-        """Take a TPDO1; raise ValueError if it is none."""
-        self.places.add(time_s, DriveStatus.decode(data).position_units)
-
-    def take_record(self, time_s: float, data: bytes) -> None:
-        """Take a TPDO3, which tells the record's number modulo 256; raise ValueError if it is none."""
-        ahead = (PvtStatus.decode(data).executing - self._executing) % SEQUENCE_MODULUS
-        if ahead < SEQUENCE_MODULUS // 2:  # otherwise it is an old one
-            self._executing += ahead
-            self.records.add(time_s, self._executing)
-
-
-class ReportListener:
-    """Collects what the axes of a connection report while a motion goes on."""
-
-    def __init__(self) -> None:
-        self._collected: tuple[AxisReports, ...] | None = None
-
-    def listen(self, network: canopen.Network, node_ids: Iterable[int]) -> None:
-        """Listen to the axes with these node ids, as long as the network is open."""
-        for axis, node_id in enumerate(node_ids):
-            for cob_id, take in ((COB_TPDO[0], AxisReports.take_place), (COB_TPDO[2], AxisReports.take_record)):
-                network.subscribe(cob_id + node_id, partial(self._received, axis, take))
-
-    def _received(
-        self, axis: int, take: Callable[[AxisReports, float, bytes], None], _cob_id: int, data: bytearray, time_s: float
-    ) -> None:
-        collected = self._collected
-        if collected is not None:
-            with suppress(ValueError):
-                take(collected[axis], time_s or monotonic(), bytes(data))  # some interfaces tell no time
-
-    def collect(self, axes: int) -> None:
-        """Collect from now on, and forget what was collected before."""
-        self._collected = tuple(AxisReports() for _ in range(axes))
-
-    def collected(self) -> tuple[AxisReports, ...]:
-        """Return what each axis has reported since `collect`, and collect no more; nothing without a motion."""
-        collected, self._collected = self._collected, None
-        return collected or ()
-
 
 SILENT_S: Final = 0.35
 """Time without a report after which the machine counts as lost: pages show it within 0.5 s, and at 125 kbit/s two
@@ -130,26 +52,33 @@ class AxisTelemetry:
     inputs: int | None = None
     error_code: int = 0
 
+    def take_drive(self, data: bytes) -> None:
+        """Take a TPDO1."""
+        self.drive, self.heard_s = DriveStatus.decode(data), time.monotonic()
+
+    def take_motion(self, data: bytes) -> None:
+        """Take a TPDO2, as `set_up_reports` defines it."""
+        self.following_error_units, self.velocity_units_per_s = _MOTION.unpack(data)
+
+    def take_inputs(self, data: bytes) -> None:
+        """Take a TPDO4."""
+        self.inputs, self.error_code = _INPUTS.unpack(data)
+
 
 class Reports:
     """The last reports of all axes; the receiving thread writes them, any thread may read them."""
 
-    def __init__(
-        self,
-        network: canopen.Network,
-        axes: tuple[AxisClient, ...],
-        emergency: Callable[[int, int], None],
-    ) -> None:
+    def __init__(self, session: Session, emergency: Callable[[int, int], None]) -> None:
         """Listen from now on; `emergency` is called in the receiving thread with an axis' number and an error code."""
-        self.axes = tuple(AxisTelemetry() for _ in axes)
-        for number, (axis, report) in enumerate(zip(axes, self.axes, strict=True)):
+        self.axes = tuple(AxisTelemetry() for _ in session.machine.axes)
+        for number, (axis, report) in enumerate(zip(session.machine.axes, self.axes, strict=True)):
             for cob_id, take in (
-                (COB_TPDO[0], partial(_take_drive, report)),
-                (COB_TPDO[1], partial(_take_motion, report)),
-                (COB_TPDO[3], partial(_take_inputs, report)),
+                (COB_TPDO[0], report.take_drive),
+                (COB_TPDO[1], report.take_motion),
+                (COB_TPDO[3], report.take_inputs),
                 (COB_EMCY, partial(_take_emergency, report, partial(emergency, number))),
             ):
-                network.subscribe(cob_id + axis.node_id, _callback(take))
+                session.link.network.subscribe(cob_id + axis.node_id, _callback(take))
 
     @property
     def heard_s(self) -> float:
@@ -175,18 +104,6 @@ def _callback(take: Callable[[bytes], None]) -> Callable[[int, bytearray, float]
             take(bytes(data))
 
     return received
-
-
-def _take_drive(report: AxisTelemetry, data: bytes) -> None:
-    report.drive, report.heard_s = DriveStatus.decode(data), time.monotonic()
-
-
-def _take_motion(report: AxisTelemetry, data: bytes) -> None:
-    report.following_error_units, report.velocity_units_per_s = _MOTION.unpack(data)
-
-
-def _take_inputs(report: AxisTelemetry, data: bytes) -> None:
-    report.inputs, report.error_code = _INPUTS.unpack(data)
 
 
 def _take_emergency(report: AxisTelemetry, emergency: Callable[[int], None], data: bytes) -> None:

@@ -1,16 +1,41 @@
-"""Requests to the machine: commands, held buttons and stops, and the one client that may ask for them."""
+"""What an operator asks of the machine, and who may ask: the one client that operates it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import ClassVar, NamedTuple
 
+from steptwin.host.client import Progress
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.history import EventLog
-from steptwin.host.panel.desk.jogs import Press, Presses
-from steptwin.host.panel.desk.state import DeskState
-from steptwin.host.panel.desk.stops import ShownStates, StopRequests
-from steptwin.host.panel.desk.words import RefusedError, busy
+from steptwin.host.panel.desk.results import RunResults
+from steptwin.host.panel.desk.settings import MachineSettings
+from steptwin.host.panel.desk.words import RefusedError
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A command or a jog: checked in the thread that asks for it, performed in the worker's.
+
+    Positions and distances are in mm and degrees, parts of the highest speeds in percent.
+    """
+
+    named: ClassVar[str]
+    """Its title in a few words, in which {0} is the request."""
+    needs_drives: ClassVar[bool] = True
+    """True if it needs the drives: none in fault, no emergency stop."""
+    needs_homed: ClassVar[bool] = False
+    """True if every joint must know its position."""
+    jogs: ClassVar[bool] = False
+    """True if it lasts as long as a button is held."""
+
+    @property
+    def title(self) -> str:
+        """Its name in a few words."""
+        return self.named.format(self)
+
+    def check(self, limits: MachineSettings, standing: Sequence[float]) -> None:
+        """Raise InputError for a request that is wrong, or impossible from where the joints stand."""
 
 
 class Work(NamedTuple):
@@ -18,42 +43,27 @@ class Work(NamedTuple):
 
     Attributes:
         session: the machine.
-        state: the desk's; a command may change its limits.
-        title: the command's.
+        limits: the robot's limits and all settings, which a command may change.
+        events: what has happened.
+        runs: the runs that have ended.
+        progress: call it with the part that is done.
         seen_s: when the machine was as the operator saw it, on the clock of `time.monotonic`.
     """
 
     session: Session
-    state: DeskState
-    title: str
+    limits: MachineSettings
+    events: EventLog
+    runs: RunResults
+    progress: Progress
     seen_s: float
-
-    def progress(self, fraction: float) -> None:
-        """Say which part is done."""
-        self.state.begin(self.title, fraction)
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """A command of the operator: checked in the thread that asks for it, performed in the worker's.
+class Command(Request):
+    """A request that has an end of its own."""
 
-    Positions and distances are in mm and degrees, parts of the highest speeds in percent.
-    """
-
-    needs_drives: ClassVar[bool] = True
-    """True if it needs the drives: none in fault, no emergency stop."""
-    needs_homed: ClassVar[bool] = False
-    """True if every joint must know its position."""
     changes_settings: ClassVar[bool] = False
     """True if settings must be read again after it."""
-
-    @property
-    def title(self) -> str:
-        """Its name in a few words."""
-        raise NotImplementedError
-
-    def check(self, state: DeskState) -> None:
-        """Raise InputError for a command that is wrong, or impossible from where the machine stands."""
 
     def perform(self, work: Work) -> str:
         """Carry the command out; return in one line what has come of it, an empty text for nothing."""
@@ -102,21 +112,16 @@ class Operators:
         if holder.client != client:
             raise RefusedError(f"{holder.name} operates the machine: ask, or take over")
 
-    def take(self, client: str, name: str) -> None:
-        """Operate the machine; raise RefusedError if another client does."""
-        with self._lock:
-            holder = self._holder
-            if holder is not None and holder.client != client:
-                raise RefusedError(f"{holder.name} operates the machine: ask, or take over")
-            self._holder = Operator(client, name)
-        if holder is None:
-            self._changed()
-            self._events.info(f"{name} operates the machine")
+    def take(self, client: str, name: str, *, over: bool = False) -> None:
+        """Operate the machine; a jog of the former operator ends.
 
-    def take_over(self, client: str, name: str) -> None:
-        """Operate the machine, even if another client does; a jog of the former operator ends."""
+        Raise RefusedError if another client operates it, unless its place is taken over.
+        """
         with self._lock:
-            former, self._holder = self._holder, Operator(client, name)
+            former = self._holder
+            if former is not None and not over:
+                self.require(client)
+            self._holder = Operator(client, name)
         if former is None:
             self._changed()
             self._events.info(f"{name} operates the machine")
@@ -133,54 +138,3 @@ class Operators:
             self._holder = None
         self._changed()
         self._events.info(f"{former.name} no longer operates the machine")
-
-
-class Requests:
-    """Everything that is asked of the machine; any thread asks, the worker takes one thing at a time.
-
-    Attributes:
-        operators: who may move the machine.
-        shown: the states from which commands may be asked for.
-        presses: the jog button that is held.
-        stops: the stop that is asked for.
-    """
-
-    def __init__(self, state: DeskState) -> None:
-        self.operators = Operators(state.events, self._change_operator)
-        self.shown = ShownStates()
-        self.presses = Presses()
-        self.stops = StopRequests()
-        self._state = state
-        self._order: Order | None = None
-        self._lock = Lock()
-
-    def _change_operator(self) -> None:
-        self.shown.void("the operator changed")
-        self.presses.end("another client operates the machine")
-
-    def ask(self, order: Order) -> None:
-        """Let a command wait for the worker; raise RefusedError if the worker is busy."""
-        title = order.command.title
-        with self._lock:
-            if self._state.activity is not None:
-                raise RefusedError(busy(title, self._state.activity.name))
-            self._order = order
-            self._state.begin(title, 0.0)
-
-    def take(self) -> Order | Press | None:
-        """Return the command that waits, else the press that is held, else None."""
-        with self._lock:
-            order, self._order = self._order, None
-            if order is not None:
-                return order
-            press = self.presses.serve()
-            if press is not None:
-                self._state.begin(press.jog.title, None)
-            return press
-
-    def drop(self) -> None:
-        """Drop a command that waits; one that is carried out goes on."""
-        with self._lock:
-            if self._order is not None:
-                self._order = None
-                self._state.end()

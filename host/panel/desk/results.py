@@ -8,7 +8,10 @@ motion never gets ahead of that clock, so the motion's time of each position lie
 
 import time
 from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from threading import Lock
 from typing import Final
@@ -16,12 +19,58 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
-from steptwin.host.panel.desk.reports import AxisReports, ReportListener, Thinned
+from steptwin.host.operate.session import Session
 from steptwin.host.planning.plan import Plan
+from steptwin.protocol.frame import COB_TPDO
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
-from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.pvt import SEQUENCE_MODULUS, VELOCITY_PER_UNIT_PER_MS, PvtStatus
+
+REPORTS_MAX: Final = 1024
+"""Reports of each kind that are kept of an axis: more than a picture shows."""
+
+
+class Thinned:
+    """A list of times and whole numbers that keeps each, or each second, fourth ..., so that it stays short."""
+
+    def __init__(self) -> None:
+        self.items: list[tuple[float, int]] = []
+        self._count = 0
+        self._every = 1
+
+    def add(self, time_s: float, number: int) -> None:
+        """Add a number behind the others."""
+        if self._count % self._every == 0:
+            if len(self.items) == REPORTS_MAX:
+                del self.items[1::2]
+                self._every *= 2
+            self.items.append((time_s, number))
+        self._count += 1
+
+
+class AxisReports:
+    """The reports of one axis during a motion, each with the time when it was on the bus."""
+
+    def __init__(self) -> None:
+        self.places = Thinned()
+        """The positions reported by TPDO1, in wire units."""
+        self.records = Thinned()
+        """The numbers, from 0 on, of the records that TPDO3 reports as executed."""
+        self._executing = 0
+
+    def take_place(self, time_s: float, data: bytes) -> None:
+        """Take a TPDO1; raise ValueError if it is none."""
+        self.places.add(time_s, DriveStatus.decode(data).position_units)
+
+    def take_record(self, time_s: float, data: bytes) -> None:
+        """Take a TPDO3, which tells the record's number modulo 256; raise ValueError if it is none."""
+        ahead = (PvtStatus.decode(data).executing - self._executing) % SEQUENCE_MODULUS
+        if ahead < SEQUENCE_MODULUS // 2:  # otherwise it is an old one
+            self._executing += ahead
+            self.records.add(time_s, self._executing)
+
 
 _QUEUED_S: Final = 0.005
 """Longest time for which a report waits for the bus."""
@@ -132,21 +181,36 @@ class Result:
 
 
 class RunResults:
-    """The last runs that have ended; the worker adds them, any thread reads them.
-
-    Attributes:
-        reports: what the axes report during the run that goes on.
-    """
+    """The last runs that have ended, and what the axes report during the one that goes on; any thread may read them."""
 
     def __init__(self) -> None:
-        self.reports = ReportListener()
+        self._collected: tuple[AxisReports, ...] = ()
+        """What each axis has reported since `begin`; nothing while none runs."""
         self._numbers = count(1)
         self._results: deque[Result] = deque(maxlen=RESULTS_MAX)
         self._lock = Lock()
 
+    def listen(self, session: Session) -> None:
+        """Listen to the axes of a session, as long as its link is open."""
+        for number, axis in enumerate(session.machine.axes):
+            for cob_id, take in ((COB_TPDO[0], AxisReports.take_place), (COB_TPDO[2], AxisReports.take_record)):
+                session.link.network.subscribe(cob_id + axis.node_id, partial(self._received, number, take))
+
+    def _received(
+        self, axis: int, take: Callable[[AxisReports, float, bytes], None], _cob_id: int, data: bytearray, time_s: float
+    ) -> None:
+        collected = self._collected
+        if collected:
+            with suppress(ValueError):
+                take(collected[axis], time_s or time.monotonic(), bytes(data))  # some interfaces tell no time
+
+    def begin(self, axes: int) -> None:
+        """Collect reports from now on, and forget what was collected before."""
+        self._collected = tuple(AxisReports() for _ in range(axes))
+
     def end(self, name: str, outcome: LiveOutcome | None, why: str | None) -> None:
-        """Keep a run that has ended, with its outcome or with the reason why it has none."""
-        reports = self.reports.collected()
+        """Keep a run that has ended, with its outcome or with the reason why it has none; collect no more."""
+        reports, self._collected = self._collected, ()
         result = Result(
             number=next(self._numbers),
             wall_s=time.time(),
@@ -154,7 +218,7 @@ class RunResults:
             passed=outcome.passed if outcome else None,
             why=why,
             outcome=outcome,
-            placed=placed(outcome, reports) if outcome else (),
+            placed=placed(outcome, reports) if outcome and reports else (),
         )
         with self._lock:
             self._results.append(result)

@@ -1,14 +1,24 @@
-"""The desk's state: snapshots of the machine for the pages, and what the desk knows beside the axes' reports."""
+"""The desk's state: snapshots of the machine for the pages, and what the desk's threads share beside them."""
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from threading import Lock
+from typing import Final
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.history import Drawing, EventLog, History
-from steptwin.host.panel.desk.results import RunResults
-from steptwin.host.panel.desk.settings import MachineSettings
+from steptwin.host.panel.desk.jogs import Press, Presses
+from steptwin.host.panel.desk.reports import SILENT_S, Reports
+from steptwin.host.panel.desk.requests import Operators, Order
+from steptwin.host.panel.desk.results import Result, RunResults
+from steptwin.host.panel.desk.settings import MachineSettings, Setting
+from steptwin.host.panel.desk.stops import ShownStates, StopRequests
+from steptwin.host.panel.desk.words import RefusedError, busy
 from steptwin.host.robots.robot import Robot
+
+_SILENT: Final = f"no report from the machine for {SILENT_S:g} s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,14 +129,20 @@ class Snapshot:
 
 
 class DeskState:
-    """The desk's state, which outlives each connection; the worker writes it, any thread reads it.
+    """What the desk's threads share; it outlives each connection. The worker writes it, any thread reads it.
 
     Attributes:
         events: what has happened, in words.
         history: the last minutes of every joint.
         drawing: the planned path and the tool's trace.
-        results: the runs that have ended.
+        runs: the runs that have ended.
         limits: the robot's limits and all settings.
+        operators: who may move the machine.
+        shown: the states from which commands may be asked for.
+        presses: the jog button that is held.
+        stops: the stop that is asked for.
+        session: the session while the machine is connected.
+        reports: what the axes report, while the machine is connected.
         latest: the newest snapshot that was published.
         activity: what the worker makes the machine do.
         emergency_stopped: True from an emergency stop until the reset.
@@ -140,8 +156,15 @@ class DeskState:
         self.events = EventLog()
         self.history = History(len(robot.joints))
         self.drawing = Drawing()
-        self.results = RunResults()
+        self.runs = RunResults()
         self.limits = MachineSettings(robot, robot)
+        self.operators = Operators(self.events, self._change_operator)
+        self.shown = ShownStates()
+        self.presses = Presses(self.events.error)
+        self.stops = StopRequests()
+        self.session: Session | None = None
+        self.reports: Reports | None = None
+        self.latest = Snapshot()
         self.activity: Activity | None = None
         self.emergency_stopped = False
         self.simulated: bool | None = None
@@ -149,12 +172,51 @@ class DeskState:
         self.bus_load_percent: float | None = None
         self.late_ms: float | None = None
         self.stood_percent: float | None = None
-        self.latest = Snapshot()
+        self._order: Order | None = None
+        self._lock = Lock()
 
     @property
     def robot(self) -> Robot:
-        """The robot with its present limits."""
+        """The machine, with the limits that the settings have now: plan for this one."""
         return self.limits.robot
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """The settings as last read; empty before the first connection."""
+        return self.limits.settings
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """The last runs that have ended, the newest last."""
+        return self.runs.all()
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The machine now; a new one comes at least 30 times a second while it moves.
+
+        It is not connected if the axes have fallen silent since.
+        """
+        latest, own, holder = self.latest, self.activity, self.operators.holder
+        activity = latest.activity  # which may have ended, or something else begun, since it was published
+        if own is None or activity is None or activity.name != own.name:
+            activity = own or (activity if activity and activity.foreign else None)
+        lost = latest.connected and (self.reports is None or self.reports.silent)
+        return replace(
+            latest,
+            operator=holder.name if holder else None,
+            emergency_stopped=self.emergency_stopped,
+            connected=latest.connected and not lost,
+            why_not=_SILENT if lost else latest.why_not,
+            activity=None if lost else activity,
+        )
+
+    def disconnected(self, why: str) -> None:
+        """Show that the machine is not connected, and why; the rest stays as last known."""
+        self.latest = replace(
+            self.latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
+        )
+
+    # --- what waits for the worker, and what it does
 
     def begin(self, name: str, fraction: float | None) -> None:
         """Say what the worker does, and which part is done; None for a jog, which has no end."""
@@ -163,3 +225,34 @@ class DeskState:
     def end(self) -> None:
         """Say that the worker does nothing any more."""
         self.activity = None
+
+    def order(self, order: Order) -> None:
+        """Let a command wait for the worker; raise RefusedError if the worker is busy."""
+        title = order.command.title
+        with self._lock:
+            if self.activity is not None:
+                raise RefusedError(busy(title, self.activity.name))
+            self._order = order
+            self.begin(title, 0.0)
+
+    def take(self) -> Order | Press | None:
+        """Return the command that waits, else the press that is held, else None."""
+        with self._lock:
+            order, self._order = self._order, None
+            if order is not None:
+                return order
+            press = self.presses.serve()
+            if press is not None:
+                self.begin(press.jog.title, None)
+            return press
+
+    def drop(self) -> None:
+        """Drop a command that waits; one that is carried out goes on."""
+        with self._lock:
+            if self._order is not None:
+                self._order = None
+                self.end()
+
+    def _change_operator(self) -> None:
+        self.shown.void("the operator changed")
+        self.presses.end("another client operates the machine")

@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from threading import Event as Flag
 from threading import Thread, get_ident
 from typing import Final
@@ -18,10 +19,10 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, 
 from steptwin.host.operate.inputs_outputs import read_outputs
 from steptwin.host.operate.recovering import stop
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, Press
+from steptwin.host.panel.desk.jogs import EXPIRED, Press
 from steptwin.host.panel.desk.publisher import Publisher
-from steptwin.host.panel.desk.reports import Reports, ask_once, set_up_reports
-from steptwin.host.panel.desk.requests import Order, Requests, Work
+from steptwin.host.panel.desk.reports import ask_once, set_up_reports
+from steptwin.host.panel.desk.requests import Order, Work
 from steptwin.host.panel.desk.settings import read_settings
 from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
@@ -47,18 +48,22 @@ class StoppableNetwork(BusNetwork):
 
 
 class DeskLink(BusLink):
-    """A BusLink on which any function of `host/operate` publishes telemetry and ends when a stop is asked for."""
+    """A BusLink on which any function of `host/operate` publishes telemetry and ends when a stop is asked for.
 
-    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests, publish: Callable[[], None]) -> None:
-        """Open the link in the worker's thread; `publish` is called in every wait."""
+    Attributes:
+        publish: called in every wait.
+    """
+
+    def __init__(self, bus: can.BusABC, title: str, stops: StopRequests) -> None:
+        """Open the link in the worker's thread."""
         super().__init__(bus, title, network=lambda: StoppableNetwork(bus, title, stops))
         self._stops = stops
-        self._publish = publish
+        self.publish: Callable[[], None] = lambda: None
 
     def wait(self, dt_s: float) -> None:
         """Sleep and publish; raise StopAskedError if the worker must stop, BusError if the bus has failed."""
         super().wait(dt_s)
-        self._publish()
+        self.publish()
         self._stops.check()
 
 
@@ -75,14 +80,35 @@ _SIMULATED: Final = "SIMULATED"
 class ConnectedMachine:
     """A machine that is connected; everything here happens in the worker's thread."""
 
-    def __init__(self, session: Session, reports: Reports, state: DeskState, requests: Requests) -> None:
-        self.session = session
-        self.reports = reports
+    def __init__(self, link: DeskLink, state: DeskState) -> None:
+        self._link = link
         self._state = state
-        self._requests = requests
+        self.session = Session(link, state.robot)
+        self.publisher = Publisher(self.session, state)
+        state.runs.listen(self.session)
         self._slow_questions_s = float("-inf")
         self._often = self._read = False
         """True once the nodes report often, and once settings and the like have been read."""
+
+    def begin(self, title: str, *, force: bool) -> None:
+        """Make a stop that waits before anything else; then show the machine, which must be there and this robot's.
+
+        Raises:
+            StopAskedError: as `make_stop`.
+            BusError: as `make_stop`; an axis is missing, or the board carries another robot's name, unless forced.
+        """
+        self.make_stop()
+        self.session.require_present()
+        foreign = None if force or self.session.streaming else self.session.foreign_board()
+        if foreign:
+            raise BusError(f"{foreign}; --force goes on all the same").plainly(
+                f"{foreign.axis} belongs to the robot {foreign.found}, not to {foreign.expected}"
+            )
+        state = self._state
+        state.reports, state.session = self.publisher.reports, self.session
+        state.shown.void("the machine was connected again")
+        self._link.publish = self.publisher.publish
+        state.events.info(f"connected: {title}")
 
     def turn(self) -> None:
         """Stop if that is asked for; then carry out a command, or jog, or wait.
@@ -92,10 +118,9 @@ class ConnectedMachine:
             BusError: the connection is lost.
         """
         self.make_stop()
-        self._tell_missed()
-        wanted = self._requests.take()
+        wanted = self._state.take()
         if wanted is None:
-            self.session.link.wait(_TURN_S)
+            self._link.wait(_TURN_S)
             self._ask_slowly()
         elif isinstance(wanted, Press):
             self._jog(wanted)
@@ -118,51 +143,37 @@ class ConnectedMachine:
             self._state.end()
 
     def _carry_out(self, order: Order) -> None:
-        command, title = order.command, order.command.title
+        state, command, title = self._state, order.command, order.command.title
         with self._telling(title), self.session.one_action():
-            seen_s = self._requests.shown.require(order.shown)
-            text = command.perform(Work(self.session, self._state, title, seen_s))
+            seen_s = state.shown.require(order.shown)
+            progress = partial(state.begin, title)
+            text = command.perform(Work(self.session, state.limits, state.events, state.runs, progress, seen_s))
             self._slow_questions_s = float("-inf")
             self._read = self._read and not command.changes_settings
             if text:
-                self._state.events.info(f"{title}: {text}" if title not in text else text)
+                state.events.info(f"{title}: {text}" if title not in text else text)
 
     def _jog(self, press: Press) -> None:
         """Jog until the button is released; whatever else ends the jog ends the press too."""
-        presses, title = self._requests.presses, press.jog.title
+        presses, events, title = self._state.presses, self._state.events, press.jog.title
 
         def released() -> bool:
-            return not presses.holds(press)
+            return presses.present is not press
 
         why = f"{title}: stopped"
         try:
             with self._telling(title) as failures, self.session.one_action():
                 moved, at_end = press.jog.perform(self.session, released)
-                over = presses.why_over(press)
-                if not (moved or at_end):
-                    self._tell_in_vain(title, over)
-                elif over == EXPIRED:
-                    self._state.events.warning(f"{title}: {over}")
+                if not (moved or at_end) and press.in_vain:
+                    events.error(press.in_vain)
+                elif press.over == EXPIRED:
+                    events.warning(f"{title}: {EXPIRED}")
                 why = f"{title}: at the end of its travel"
                 if at_end:
-                    self._state.events.info(why)
+                    events.info(why)
         finally:
             if not released():
                 presses.end(failures[0] if failures else why)
-
-    def _tell_missed(self) -> None:
-        """Say which presses were over before the machine was free: nothing was ever done for them."""
-        for press, why in self._requests.presses.missed():
-            self._tell_in_vain(press.jog.title, why)
-
-    def _tell_in_vain(self, name: str, why: str) -> None:
-        """Say that a button has moved nothing, unless a stop or the like has ended it, which says so itself."""
-        if why == EXPIRED:
-            self._state.events.error(f"{name}: nothing has moved: {why}")
-        elif why in ("", RELEASED):
-            self._state.events.error(
-                f"{name}: nothing has moved: {RELEASED} before the drives were ready: hold it longer"
-            )
 
     # --- stops
 
@@ -173,7 +184,7 @@ class ConnectedMachine:
             StopAskedError: meanwhile a greater stop is asked for.
             BusError: an emergency stop has found a node that does not answer; it is still to be made.
         """
-        asked = self._requests.stops.answer()
+        asked = self._state.stops.answer()
         if asked is Stop.NONE:
             return
         if asked is Stop.EMERGENCY:
@@ -181,7 +192,7 @@ class ConnectedMachine:
         elif asked is Stop.STOP:
             with self._telling("stop"):
                 stop(self.session)
-        self._requests.stops.done(asked)
+        self._state.stops.done(asked)
 
     def _hold(self) -> None:
         """Hold all drives until a reset."""
@@ -196,14 +207,6 @@ class ConnectedMachine:
 
     # --- what no node reports by itself
 
-    def require_own(self) -> None:
-        """Raise BusError if the board carries another robot's name."""
-        foreign = self.session.foreign_board()
-        if foreign:
-            raise BusError(f"{foreign}; --force goes on all the same").plainly(
-                f"{foreign.axis} belongs to the robot {foreign.found}, not to {foreign.expected}"
-            )
-
     def _ask_slowly(self) -> None:
         """Ask for what is not reported, from time to time while nothing moves: questions disturb who streams."""
         session, now_s = self.session, time.monotonic()
@@ -214,7 +217,7 @@ class ConnectedMachine:
         try:
             self._often = self._often or set_up_reports(session)
             if not self._read:
-                ask_once(session, self.reports)
+                ask_once(session, self.publisher.reports)
                 state.simulated = _SIMULATED in session.machine.axes[0].read_text(od.DEVICE_NAME)
                 state.limits.settings = read_settings(session, state.limits)
                 self._read = True
@@ -236,28 +239,20 @@ _LOGGER: Final = logging.getLogger(__name__)
 class Worker:
     """Connects to the machine and serves it until it is closed; everything that waits for the bus happens here."""
 
-    def __init__(
-        self, connection: Connection, state: DeskState, requests: Requests, publisher: Publisher, *, force: bool
-    ) -> None:
-        self.session: Session | None = None
-        """The session while the machine is connected; may be read by any thread."""
+    def __init__(self, connection: Connection, state: DeskState, *, force: bool) -> None:
+        """Start the thread."""
         self._connection = connection
         self._state = state
-        self._requests = requests
-        self._publisher = publisher
         self._force = force
         self._closing = Flag()
         self._thread = Thread(target=self._run, name="desk", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
         """Stop what the worker makes the machine do, and end the thread and the connection."""
         self._closing.set()
         if self._state.activity is not None:
-            self._requests.stops.ask(Stop.STOP)
+            self._state.stops.ask(Stop.STOP)
         self._thread.join()
 
     def _run(self) -> None:
@@ -275,7 +270,7 @@ class Worker:
             except Exception as error:  # a fault of this program: nobody may be left without a desk
                 _LOGGER.exception("the desk's worker has failed")
                 why = f"internal error: {error}"
-            self._publisher.disconnected(why)
+            self._state.disconnected(why)
             if why != last and not self._closing.is_set():
                 self._state.events.error(f"not connected: {why}")
                 last = why
@@ -283,27 +278,19 @@ class Worker:
 
     @contextmanager
     def _connected(self) -> Iterator[ConnectedMachine]:
-        """Open the bus while the block runs; an emergency stop that waits is made before anything else."""
-        title, publisher = self._connection.title, self._publisher
-        bus = open_bus(self._connection)
-        with DeskLink(bus, title, self._requests.stops, publisher.publish) as link:
-            session = Session(link, self._state.robot)
-            reports = Reports(link.network, session.machine.axes, publisher.emergency)
-            self._state.results.reports.listen(link.network, [axis.node_id for axis in session.machine.axes])
-            connected = ConnectedMachine(session, reports, self._state, self._requests)
-            connected.make_stop()
-            session.require_present()
-            if not (self._force or session.streaming):
-                connected.require_own()
-            publisher.connected(session, reports)
-            self.session = session
-            self._state.events.info(f"connected: {title}")
+        """Open the bus while the block runs."""
+        title, state = self._connection.title, self._state
+        link = DeskLink(open_bus(self._connection), title, state.stops)
+        with link:
+            connected = ConnectedMachine(link, state)
+            connected.begin(title, force=self._force)
             try:
                 yield connected
             finally:
-                self.session = None
-                self._requests.presses.end("the connection is lost")
-                self._requests.drop()
+                state.session = state.reports = None
+                state.presses.end("the connection is lost")
+                state.drop()
+                connected.publisher.tell_emergencies()
 
     def _serve(self, connected: ConnectedMachine) -> None:
         """Serve the machine until the worker is closed; raise BusError when the connection is lost."""
@@ -311,5 +298,5 @@ class Worker:
         while not self._closing.is_set():
             with suppress(StopAskedError):  # which the next turn makes
                 connected.turn()
-            if time.monotonic() - max(connected.reports.heard_s, began_s) > _LOST_S:
+            if time.monotonic() - max(connected.publisher.reports.heard_s, began_s) > _LOST_S:
                 raise BusError(f"{self._connection.title}: the machine has fallen silent")

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, Protocol
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from steptwin.host.panel.desk import Snapshot
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.planning.jobs.options import OptionRange
 
 

@@ -13,7 +13,8 @@ from nicegui import ui
 from steptwin.host.client.control_client import ControlClient, ControlState, SwitchState
 from steptwin.host.common.control import Stuck
 from steptwin.host.common.errors import BusError, InputError
-from steptwin.host.panel.desk import Snapshot, told
+from steptwin.host.panel.desk.state import Snapshot
+from steptwin.host.panel.desk.words import told
 from steptwin.host.panel.page.elements import Chip, NumberField, Tone, cell, heading, line, note, plain, table
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
 

@@ -7,7 +7,9 @@ from typing import Final
 from nicegui import ui
 
 from steptwin.host.client.words import STOP_PRESSED
-from steptwin.host.panel.desk import Activity, Event, HomeAll, ResetFaults, Severity, Snapshot
+from steptwin.host.panel.desk.commands import HomeAll, ResetFaults
+from steptwin.host.panel.desk.history import Event, Severity
+from steptwin.host.panel.desk.state import Activity, Snapshot
 from steptwin.host.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, moving, plain
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
 
@@ -81,7 +83,7 @@ class PageHead:
         self._visitor.desk.resume(self._visitor.tab, SHOWN.get())
 
     def _take_lease(self) -> None:
-        self._visitor.desk.operators.take_over(self._visitor.tab, self._visitor.name)
+        self._visitor.desk.operators.take(self._visitor.tab, self._visitor.name, over=True)
 
     def _give_lease(self) -> None:
         self._visitor.desk.operators.give_up(self._visitor.tab)

@@ -11,7 +11,8 @@ from nicegui import Client, app, core, ui
 
 from steptwin.host.client.control_client import ControlClient
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.panel.desk import Desk, Snapshot
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import View
 from steptwin.host.panel.page.hardware import HardwareTab
 from steptwin.host.panel.page.header import Banner, EventLogView, PageHead

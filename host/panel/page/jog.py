@@ -5,7 +5,10 @@ from typing import Final
 
 from nicegui import events, ui
 
-from steptwin.host.panel.desk import Jog, JointJog, RefusedError, Snapshot, StepJoint, StepTool, ToolJog
+from steptwin.host.panel.desk.commands import StepJoint, StepTool
+from steptwin.host.panel.desk.jogs import Jog, JointJog, ToolJog
+from steptwin.host.panel.desk.state import Snapshot
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.panel.page.elements import choice, heading, line, live, note, stack
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
 from steptwin.host.planning.tool_by_hand import tool_speed_max

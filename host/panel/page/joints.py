@@ -5,7 +5,8 @@ from functools import partial
 from nicegui import ui
 
 from steptwin.host.client.words import state_words
-from steptwin.host.panel.desk import Disable, Enable, HomeAll, HomeJoint, JointView, Snapshot, SwitchOutput
+from steptwin.host.panel.desk.commands import Disable, Enable, HomeAll, HomeJoint, SwitchOutput
+from steptwin.host.panel.desk.state import JointView, Snapshot
 from steptwin.host.panel.page.elements import (
     Chip,
     Tone,

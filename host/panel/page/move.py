@@ -9,7 +9,9 @@ import numpy as np
 from nicegui import ui
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.desk import STANDS_THERE, DeclareHere, MoveJoints, MoveTool, Snapshot
+from steptwin.host.panel.desk.commands import DeclareHere, MoveJoints, MoveTool
+from steptwin.host.panel.desk.state import Snapshot
+from steptwin.host.panel.desk.words import STANDS_THERE
 from steptwin.host.panel.page.elements import (
     act,
     cell,

@@ -13,7 +13,8 @@ import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.host.panel.desk import HistorySamples, Snapshot
+from steptwin.host.panel.desk.history import HistorySamples
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import card, choice, icon_button, line, live, plain
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.robots.joint import Joint

@@ -8,7 +8,8 @@ from nicegui import ui
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
-from steptwin.host.panel.desk import Result, Snapshot
+from steptwin.host.panel.desk.results import Result
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import Chip, cell, heading, line, note, plain, table
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.robots.robot import Robot

@@ -9,7 +9,9 @@ from nicegui import events, ui
 from nicegui.elements.mixins.value_element import ValueElement
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.panel.desk import AS_SLOW_AS_NEEDED, MOVE_TO_START, RunMotion, Snapshot
+from steptwin.host.panel.desk.commands import RunMotion
+from steptwin.host.panel.desk.state import Snapshot
+from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
 from steptwin.host.panel.page.elements import (
     act,
     choice,

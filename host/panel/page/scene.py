@@ -13,7 +13,8 @@ import numpy as np
 from nicegui import ui
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.panel.desk import Drawing, Snapshot
+from steptwin.host.panel.desk.history import Drawing
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import card, icon_button, line, plain
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics

@@ -4,7 +4,9 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from steptwin.host.panel.desk import Setting, Snapshot, WriteSettings
+from steptwin.host.panel.desk.commands import WriteSettings
+from steptwin.host.panel.desk.settings import Setting
+from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import act, heading, line, moving, note, number_field, plain, wrong_field
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs.options import OptionRange

@@ -18,7 +18,9 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from steptwin.host.common.errors import StepTwinError
-from steptwin.host.panel.desk import Command, Desk, RefusedError, told
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.words import RefusedError, told
 from steptwin.host.panel.page.elements import Tone
 
 _STATIC: Final = Path(__file__).parent / "static"

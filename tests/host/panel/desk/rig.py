@@ -11,8 +11,11 @@ import numpy as np
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.client.links.bus_link import Connection
-from steptwin.host.panel.desk import Command, DeclareHere, Desk, Jog, MoveJoints, RefusedError, ResetFaults
-from steptwin.host.panel.desk.jogs import BEAT_S
+from steptwin.host.panel.desk.commands import DeclareHere, MoveJoints, ResetFaults
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.jogs import BEAT_S, Jog
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live.live_rig import await_true
@@ -55,7 +58,7 @@ class Rig:
         desk = self.desk
         self.served.operate(EmergencyStop(pressed=False))
         self.idle()
-        desk.operators.take_over(ANN, "Ann")
+        desk.operators.take(ANN, "Ann", over=True)
         if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
             self.do(ResetFaults())
             await_true(lambda: not desk.snapshot.emergency_stopped, "reset")

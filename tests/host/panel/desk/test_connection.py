@@ -4,7 +4,10 @@ import time
 from threading import Event
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.panel.desk import Command, DeclareHere, Desk, Enable, RefusedError, ResetFaults, StepJoint
+from steptwin.host.panel.desk.commands import DeclareHere, Enable, ResetFaults, StepJoint
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live.live_rig import await_true
 from tests.end_to_end.served import in_real_time

@@ -13,29 +13,26 @@ from steptwin.host.client.links.bus_link import BusLink, open_bus
 from steptwin.host.client.words import STOP_PRESSED
 from steptwin.host.operate.recovering import emergency_stop, reset
 from steptwin.host.operate.session import Session
-from steptwin.host.panel.desk import (
-    Command,
+from steptwin.host.panel.desk import jogs, reports
+from steptwin.host.panel.desk.commands import (
     DeclareHere,
-    Desk,
     Disable,
     Enable,
     HomeAll,
     HomeJoint,
-    JointJog,
     MoveJoints,
     MoveTool,
-    RefusedError,
     ResetFaults,
     RunMotion,
     StepJoint,
     StepTool,
     SwitchOutput,
-    ToolJog,
     WriteSettings,
-    jogs,
-    reports,
 )
-from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, JointJog, ToolJog
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.positions import ToolPosition
@@ -132,7 +129,7 @@ def test_who_takes_over_ends_the_jog(shared: Rig) -> None:
     press = shared.pressed(JOG)
     with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
         desk.operators.take(BOB, "Bob")
-    desk.operators.take_over(BOB, "Bob")
+    desk.operators.take(BOB, "Bob", over=True)
     settled(shared)
     assert shared.beat_refusal(press, JOG).startswith("Bob operates the machine")
     assert shared.refusal(Enable()).startswith("Bob operates the machine")
@@ -299,7 +296,7 @@ REFUSALS: dict[str, tuple[Callable[[], Command], str]] = {
 
 @pytest.mark.parametrize("what", REFUSALS)
 def test_wrong_commands_are_refused_at_once(shared: Rig, what: str) -> None:
-    shared.desk.operators.take_over(ANN, "Ann")
+    shared.desk.operators.take(ANN, "Ann", over=True)
     shared.idle()
     command, why = REFUSALS[what]
     assert shared.refusal(command()).startswith(why)
@@ -398,8 +395,8 @@ def test_another_operator_voids_what_the_last_one_has_clicked(shared: Rig) -> No
     shared.do(Enable())
     shared.fresh()
     clicked = desk.snapshot.number
-    desk.operators.take_over(BOB, "Bob")
-    desk.operators.take_over(ANN, "Ann")
+    desk.operators.take(BOB, "Bob", over=True)
+    desk.operators.take(ANN, "Ann", over=True)
     why = held_up(shared, Enable(), clicked)
     assert "void, since the operator changed after it was asked for" in why or "too late" in why
 

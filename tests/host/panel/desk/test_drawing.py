@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from steptwin.host.panel.desk import Drawing
+from steptwin.host.panel.desk.history import Drawing
 
 
 def pose(x_mm: float) -> dict[str, float]:

@@ -1,8 +1,8 @@
 """What the desk makes of a served board's figures: how much of the time its clock stands."""
 
 from steptwin.host.common.processes import ClockStood
-from steptwin.host.panel.desk import EventLog
 from steptwin.host.panel.desk.figures import ClockWatch
+from steptwin.host.panel.desk.history import EventLog
 
 
 def test_the_part_of_the_last_five_seconds_is_told() -> None:

@@ -9,8 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import AxisEnd, LiveOutcome
-from steptwin.host.panel.desk.reports import REPORTS_MAX, AxisReports, Thinned
-from steptwin.host.panel.desk.results import Placed, placed, time_bounds
+from steptwin.host.panel.desk.results import REPORTS_MAX, AxisReports, Placed, Thinned, placed, time_bounds
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan

@@ -17,8 +17,13 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def presses(clock: Clock) -> Presses:
-    return Presses(clock)
+def told() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def presses(told: list[str], clock: Clock) -> Presses:
+    return Presses(told.append, clock)
 
 
 def refused(presses: Presses, client: str, number: int, jog: Jog = JOG) -> str:
@@ -38,10 +43,10 @@ def test_a_press_lasts_for_its_lease_after_the_last_beat(clock: Clock, presses: 
     assert (held.client, held.number, held.jog) == ("a", 1, JOG)
     clock.now_s += 1e-6
     assert presses.present is None
-    assert not presses.holds(held)
+    assert presses.present is not held
     assert refused(presses, "a", 1) == EXPIRED
     presses.beat("a", 2, JOG)
-    assert not presses.holds(held)
+    assert presses.present is not held
 
 
 ENDS: dict[str, Callable[[Presses, Clock], object]] = {
@@ -77,7 +82,7 @@ def test_a_new_press_ends_the_one_before(presses: Presses) -> None:
     first = presses.present
     presses.beat("a", 2, ToolJog("x", 1.0))
     assert first
-    assert not presses.holds(first)
+    assert presses.present is not first
     assert presses.is_present("a", 2)
     assert refused(presses, "a", 1) == RELEASED
 
@@ -88,18 +93,27 @@ def test_a_client_that_is_gone_leaves_nothing(presses: Presses) -> None:
     assert presses.present is None
 
 
+IN_VAIN = {
+    RELEASED: "jog th1: nothing has moved: the button was released before the drives were ready: hold it longer",
+    EXPIRED: "jog th1: nothing has moved: the page has fallen silent: press the button again",
+}
+
+
 @pytest.mark.parametrize("why", ENDS)
-def test_a_press_that_nobody_served_is_told_once_with_why(clock: Clock, presses: Presses, why: str) -> None:
+def test_a_press_that_nobody_served_is_told_once_with_why(
+    clock: Clock, presses: Presses, told: list[str], why: str
+) -> None:
     presses.beat("a", 6, JOG)
     assert presses.serve() is presses.present
     presses.release("a", 6)
-    assert presses.missed() == []
+    assert told == []
     presses.beat("a", 7, JOG)
+    missed = presses.present
+    assert missed is not None
     ENDS[why](presses, clock)
     assert presses.present is None
-    ((missed, told),) = presses.missed()
-    assert (missed.number, told) == (7, why)
-    assert presses.missed() == []
+    assert (missed.number, missed.over) == (7, why)
+    assert told == ([IN_VAIN[why]] if why in IN_VAIN else [])
 
 
 @pytest.mark.parametrize("why", ENDS)
@@ -107,7 +121,8 @@ def test_a_release_says_why_the_press_was_over_before(clock: Clock, presses: Pre
     presses.beat("a", 7, JOG)
     held = presses.serve()
     assert held is not None
-    assert presses.why_over(held) == ""
+    assert held.over == ""
     ENDS[why](presses, clock)
-    assert presses.why_over(held) == why
+    assert presses.present is None
+    assert held.over == why
     assert presses.release("a", 7) == (None if why == RELEASED else why)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from steptwin.host.panel.desk import DeclareHere, Enable, JointJog, ResetFaults
+from steptwin.host.panel.desk.commands import DeclareHere, Enable, ResetFaults
 from steptwin.host.panel.desk.history import EVENTS_MAX, EventLog, History, Severity
-from steptwin.host.panel.desk.requests import Command, Operators, Order, Requests
+from steptwin.host.panel.desk.jogs import Jog, JointJog
+from steptwin.host.panel.desk.requests import Command, Operators, Order
 from steptwin.host.panel.desk.state import DeskState
 from steptwin.host.panel.desk.stops import Stop, StopAskedError, StopRequests
 from steptwin.host.panel.desk.words import RefusedError
@@ -13,54 +14,54 @@ from steptwin.host.robots import load_robot
 
 
 def test_every_command_has_a_title_and_is_performed() -> None:
-    kinds = Command.__subclasses__()
-    assert len({kind.__name__ for kind in kinds}) == 13
-    assert [kind for kind in kinds if {"title", "perform"} - vars(kind).keys()] == []
+    commands, jogs = Command.__subclasses__(), Jog.__subclasses__()
+    assert (len({kind.__name__ for kind in commands}), len({kind.__name__ for kind in jogs})) == (13, 2)
+    for kind in (*commands, *jogs):
+        assert "perform" in vars(kind), kind
+        assert {"named", "title"} & vars(kind).keys(), kind
 
 
 def test_one_command_waits_until_it_is_taken_or_dropped() -> None:
     state = DeskState(load_robot("lab-scara"))
-    requests = Requests(state)
     first = Order(Enable(), 3)
-    requests.ask(first)
+    state.order(first)
     assert state.activity is not None
     assert (state.activity.name, state.activity.fraction) == ("switch on", 0.0)
     with pytest.raises(RefusedError, match=r"^reset: not begun: switch on goes on$"):
-        requests.ask(Order(ResetFaults(), 3))
+        state.order(Order(ResetFaults(), 3))
     with pytest.raises(RefusedError, match=r"^switch on goes on already$"):
-        requests.ask(Order(Enable(), 3))
-    assert requests.take() is first
-    requests.drop()  # what is carried out goes on
+        state.order(Order(Enable(), 3))
+    assert state.take() is first
+    state.drop()  # what is carried out goes on
     assert state.activity is not None
     state.end()
-    requests.ask(Order(DeclareHere((0.0,)), 4))
-    requests.drop()
-    assert requests.take() is None
+    state.order(Order(DeclareHere((0.0,)), 4))
+    state.drop()
+    assert state.take() is None
     idle = state.activity
     assert idle is None
 
 
 def test_a_command_goes_before_a_held_button() -> None:
     state = DeskState(load_robot("lab-scara"))
-    requests = Requests(state)
-    requests.presses.beat("a", 1, JointJog("th2", 10.0))
-    requests.ask(Order(Enable(), 3))
-    assert isinstance(requests.take(), Order)
-    press = requests.take()
-    assert press == requests.presses.present
+    state.presses.beat("a", 1, JointJog("th2", 10.0))
+    state.order(Order(Enable(), 3))
+    assert isinstance(state.take(), Order)
+    press = state.take()
+    assert press == state.presses.present
     assert state.activity is not None
     assert (state.activity.name, state.activity.jogging) == ("jog th2", True)
 
 
 def test_another_operator_ends_what_was_asked_for_before() -> None:
-    requests = Requests(DeskState(load_robot("lab-scara")))
-    number = requests.shown.add()
-    requests.presses.beat("a", 1, JointJog("th2", 10.0))
-    requests.operators.take("b", "Bob")
-    assert requests.presses.present is None
-    assert requests.presses.release("a", 1) == "another client operates the machine"
+    state = DeskState(load_robot("lab-scara"))
+    number = state.shown.add()
+    state.presses.beat("a", 1, JointJog("th2", 10.0))
+    state.operators.take("b", "Bob")
+    assert state.presses.present is None
+    assert state.presses.release("a", 1) == "another client operates the machine"
     with pytest.raises(RefusedError, match=r"^void, since the operator changed"):
-        requests.shown.require(number)
+        state.shown.require(number)
 
 
 def raised(stops: StopRequests) -> bool:
@@ -128,7 +129,7 @@ def test_one_client_operates() -> None:
     operators.give_up("b")
     assert operators.is_operator("a")
     assert len(changes) == 1
-    operators.take_over("b", "Bob")
+    operators.take("b", "Bob", over=True)
     assert (operators.is_operator("a"), operators.is_operator("b"), len(changes)) == (False, True, 2)
     operators.give_up("b")
     assert (operators.holder, len(changes)) == (None, 3)

@@ -8,20 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.host.panel.desk import (
-    Command,
-    Desk,
-    Drawing,
-    EventLog,
-    History,
-    Jog,
-    JointView,
-    Operators,
-    RefusedError,
-    Result,
-    Setting,
-    Snapshot,
-)
+from steptwin.host.panel.desk.desk import Desk
+from steptwin.host.panel.desk.jogs import Jog
+from steptwin.host.panel.desk.requests import Command
+from steptwin.host.panel.desk.results import Result
+from steptwin.host.panel.desk.state import DeskState, JointView, Snapshot
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.panel.page.scene import links_at
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -33,7 +25,7 @@ class ScriptedDesk(Desk):
     Attributes:
         now: the snapshot that pages read.
         asked: the commands, in order, with the client that has asked.
-        shown: the number of the newest snapshot that the page had shown, for each command, beat and resume.
+        asked_from: the number of the newest snapshot that the page had shown, for each command, beat and resume.
         beats: client, press and jog of each beat.
         calls: the names of the other methods that were called, with their arguments.
         refusal: why the desk refuses everything; None while it agrees.
@@ -41,33 +33,20 @@ class ScriptedDesk(Desk):
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.events = EventLog()
-        self.operators = Operators(self.events, lambda: None)
-        self.history = History(len(robot.joints))
-        self.drawing = Drawing()
+        DeskState.__init__(self, robot)
         self.now = snapshot_of(robot)
         self.asked: list[tuple[str, Command]] = []
         self.beats: list[tuple[str, int, Jog]] = []
         self.calls: list[tuple[object, ...]] = []
-        self.shown: list[int | None] = []
+        self.asked_from: list[int | None] = []
         self.refusal: str | None = None
         self.over: str | None = None
-        self.kept_settings: tuple[Setting, ...] = ()
         self.kept_results: tuple[Result, ...] = ()
-        self._of = robot
-
-    @property
-    def robot(self) -> Robot:
-        return self._of
 
     @property
     def snapshot(self) -> Snapshot:
         holder = self.operators.holder
         return replace(self.now, operator=holder.name if holder else None)
-
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        return self.kept_settings
 
     @property
     def results(self) -> tuple[Result, ...]:
@@ -82,7 +61,7 @@ class ScriptedDesk(Desk):
 
     def require_shown(self, name: str, shown: int | None) -> None:
         assert name
-        self.shown.append(shown)
+        self.asked_from.append(shown)
 
     def ask(self, client: str, command: Command, shown: int | None) -> None:
         with self._agreeing(client):

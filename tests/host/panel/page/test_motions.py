@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("nicegui", reason="the extra `panel` is not installed")
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.panel.desk import AS_SLOW_AS_NEEDED, told
+from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, told
 from steptwin.host.panel.page.motions import plan_job, plan_upload
 from steptwin.host.planning.plan import Plan
 from steptwin.host.robots import load_robot

@@ -20,25 +20,23 @@ from nicegui.testing import User, UserInteraction, user_simulation
 
 from steptwin.host.client.words import STOP_PRESSED
 from steptwin.host.operate.running import AxisEnd, LiveOutcome
-from steptwin.host.panel.desk import (
-    Activity,
+from steptwin.host.panel.desk.commands import (
     Disable,
     HomeAll,
     HomeJoint,
-    JointJog,
     MoveJoints,
     MoveTool,
     ResetFaults,
-    Result,
     RunMotion,
-    Setting,
     StepJoint,
     StepTool,
     SwitchOutput,
-    ToolJog,
     WriteSettings,
 )
-from steptwin.host.panel.desk.results import Placed
+from steptwin.host.panel.desk.jogs import JointJog, ToolJog
+from steptwin.host.panel.desk.results import Placed, Result
+from steptwin.host.panel.desk.settings import Setting
+from steptwin.host.panel.desk.state import Activity
 from steptwin.host.panel.page import visitor
 from steptwin.host.panel.page.hub import Hub, tick_of
 from steptwin.host.panel.page.visitor import SHOWN, note_shown
@@ -351,7 +349,7 @@ def test_commands_are_asked_for_from_the_state_that_the_event_names(on_page: OnP
         await rig.look()
         SHOWN.set(6)
         await rig.click("Resume")
-        assert rig.desk.shown == [5, 5, None, None, 6]
+        assert rig.desk.asked_from == [5, 5, None, None, 6]
 
     on_page(body)
 
@@ -835,7 +833,7 @@ def test_outputs_are_switched_and_inputs_shown(on_page: OnPage) -> None:
 
 def test_only_changed_settings_are_written(on_page: OnPage) -> None:
     desk = ScriptedDesk(LAB)
-    desk.kept_settings = (
+    desk.limits.settings = (
         Setting("th2.speed_max", "th2", "Highest speed", "deg/s", 60.0, 1.0, 90.0, (), stored=False),
         Setting("idle", None, "Current at rest", "%", 50.0, 20.0, 100.0, (20.0, 50.0, 100.0), stored=True),
     )

@@ -1,16 +1,19 @@
-"""Commands that move the machine, or tell it where it stands: homing, steps, moves, runs."""
+"""The commands of the operator: power and faults, outputs and settings, homing, steps, moves and runs."""
 
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.operate.homing import check_homing, declare, home_robot
+from steptwin.host.operate.inputs_outputs import no_such_output, switch_output
 from steptwin.host.operate.moving import Goal, check_goal, goal_by_name, joints_at, move
+from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.running import check_repeatable, execute_live
 from steptwin.host.operate.stepping import STEP_SPEED_PERCENT, check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.panel.desk.requests import Command, Work
-from steptwin.host.panel.desk.state import DeskState
+from steptwin.host.panel.desk.settings import MachineSettings, check_settings, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError
 from steptwin.host.panel.desk.words import told
 from steptwin.host.planning.plan import Plan
@@ -20,16 +23,96 @@ from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
+class Enable(Command):
+    """Switch every drive on; they hold their positions."""
+
+    named = "switch on"
+
+    def perform(self, work: Work) -> str:
+        """Switch the drives on."""
+        with work.session.charge("switch on", needs=()) as charge:
+            charge.enable()
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Disable(Command):
+    """Switch every drive off."""
+
+    named = "switch off"
+    needs_drives = False
+
+    def perform(self, work: Work) -> str:
+        """Switch the drives off, unless they move."""
+        with work.session.alone("switch off"):
+            work.session.machine.disable()
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class ResetFaults(Command):
+    """Reset the drives' faults, and end an emergency stop; the drives are off afterwards."""
+
+    named = "reset"
+    needs_drives = False
+
+    def perform(self, work: Work) -> str:
+        """Reset the faults that the operator has seen."""
+        reset(work.session, age_s=time.monotonic() - work.seen_s)
+        return "faults are reset, the drives are off"
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchOutput(Command):
+    """Switch a digital output by its name in the robot's file."""
+
+    named = "switch {0.output}"
+    needs_drives = False
+    output: str
+    on: bool
+
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
+        """Raise InputError unless the output exists."""
+        outputs = list(limits.robot.outputs)
+        if self.output not in outputs:
+            raise no_such_output(limits.robot.name, self.output, outputs)
+
+    def perform(self, work: Work) -> str:
+        """Switch the output."""
+        switch_output(work.session, self.output, on=self.on)
+        return f"{self.output}: {'on' if self.on else 'off'}"
+
+
+@dataclass(frozen=True, slots=True)
+class WriteSettings(Command):
+    """Write settings: values by `Setting.key`."""
+
+    named = "settings"
+    needs_drives = False
+    changes_settings = True
+    values: Mapping[str, float]
+
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
+        """Raise InputError unless the settings exist and may have these values."""
+        check_settings(limits, self.values)
+
+    def perform(self, work: Work) -> str:
+        """Write the settings to the board, and change the limits."""
+        write_settings(work.session, work.limits, self.values)
+        return ", ".join(f"{key} = {value:g}" for key, value in self.values.items())
+
+
+@dataclass(frozen=True, slots=True)
 class HomeAll(Command):
     """Find every joint's position by its switches, then move to the home position."""
 
-    title = "home"
+    named = "home"
     together: bool = False
     """True homes all joints at once, False one after the other."""
 
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless each joint can be homed."""
-        check_homing(state.robot, state.robot.joint_names)
+        check_homing(limits.robot, limits.robot.joint_names)
 
     def perform(self, work: Work) -> str:
         """Home the joints."""
@@ -41,16 +124,12 @@ class HomeAll(Command):
 class HomeJoint(Command):
     """Find one joint's position by its switches, then move it to its home position."""
 
+    named = "home {0.joint}"
     joint: str
 
-    @property
-    def title(self) -> str:
-        """Its name, with the joint."""
-        return f"home {self.joint}"
-
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the joint exists and can be homed."""
-        check_homing(state.robot, [self.joint])
+        check_homing(limits.robot, [self.joint])
 
     def perform(self, work: Work) -> str:
         """Home the joint."""
@@ -62,13 +141,13 @@ class HomeJoint(Command):
 class DeclareHere(Command):
     """Say where the standing machine is; nothing moves."""
 
-    title = "declare"
+    named = "declare"
     joints: tuple[float, ...]
     """Position of every joint, in the robot's order."""
 
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless each joint has a position within its limits."""
-        robot = state.robot
+        robot = limits.robot
         if len(self.joints) != len(robot.joints):
             raise InputError(f"{len(self.joints)} positions for the {len(robot.joints)} joints of {robot.name}")
         check_goal(robot, self.joints)
@@ -83,18 +162,14 @@ class DeclareHere(Command):
 class StepJoint(Command):
     """Move one joint by a distance with a sign."""
 
+    named = "step {0.joint}"
     joint: str
     distance: float
     speed_percent: float = STEP_SPEED_PERCENT
 
-    @property
-    def title(self) -> str:
-        """Its name, with the joint."""
-        return f"step {self.joint}"
-
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the joint exists, and distance and speed are within its limits."""
-        check_step(state.robot, self.joint, self.distance)
+        check_step(limits.robot, self.joint, self.distance)
         check_step_speed(self.speed_percent)
 
     def perform(self, work: Work) -> str:
@@ -119,7 +194,7 @@ class StepTool(Command):
         """Its name, with the coordinates."""
         return f"step {' '.join(self.distances)}"
 
-    def check(self, _state: DeskState) -> None:
+    def check(self, _limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the coordinates exist, and the speed is within its limits."""
         self._step()
         check_step_speed(self.speed_percent)
@@ -136,16 +211,16 @@ class StepTool(Command):
 class MoveJoints(Command):
     """Move joints to positions, by name; the others stay. All arrive together."""
 
-    title = "move"
+    named = "move"
     needs_homed = True
     joints: Mapping[str, float]
     speed_percent: float = 100.0
 
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the joints exist, and the positions and the speed are within their limits."""
         if not self.joints:
             raise InputError("move: names no joint")
-        goal_by_name(state.robot, self.joints)
+        goal_by_name(limits.robot, self.joints)
         _check_percent(self.speed_percent)
 
     def perform(self, work: Work) -> str:
@@ -157,16 +232,15 @@ class MoveJoints(Command):
 class MoveTool(Command):
     """Move the tool to a pose, on the branch that the position names; coordinates may be left out."""
 
-    title = "move"
+    named = "move"
     needs_homed = True
     position: ToolPosition
     speed_percent: float = 100.0
 
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, standing: Sequence[float]) -> None:
         """Raise InputError unless the arm reaches the pose."""
         _check_percent(self.speed_percent)
-        standing = [joint.position for joint in state.latest.joints]
-        check_goal(state.robot, joints_at(state.robot, self.position, standing))
+        check_goal(limits.robot, joints_at(limits.robot, self.position, list(standing)))
 
     def perform(self, work: Work) -> str:
         """Move; return the positions."""
@@ -177,6 +251,7 @@ class MoveTool(Command):
 class RunMotion(Command):
     """Run a plan, made for `Desk.robot`."""
 
+    named = "{0.name}"
     needs_homed = True
     plan: Plan
     name: str
@@ -184,21 +259,16 @@ class RunMotion(Command):
     approach: bool = False
     """True moves to the plan's start first."""
 
-    @property
-    def title(self) -> str:
-        """The motion's name."""
-        return self.name
-
-    def check(self, state: DeskState) -> None:
+    def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the plan was made for the present limits, and it can be repeated."""
-        if self.plan.robot != state.robot:
+        if self.plan.robot != limits.robot:
             raise InputError(f"{self.name}: was planned for other limits than the machine has now: plan it again")
         check_repeatable(self.plan, self.repeat)
 
     def perform(self, work: Work) -> str:
         """Run the motion; its result is kept however it ends."""
-        results = work.state.results
-        work.state.events.info(f"{self.name}: begins{'' if self.repeat == 1 else f', to be run {self.repeat} times'}")
+        runs = work.runs
+        work.events.info(f"{self.name}: begins{'' if self.repeat == 1 else f', to be run {self.repeat} times'}")
         try:
             outcome = execute_live(
                 work.session,
@@ -207,12 +277,12 @@ class RunMotion(Command):
                 repeat=self.repeat,
                 approach=self.approach,
                 progress=work.progress,
-                begun=lambda: results.reports.collect(len(self.plan.robot.joints)),
+                begun=lambda: runs.begin(len(self.plan.robot.joints)),
             )
         except (StepTwinError, StopAskedError) as error:
-            results.end(self.name, None, told(error) if isinstance(error, StepTwinError) else str(error))
+            runs.end(self.name, None, told(error) if isinstance(error, StepTwinError) else str(error))
             raise
-        results.end(self.name, outcome, None)
+        runs.end(self.name, outcome, None)
         times = "" if outcome.repetitions == 1 else f", {outcome.repetitions} times"
         return f"{outcome.job}{times}: {'ended where planned' if outcome.passed else 'ENDED ELSEWHERE'}"
 
