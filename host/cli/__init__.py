@@ -7,5 +7,5 @@ from steptwin.host.cli.app import GROUPS, main
 __all__ = ["main"]
 
 for _group in GROUPS:
-    for _name in _group.modules:
+    for _name in _group.modules.split():
         import_module(f"{__name__}.{_group.room}.{_name}")  # adds its commands

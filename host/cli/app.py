@@ -2,21 +2,60 @@
 
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from io import TextIOWrapper
-from typing import Annotated, Final, NamedTuple, TypeVar
+from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 from steptwin import __version__
-from steptwin.host.cli.help_page import VALUES_ALONE, CliCommand, Commands, paragraphs
-from steptwin.host.cli.option_groups import with_groups
+from steptwin.host.cli.options import with_groups
 from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.common.processes import collect_seldom
+
+VALUES_ALONE: Final[dict[str, dict[str, str]]] = {}
+"""By command, the options that may stand without a value, and the value that they have then."""
+
+
+class CliCommand(TyperCommand):
+    """A command whose help names arguments by words such as FILE, and whose options may stand alone."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, list(_with_values(args, VALUES_ALONE.get(self.name or "", {}))))
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        named = (each.display_name_raw for each in self.get_params(ctx) if isinstance(each, TyperArgument))
+        return [self.options_metavar or "", *named]
+
+    def format_help(self, ctx: Any, _formatter: Any) -> None:
+        _print_help(self, ctx)
+
+
+class Commands(TyperGroup):
+    """The program itself, `steptwin`, with the same help."""
+
+    def format_help(self, ctx: Any, _formatter: Any) -> None:
+        _print_help(self, ctx)
+
+
+def _with_values(words: Sequence[str], alone: dict[str, str]) -> Iterator[str]:
+    """Yield the words of a command line; an option that stands alone gets its value."""
+    for index, word in enumerate(words):
+        if word == "--":
+            yield from words[index:]
+            return
+        yield f"{word}={alone[word]}" if word in alone else word
+
+
+def _print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
+    from steptwin.host.cli.help_layout import print_help
+
+    print_help(command, context)
+
 
 app = typer.Typer(
     name="steptwin",
@@ -33,29 +72,14 @@ class Group(NamedTuple):
 
     title: str
     room: str
-    modules: tuple[str, ...]
+    modules: str
 
 
 GROUPS: Final = (
-    Group(
-        "Robots and maths",
-        "robots",
-        ("listing", "fk", "ik", "workspace", "paper", "calibrate"),
-    ),
-    Group("Run and verify", "run", ("new", "check", "run", "verify", "campaign", "bench")),
-    Group(
-        "Live board",
-        "live",
-        (
-            *("serve", "panel", "status", "monitor", "move", "jog", "positions"),
-            *("halting", "outputs", "inject"),
-        ),
-    ),
-    Group(
-        "Files and tools",
-        "files",
-        ("trace", "plot", "motors", "show", "replay", "exports"),
-    ),
+    Group("Robots and maths", "robots", "listing fk ik workspace paper calibrate"),
+    Group("Run and verify", "run", "new check run verify campaign bench"),
+    Group("Live board", "live", "serve panel status monitor move jog positions halting inject"),
+    Group("Files and tools", "files", "trace plot motors show replay exports"),
 )
 
 EXAMPLES: Final[dict[str, list[str]]] = {}
@@ -83,7 +107,7 @@ def command(
         register = app.command(
             cls=CliCommand,
             rich_help_panel=next(group.title for group in GROUPS if group.room == room),
-            help=paragraphs(function.__doc__ or ""),
+            help="\n\n".join(" ".join(text.split()) for text in (function.__doc__ or "").split("\n\n")),
             epilog="\n".join(["Examples:", *EXAMPLES[name]]),
             context_settings={"ignore_unknown_options": negatives},
         )
@@ -91,6 +115,16 @@ def command(
         return function
 
     return add
+
+
+_NOT_RIGHT: Final = 1
+"""Exit code of a command whose answer is that something is not as it should be."""
+
+
+def end_unless(right: bool) -> None:
+    """End the command with exit code 1 if what it has found is not right."""
+    if not right:
+        raise typer.Exit(_NOT_RIGHT)
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,103 +1,107 @@
-"""Arguments and options that several commands share, and the reading of their texts."""
+"""Arguments and options that several commands share, the answer of a command, and the reading of texts."""
 
-import re
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from steptwin.host.cli.options import argument, naming_options, option, switch
+from steptwin.host.cli.output import print_json, say, say_no_pictures
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.planning.programs.positions import Position
     from steptwin.host.robots.robot import Robot
 
-
-@contextmanager
-def naming_options(*parameters: str, **options: str) -> Iterator[None]:
-    """Replace parameters by options in every error from inside, as `with_options` does."""
-    try:
-        yield
-    except StepTwinError as error:
-        raise type(error)(with_options(str(error), *parameters, **options)) from error
-
-
-def with_options(message: str, *parameters: str, **options: str) -> str:
-    """Replace parameters by options in a message: `port=80` becomes `--port 80`.
-
-    Args:
-        message: the message.
-        parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
-        options: the option of each other parameter.
-    """
-    names = {name: f"--{name.replace('_', '-')}" for name in parameters} | options
-    named = re.compile(rf"\b({'|'.join(names)})=(True\b)?")
-
-    def option(found: re.Match[str]) -> str:
-        return names[found[1]] + ("" if found[2] else " ")
-
-    return named.sub(option, message)
-
-
 RobotName = Annotated[
-    str | None,
-    typer.Argument(metavar="ROBOT", help="Name of a robot (`steptwin robots` lists them), or path of a .toml file."),
+    str | None, argument("ROBOT", "Name of a robot (`steptwin robots` lists them), or path of a .toml file.")
 ]
-RobotFile = Annotated[
-    str | None, typer.Option("--robot-file", metavar="FILE", help="Robot file of your own, instead of ROBOT.")
-]
+RobotFile = Annotated[str | None, option("FILE", "Robot file of your own, instead of ROBOT.")]
 RobotAndJoints = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="ROBOT Q1 Q2 ...", help="The robot, and its joints' positions in mm and degrees."),
+    list[str] | None, argument("ROBOT Q1 Q2 ...", "The robot, and its joints' positions in mm and degrees.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document; the rest on stderr.")]
+AsJson = Annotated[bool, switch("Print one JSON document; the rest on stderr.", "--json")]
+Replace = Annotated[bool, switch("Replace files that exist.")]
+RunDir = Annotated[Path, argument("DIR", "Folder written by `steptwin run --out` or `steptwin serve --out`.")]
+PlanDir = Annotated[Path | None, option("DIR", "For a live board's folder: folder of the run with its plan.", "--plan")]
+PositionsFile = Annotated[
+    str | None,
+    option("FILE", "File of saved positions; by default ROBOT-positions.toml in the working folder.", "--file"),
+]
 
 
-@dataclass(frozen=True, slots=True)
-class RobotOptions:
-    """The robot of a command without further words, and the form of its answer."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnswerOptions:
+    """The form of a command's answer: words, or one JSON document on stdout and all else on stderr."""
 
-    robot: RobotName = None
-    robot_file: RobotFile = None
     as_json: AsJson = False
 
-    def load(self) -> "Robot":
-        """Return the robot; raises as `one_robot`."""
-        return one_robot(self.robot, self.robot_file)
+    def tell(self, document: dict[str, Any], *words: str | Callable[[], None]) -> None:
+        """Print the answer: the document, or lines and what functions print."""
+        if self.as_json:
+            print_json(document)
+            return
+        for each in words:
+            if isinstance(each, str):
+                say(each)
+            else:
+                each()
+
+    def add(self, *lines: str) -> None:
+        """Print lines that are no part of the document."""
+        say(*lines, err=self.as_json)
+
+    def add_files(self, what: str, folder: Path | str, *files: str, pictures: bool = True) -> None:
+        """Print what is in a folder, such as `page and pictures are`, and by names; then why there are no pictures."""
+        self.add(f"{what} in {folder}/{': ' if files else ''}{', '.join(files)}")
+        if not pictures:
+            say_no_pictures()
 
 
-def robot_and_rest(words: list[str], robot_file: str | None) -> "tuple[Robot, list[str]]":
-    """Return the robot of a command line and the words after it: without a file, the first word names the robot.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotOptions(AnswerOptions):
+    """The options of a command about a robot: its file, and the form of the answer."""
 
-    Raises:
-        InputError: no robot is given, or its file is wrong.
-    """
-    from steptwin.host.robots import load_robot, load_robot_file
+    robot_file: RobotFile = None
 
-    if robot_file is not None:
-        return load_robot_file(robot_file), words
-    if not words:
-        raise InputError("ROBOT is missing: a robot's name, or --robot-file FILE")
-    return load_robot(words[0]), words[1:]
+    def robot_and_rest(self, words: list[str] | None) -> "tuple[Robot, list[str]]":
+        """Return the robot of a command line and the words after it: without a file, the first word names the robot.
 
+        Raises:
+            InputError: no robot is given, or its file is wrong.
+        """
+        from steptwin.host.robots import load_robot, load_robot_file
 
-def robot_and_joints(words: list[str], robot_file: str | None) -> "tuple[Robot, list[float]]":
-    """Return the robot of a command line and the positions of all its joints; raises as `robot_and_rest` does."""
-    robot, rest = robot_and_rest(words, robot_file)
-    return robot, joint_values(rest, robot.joint_names, f"joints of {robot.name}")
+        if self.robot_file is not None:
+            return load_robot_file(self.robot_file), words or []
+        if not words:
+            raise InputError("ROBOT is missing: a robot's name, or --robot-file FILE")
+        return load_robot(words[0]), words[1:]
 
+    def robot(self, name: str | None) -> "Robot":
+        """Return the robot of a command without further words; raises as `robot_and_rest`, or if two are given."""
+        robot, rest = self.robot_and_rest([] if name is None else [name])
+        if rest:
+            raise InputError(f"ROBOT '{rest[0]}' and --robot-file {self.robot_file}: give only one of them")
+        return robot
 
-def one_robot(name: str | None, robot_file: str | None) -> "Robot":
-    """Return the robot of a command without further words; raises as `robot_and_rest` does, or if two are given."""
-    robot, rest = robot_and_rest([] if name is None else [name], robot_file)
-    if rest:
-        raise InputError(f"ROBOT '{rest[0]}' and --robot-file {robot_file}: give only one of them")
-    return robot
+    def robot_and_joints(self, words: list[str] | None) -> "tuple[Robot, list[float]]":
+        """Return the robot of a command line and the positions of all its joints; raises as `robot_and_rest` does."""
+        robot, rest = self.robot_and_rest(words)
+        return robot, joint_values(rest, robot.joint_names, f"joints of {robot.name}")
+
+    def robot_and_file(self, words: list[str] | None, needed: str) -> "tuple[Robot, str]":
+        """Return the robot of a command line and the one word after it; raises as `robot_and_rest` does."""
+        robot, rest = self.robot_and_rest(words)
+        if len(rest) != 1:
+            raise InputError(f"one {needed} is needed after the robot, not {' '.join(rest) or 'nothing'}")
+        return robot, rest[0]
+
+    def tell_of(self, robot: "Robot", document: dict[str, Any], *words: str | Callable[[], None]) -> None:
+        """Print the answer as `tell` does, the document with the robot's name in front."""
+        self.tell({"robot": robot.name, **document}, *words)
 
 
 def joint_values(texts: list[str], names: tuple[str, ...], what: str) -> list[float]:
@@ -138,9 +142,6 @@ def check_percent(percent: float, option: str) -> None:
         raise InputError(f"{option} {percent:g}: is {part}; the least is 1")
 
 
-Replace = Annotated[bool, typer.Option("--replace", help="Replace files that exist.")]
-
-
 def keep_files(paths: Iterable[Path], *, replace: bool) -> None:
     """Raise InputError, with a free name, if a command would replace a file unasked; call it before the work.
 
@@ -151,8 +152,8 @@ def keep_files(paths: Iterable[Path], *, replace: bool) -> None:
             raise InputError(f"{path}: exists: take another name, or --replace")
 
 
-def out_folder(out: str | None, files: Iterable[str] = ()) -> Path | None:
-    """Make the folder of --out before anything runs; return None without the option.
+def out_folder(out: str, files: Iterable[str] = ()) -> Path:
+    """Make the folder of --out before anything runs.
 
     Raises:
         InputError: the folder cannot be made or written to, or a folder is in the way of one of the files.
@@ -160,15 +161,13 @@ def out_folder(out: str | None, files: Iterable[str] = ()) -> Path | None:
     from steptwin.host.record.folder import prepare_folder
 
     with naming_options("out"):
-        return None if out is None else prepare_folder(out, files)
+        return prepare_folder(out, files)
 
 
-def run_folder(out: str | None) -> Path | None:
+def run_folder(out: str) -> Path:
     """Make the folder of --out for the files of a run, as `out_folder`; it must hold no live board's recording."""
     from steptwin.host.record.folder import keep_recording, run_files
 
-    if out is None:
-        return None
     with naming_options("out"):
         keep_recording(out)
     return out_folder(out, run_files())
@@ -188,14 +187,6 @@ def chosen_names(option: str, texts: list[str], choices: Iterable[str]) -> list[
         if name in chosen[:i]:
             raise InputError(f"{option} {name}: is given twice")
     return chosen
-
-
-PositionsFile = Annotated[
-    str | None,
-    typer.Option(
-        "--file", metavar="FILE", help="File of saved positions; by default ROBOT-positions.toml in the working folder."
-    ),
-]
 
 
 def positions_path(robot: "Robot", file: str | None) -> str:

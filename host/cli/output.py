@@ -5,7 +5,7 @@ in them is escaped here. JSON escapes by itself.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
@@ -89,14 +89,6 @@ def print_json(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document, indent=2))
 
 
-def tell(document: dict[str, Any], in_words: Callable[[], None], *, as_json: bool) -> None:
-    """Print the answer of a command: one JSON document, or what a function prints in words."""
-    if as_json:
-        print_json(document)
-    else:
-        in_words()
-
-
 def say_no_pictures() -> None:
     """Print why there are no pictures, on stderr."""
     say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
@@ -136,6 +128,20 @@ def number_of(count: int, noun: str) -> str:
 def fixed(value: float, decimals: int = 4) -> str:
     """Return a position with a fixed number of decimals; what rounds to 0 has no sign."""
     return f"{value:z.{decimals}f}"
+
+
+Columns = Mapping[str, str | Callable[[Any], str]]
+"""The columns of a table: under each heading a format of the row's item, such as `{0.name}`, or a function of it."""
+
+
+def cells_of(columns: Columns, items: Iterable[Any]) -> list[list[str]]:
+    """Return the row of each item."""
+    return [[cell.format(item) if isinstance(cell, str) else cell(item) for cell in columns.values()] for item in items]
+
+
+def print_rows(columns: Columns, items: Iterable[Any], *, text_columns: int = 1) -> None:
+    """Print a table with a row for each item, as `print_table`."""
+    print_table(list(columns), cells_of(columns, items), text_columns=text_columns)
 
 
 def print_table(columns: list[str], rows: list[list[str]], *, text_columns: int = 1) -> None:

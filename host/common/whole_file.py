@@ -1,11 +1,12 @@
 """Write files so that they appear whole or not at all, or grow; an error names the file, and no link is followed."""
 
+import json
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 from steptwin.host.common.own_files import no_links, refuse_link
 
@@ -63,3 +64,8 @@ def write_whole(path: Path, text: str) -> None:
     """Write a text as a whole file."""
     with whole_file(path) as file:
         file.write(text.encode())
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a JSON document as a whole file."""
+    write_whole(path, json.dumps(document, indent=2) + "\n")

@@ -1,12 +1,11 @@
 """`steptwin eds`, `dbc [ROBOT]` and `kernel-c DIR`: describe the boards for other tools; their motion kernel as C."""
 
+from dataclasses import MISSING
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import Replace, RobotFile, RobotName, keep_files, one_robot
+from steptwin.host.cli.arguments import Replace, RobotFile, RobotName, RobotOptions, keep_files
+from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_text, say
 
 
@@ -27,7 +26,7 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     if robot is None and robot_file is None:
         axes = tuple(AxisNames(f"Axis{i}") for i in range(AXES_MAX))
     else:
-        loaded = one_robot(robot, robot_file)
+        loaded = RobotOptions(robot_file=robot_file).robot(robot)
         axes = tuple(
             AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit, loaded.axis_position_text(i))
             for i, joint in enumerate(loaded.joints)
@@ -37,7 +36,7 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
 
 @command("firmware/kernel", ".")
 def kernel_c(
-    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder to write the files into; made if missing.")],
+    folder: str = argument("DIR", "Folder to write the files into; made if missing.", MISSING),
     replace: Replace = False,
 ) -> None:
     """Write the firmware's motion kernel as C11: header, source, an example and a README with units and limits."""

@@ -1,13 +1,12 @@
 """`steptwin motors DIR|ROBOT`: turn the motors by a stored run, or tell which motors would do for a robot."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, RobotFile, naming_options, one_robot
-from steptwin.host.cli.output import print_json, print_table, say, warn
+from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import AnswerOptions, Replace, RobotOptions
+from steptwin.host.cli.options import argument, naming_options, option, switch
+from steptwin.host.cli.output import Columns, print_rows, print_table, say, warn
 from steptwin.host.cli.run.motor_report import (
     LoadOptions,
     check_motors,
@@ -19,7 +18,6 @@ from steptwin.host.cli.run.motor_report import (
     warn_of_payloads,
     write_pictures,
 )
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 
@@ -29,25 +27,31 @@ if TYPE_CHECKING:
     from steptwin.host.twin.motors.ramps import JointRamp
 
 
-def tell_fits(robot: "Robot", current_a: float | None, *, as_json: bool) -> None:
+def tell_fits(answer: AnswerOptions, robot: "Robot", current_a: float | None) -> None:
     """Print how a robot's motors, and those of the catalogue, would do at the limits of its joints."""
     from steptwin.host.studies.motors.fitting import fits_of
     from steptwin.host.twin.motors import check_described
     from steptwin.host.twin.motors.driving import check_current
-    from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
     dynamics = check_described(robot)
     if current_a is not None:
         with naming_options(current_a="--current"):
             check_current(current_a, robot.board.profile.chip)
     fits = fits_of(robot, current_a)
-    if as_json:
-        head: dict[str, Any] = {"payload_kg": dynamics.payload_kg, "supply_v": dynamics.supply_v}
-        print_json({"robot": robot.name, **head, "assumed": ["masses"], "joints": [fit.to_dict() for fit in fits]})
-        return
-    _print_own(fits)
+    head: dict[str, Any] = {"payload_kg": dynamics.payload_kg, "supply_v": dynamics.supply_v}
+    answer.tell(
+        {"robot": robot.name, **head, "assumed": ["masses"], "joints": [fit.to_dict() for fit in fits]},
+        lambda: _print_fits(fits),
+        f"motors: with {dynamics.payload_kg:g} kg at the tool and {dynamics.supply_v:g} V ([A] masses)",
+    )
+
+
+def _print_fits(fits: "tuple[JointFit, ...]") -> None:
+    from steptwin.host.twin.motors.verdict import MARGIN_MIN
+
+    print_rows(_OWN, fits, text_columns=2)
     say("")
-    _print_ramps(fits)
+    print_ramps(fits)
     say("")
     _print_pull_out(fits)
     say("")
@@ -60,27 +64,20 @@ def tell_fits(robot: "Robot", current_a: float | None, *, as_json: bool) -> None
         if not fit.own.would_do:
             warn(f"{fit.name}: {fit.own.motor}: {_shortage(fit.own)}")
     warn_of_steep_homings(fits)
-    say(f"motors: with {dynamics.payload_kg:g} kg at the tool and {dynamics.supply_v:g} V ([A] masses)")
 
 
-def _print_own(fits: "tuple[JointFit, ...]") -> None:
-    heads = ["joint", "motor", "A", "needs Nm", "has Nm", "margin %", "at rpm", "top rpm", "inertia gcm2", "f0 Hz"]
-    rows = [
-        [
-            fit.name,
-            fit.own.motor,
-            f"{fit.own.current_a:.2f}",
-            f"{fit.own.torque_needed_nm:.3f}",
-            f"{fit.own.torque_available_nm:.3f}",
-            f"{100 * fit.own.margin:.0f}",
-            f"{fit.own.rpm:.0f}",
-            f"{fit.rpm_max:.0f}",
-            f"{1e7 * fit.inertia_kgm2:.0f}",
-            f"{fit.natural_hz:.1f}",
-        ]
-        for fit in fits
-    ]
-    print_table(heads, rows, text_columns=2)
+_OWN: Final[Columns] = {
+    "joint": "{0.name}",
+    "motor": "{0.own.motor}",
+    "A": "{0.own.current_a:.2f}",
+    "needs Nm": "{0.own.torque_needed_nm:.3f}",
+    "has Nm": "{0.own.torque_available_nm:.3f}",
+    "margin %": lambda fit: f"{100 * fit.own.margin:.0f}",
+    "at rpm": "{0.own.rpm:.0f}",
+    "top rpm": "{0.rpm_max:.0f}",
+    "inertia gcm2": lambda fit: f"{1e7 * fit.inertia_kgm2:.0f}",
+    "f0 Hz": "{0.natural_hz:.1f}",
+}
 
 
 def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
@@ -92,7 +89,8 @@ def warn_of_steep_homings(fits: "tuple[JointFit, ...]") -> None:
             warn(steep_homing(fit.name, fit.unit, fit.homing))
 
 
-def _print_ramps(fits: "tuple[JointFit, ...]") -> None:
+def print_ramps(fits: "tuple[JointFit, ...]") -> None:
+    """Print the accelerations of each joint, in motion and as it is homed, and those that the motors manage."""
     heads = ["joint", "unit", "acceleration_max", "motors manage", "homing", "motors manage"]
     rows = [
         [
@@ -141,37 +139,28 @@ def _shortage(fit: "Fit") -> str:
 @command("out/store --payload 1.5 --margin", "lab-scara --supply 12")
 def motors(
     load: LoadOptions,
-    subject: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="DIR|ROBOT", help="Folder written by `steptwin run --out`, or a robot or its .toml file."
-        ),
-    ] = None,
-    robot_file: RobotFile = None,
-    margin: Annotated[
-        bool,
-        typer.Option(
-            "--margin", help="Search the lowest current, the largest payload and the fastest motion that keep step."
-        ),
-    ] = False,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for pictures of a run's motors.")] = None,
+    which: RobotOptions,
+    subject: str | None = argument(
+        "DIR|ROBOT", "Folder written by `steptwin run --out`, or a robot or its .toml file."
+    ),
+    margin: bool = switch("Search the lowest current, the largest payload and the fastest motion that keep step."),
+    out: Path | None = option("DIR", "Folder for pictures of a run's motors."),
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Turn the rotors of a stored run by its phase currents, with the arm's masses; exit code 1 if one slips.
 
     The drivers count steps whether a rotor follows or not: this tells what the motors would really do. Of a robot it
     tells, without a run, the motors' pull-out torques, and which motors would do at the joints' limits.
     """
-    if robot_file is not None or subject is None or _is_robot(subject):
+    if which.robot_file is not None or subject is None or _is_robot(subject):
         for option, given in (("--margin", margin), ("--out", out is not None)):
             if given:
                 raise InputError(f"{option}: is for the folder of a run, not for a robot")
-        tell_fits(load.on(one_robot(subject, robot_file)), load.current_a, as_json=as_json)
+        tell_fits(which, load.on(which.robot(subject)), load.current)
         return
     if out is not None:
         keep_pictures(out, replace=replace)
-    _tell_run(Path(subject), load, out, margin=margin, as_json=as_json)
+    _tell_run(which, Path(subject), load, out, margin=margin)
 
 
 def _is_robot(subject: str) -> bool:
@@ -185,25 +174,25 @@ def _is_robot(subject: str) -> bool:
     return False
 
 
-def _tell_run(folder: Path, load: LoadOptions, out: Path | None, *, margin: bool, as_json: bool) -> None:
+def _tell_run(answer: AnswerOptions, folder: Path, load: LoadOptions, out: Path | None, *, margin: bool) -> None:
     from steptwin.host.record.folder import read_run
 
     run = read_run(folder)
     with prefixed(f"{folder}: "):
         check_motors(run.robot)
     robot = load.on(run.robot)
-    ran = motors_of(robot, run.comparison, run.report.driver_profile, load.current_a)
+    ran = motors_of(robot, run.comparison, run.report.driver_profile, load.current)
     margins = margins_of(ran, run.comparison) if margin else None
-    if as_json:
-        found = {"motors": ran.verdict.to_dict()} | ({} if margins is None else {"margins": margins.to_dict()})
-        print_json({"robot": robot.name, "job": run.report.document["job"], **found})
-    else:
-        print_motors(ran.verdict)
-        warn_of_payloads(run.report.document, ran.verdict.payload_kg)
-        if margins is not None:
-            print_margins(margins)
+    document = {"robot": robot.name, "job": run.report.document["job"], "motors": ran.verdict.to_dict()}
+    in_words = [
+        lambda: print_motors(ran.verdict),
+        lambda: warn_of_payloads(run.report.document, ran.verdict.payload_kg),
+    ]
+    if margins is not None:
+        document["margins"] = margins.to_dict()
+        in_words.append(lambda: print_margins(margins))
+    answer.tell(document, *in_words)
     if out is not None:
         write_pictures(out, ran, run.report.run)
-        say(f"pictures of the motors are in {out}/", err=as_json)
-    if not ran.verdict.kept_step:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+        answer.add_files("pictures of the motors are", out)
+    end_unless(ran.verdict.kept_step)

@@ -4,15 +4,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, chosen_names, keep_files, naming_options
-from steptwin.host.cli.option_groups import given_options
-from steptwin.host.cli.output import say, tell, warn
-from steptwin.host.cli.run.verify import PlanDir, RunDir
+from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, chosen_names, keep_files
+from steptwin.host.cli.options import given_options, naming_options, option
+from steptwin.host.cli.output import warn
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,20 +20,14 @@ if TYPE_CHECKING:
 class CloseUpOptions:
     """The options that choose what pictures of a short time show."""
 
-    at_s: Annotated[
-        float | None,
-        typer.Option("--at", metavar="SECONDS", help="For edges and phases: their middle; by default the fastest."),
-    ] = None
-    span_s: Annotated[
-        float | None,
-        typer.Option("--span", metavar="SECONDS", help="For edges and phases: their width; by default some steps."),
-    ] = None
+    at_s: float | None = option("SECONDS", "For edges and phases: their middle; by default the fastest.", "--at")
+    span_s: float | None = option("SECONDS", "For edges and phases: their width; by default some steps.", "--span")
 
     def check_use(self, names: list[str]) -> None:
         """Raise InputError if an option is given for pictures that show all of the motion."""
         from steptwin.host.record.plots import CLOSE_UPS
 
-        given = given_options(self)
+        given = list(given_options(self))
         if given and not set(names) & set(CLOSE_UPS):
             raise InputError(f"{given[0]}: is for the pictures {' and '.join(CLOSE_UPS)}, not for {', '.join(names)}")
 
@@ -56,46 +47,43 @@ class CloseUpOptions:
         return PlotView(at_s, span_s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotOptions(AnswerOptions):
+    """The options that say which pictures are drawn, in which form, and where to."""
+
+    what: list[str] | None = option(
+        "NAME,...",
+        "Pictures: joints, step-rates, tool-path, tool-pose, error, timing, jitter, widths, edges, phases; repeatable;"
+        " by default all.",
+    )
+    form: Literal["png", "svg", "pdf"] = option("FORMAT", "png, or as vectors svg or pdf.", "--format", default="png")
+    out: Path | None = option("DIR", "Folder for them; by default DIR itself.")
+    replace: Replace = False
+
+    def names(self) -> list[str]:
+        """Return the names of the pictures; raise InputError for unknown ones, and for files that exist."""
+        from steptwin.host.record.plots import PICTURES
+
+        names = chosen_names("--what", self.what, PICTURES) if self.what else list(PICTURES)
+        if self.out is not None:
+            keep_files((self.out / f"{name}.{self.form}" for name in names), replace=self.replace)
+        return names
+
+
 @command("out/drawer-pull", "out/drawer-pull --what edges,phases --at 2.5 --format svg")
-def plot(
-    close_up: CloseUpOptions,
-    folder: RunDir,
-    what: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Pictures: joints, step-rates, tool-path, tool-pose, error, timing, jitter, widths, edges, phases;"
-            " repeatable; by default all.",
-        ),
-    ] = None,
-    form: Annotated[
-        Literal["png", "svg", "pdf"], typer.Option("--format", metavar="FORMAT", help="png, or as vectors svg or pdf.")
-    ] = "png",
-    plan: PlanDir = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for them; by default DIR itself.")] = None,
-    replace: Replace = False,
-    as_json: AsJson = False,
-) -> None:
+def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: PlanDir = None) -> None:
     """Draw pictures of a stored run."""
     if not find_spec("matplotlib"):
         raise InputError("plot: matplotlib is not installed (pip install 'steptwin[plot]')")
     from steptwin.host.record.folder import read_run
     from steptwin.host.record.plots import write_plots
 
-    names = _names(what)
+    names = wanted.names()
     close_up.check_use(names)
-    if out is not None:
-        keep_files((out / f"{name}.{form}" for name in names), replace=replace)
     with naming_options(plan_folder="--plan"):
         stored = read_run(folder, plan)
     if stored.interruption:
         warn(f"{folder}: {stored.interruption}")
     view = close_up.view(stored.duration_s)
-    paths = write_plots(out or folder, stored.comparison, stored.report.run, names, form, view)
-    tell({"files": [str(path) for path in paths]}, lambda: say(*map(str, paths)), as_json=as_json)
-
-
-def _names(what: list[str] | None) -> list[str]:
-    from steptwin.host.record.plots import PICTURES
-
-    return chosen_names("--what", what, PICTURES) if what else list(PICTURES)
+    paths = write_plots(wanted.out or folder, stored.comparison, stored.report.run, names, wanted.form, view)
+    wanted.tell({"files": [str(path) for path in paths]}, *map(str, paths))

@@ -1,17 +1,14 @@
 """`steptwin replay LOG ROBOT`: play a recorded bus into the board again, and compare what it does."""
 
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import RobotOptions, naming_options, run_folder
-from steptwin.host.cli.option_groups import Without
-from steptwin.host.cli.output import say, tell
+from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import RobotName, RobotOptions, run_folder
+from steptwin.host.cli.options import Without, argument, naming_options, option, switch
+from steptwin.host.cli.output import say
 from steptwin.host.cli.run.emulated_machine import check_standing, naming_machine_options
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
@@ -23,21 +20,12 @@ if TYPE_CHECKING:
 def replay(
     which: RobotOptions,
     machine: Annotated[MachineOptions, Without(("scenario", "motors"))],
-    log: Annotated[
-        Path,
-        typer.Argument(metavar="LOG", help="Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder."),
-    ],
-    against: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the run that was recorded: where it began, and its edges."),
-    ] = None,
-    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to write the replay in, like a run's.")] = None,
-    new_board: Annotated[
-        bool, typer.Option("--new-board", help="The board had never stored the robot's settings, as `run`'s have not.")
-    ] = False,
-    channel: Annotated[
-        str | None, typer.Option("--channel", "-c", metavar="NAME", help="Channel of a recording with several.")
-    ] = None,
+    log: Path = argument("LOG", "Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder.", MISSING),
+    robot: RobotName = None,
+    against: Path | None = option("DIR", "Folder of the run that was recorded: where it began, and its edges."),
+    out: str | None = option("DIR", "Folder to write the replay in, like a run's."),
+    new_board: bool = switch("The board had never stored the robot's settings, as `run`'s have not."),
+    channel: str | None = option("NAME", "Channel of a recording with several.", "--channel", "-c"),
 ) -> None:
     """Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.
 
@@ -50,7 +38,7 @@ def replay(
     from steptwin.host.twin.replay import replay as replayed
 
     bus_file, folder = _recording(log, against)
-    loaded = _robot(which, folder)
+    loaded = _robot(which, robot, folder)
     stored = None if folder is None else _stored(folder, loaded)
     stood = MachineAtPowerUp() if stored is None else stored.power_up
     check_standing(loaded, machine)
@@ -59,18 +47,17 @@ def replay(
         options.bits_per_s(loaded)
         options.boards_of(loaded)
     power_up = replace(stood, options=options, commissioned=stood.commissioned and not new_board)
-    to = run_folder(out)
+    to = None if out is None else run_folder(out)
     with naming_machine_options("channel"):
         bus = read_bus(bus_file, channel)
         result = replayed(bus, loaded, power_up, against=stored)
     if to is not None:
         with naming_options("out"):
             result.run.save(to)
-    tell(result.to_dict(), lambda: say_result(result), as_json=which.as_json)
+    which.tell(result.to_dict(), lambda: say_result(result))
     if to is not None:
-        say(f"the replay's report, edges and bus log are in {to}/", err=which.as_json)
-    if not result.equal:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+        which.add_files("the replay's report, edges and bus log are", to)
+    end_unless(result.equal)
 
 
 def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
@@ -83,13 +70,13 @@ def _recording(log: Path, against: Path | None) -> tuple[Path, Path | None]:
     return log, against or (log.parent if in_a_run else None)
 
 
-def _robot(which: RobotOptions, folder: Path | None) -> "Robot":
+def _robot(which: RobotOptions, name: str | None, folder: Path | None) -> "Robot":
     """Return the robot that is named, else that of the run's folder."""
     from steptwin.host.record.folder import read_robot
 
-    if folder is not None and which.robot is None and which.robot_file is None:
+    if folder is not None and name is None and which.robot_file is None:
         return read_robot(folder)
-    return which.load()
+    return which.robot(name)
 
 
 def _stored(folder: Path, robot: "Robot") -> "StoredMachine":

@@ -1,28 +1,21 @@
 """`steptwin view DIR` and `animate DIR`: show a stored run, in a browser and as a moving picture."""
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, keep_files, naming_options
+from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, keep_files
 from steptwin.host.cli.live.panel_process import require_extra
-from steptwin.host.cli.output import print_json, progress_bar, say, warn
-from steptwin.host.cli.run.verify import PlanDir, RunDir
+from steptwin.host.cli.options import argument, naming_options, option
+from steptwin.host.cli.output import progress_bar, say, warn
 
 
 @command("out/drawer-pull", "out/today out/yesterday")
 def view(
     folder: RunDir,
-    other: Annotated[
-        Path | None, typer.Argument(metavar="[DIR_B]", help="Another run of the robot, shown beside the first.")
-    ] = None,
+    other: Path | None = argument("[DIR_B]", "Another run of the robot, shown beside the first."),
     plan: PlanDir = None,
-    port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
-    ] = None,
+    port: int | None = option("PORT", "Port of the page; by default 8090, or a free one; 0 is free."),
 ) -> None:
     """Replay a stored run in a browser, until Ctrl-C: arm, joints, pins, currents and marks at any instant.
 
@@ -40,40 +33,29 @@ def view(
 class FilmOptions:
     """The options that say what a film shows, and how."""
 
-    camera: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME|AZIMUTH,ELEVATION", help="iso, top, front, side, or two angles in degrees, such as -60,30."
-        ),
-    ] = "iso"
-    speed: Annotated[
-        float | None,
-        typer.Option(metavar="FACTOR", help="1 is real time; by default the motion takes some seconds, 10 at most."),
-    ] = None
-    from_s: Annotated[float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion.")] = None
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None
-    magnify: Annotated[
-        float | None,
-        typer.Option(metavar="FACTOR", help="Magnify the path's error so many times; by default until it shows."),
-    ] = None
-    fps: Annotated[float, typer.Option(metavar="N", help="Frames a second.")] = 20.0
-    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of a gif or mp4.")] = 720
+    camera: str = option(
+        "NAME|AZIMUTH,ELEVATION", "iso, top, front, side, or two angles in degrees, such as -60,30.", default="iso"
+    )
+    speed: float | None = option("FACTOR", "1 is real time; by default the motion takes some seconds, 10 at most.")
+    from_s: float | None = option("SECONDS", "First time of the motion.", "--from")
+    to_s: float | None = option("SECONDS", "Last time of the motion.", "--to")
+    magnify: float | None = option("FACTOR", "Magnify the path's error so many times; by default until it shows.")
+    fps: float = option("N", "Frames a second.", default=20.0)
+    width: int = option("PIXELS", "Width of a gif or mp4.", default=720)
 
 
 @command("out/drawer-pull --out arm.gif", "out/drawer-pull --out arm.html --camera 30,20 --speed 0.5")
 def animate(
     wanted: FilmOptions,
+    answer: AnswerOptions,
     folder: RunDir,
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="arm.gif; arm.html, a page that plays and turns in any browser; or arm.mp4, which needs ffmpeg.",
-        ),
-    ],
+    out: Path = option(
+        "FILE",
+        "arm.gif; arm.html, a page that plays and turns in any browser; or arm.mp4, which needs ffmpeg.",
+        default=MISSING,
+    ),
     plan: PlanDir = None,
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Show a stored run as a moving picture: the arm, its planned path and the counted one with its error magnified."""
     from steptwin.host.record.animation import Camera, Shot, check_kind, write_animation
@@ -93,9 +75,7 @@ def animate(
         with progress_bar(out.name) as progress:
             film = write_animation(out, stored, seen_from, shot, wanted.width, progress)
     frames, lasts_s = len(film.times_s), (len(film.times_s) - 1) / film.fps
-    if as_json:
-        print_json(
-            {"file": str(out), "frames": frames, "duration_s": lasts_s, "speed": film.speed, "magnified": film.gain}
-        )
-    else:
-        say(f"{out}: {frames} frames, {lasts_s:.1f} s at {film.speed:g} x, path's error magnified {film.gain:g} times")
+    answer.tell(
+        {"file": str(out), "frames": frames, "duration_s": lasts_s, "speed": film.speed, "magnified": film.gain},
+        f"{out}: {frames} frames, {lasts_s:.1f} s at {film.speed:g} x, path's error magnified {film.gain:g} times",
+    )

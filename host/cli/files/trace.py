@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from dataclasses import replace as replace_fields
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
-
-import typer
+from typing import TYPE_CHECKING, Final, Literal
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, chosen_names, keep_files
-from steptwin.host.cli.output import print_json, say, warn
-from steptwin.host.cli.run.verify import RunDir
+from steptwin.host.cli.arguments import AnswerOptions, Replace, RunDir, chosen_names, keep_files
+from steptwin.host.cli.options import option
+from steptwin.host.cli.output import warn
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,14 +29,9 @@ _SCALED: Final = ("vcd", "vcd-full")
 class PartOptions:
     """The options that choose a part of a record."""
 
-    from_s: Annotated[
-        float | None, typer.Option("--from", metavar="SECONDS", help="First time of the motion; by default all.")
-    ] = None
-    to_s: Annotated[float | None, typer.Option("--to", metavar="SECONDS", help="Last time of the motion.")] = None
-    axes: Annotated[
-        list[str] | None,
-        typer.Option("--axis", metavar="AXIS,...", help="Only these axes; repeatable."),
-    ] = None
+    from_s: float | None = option("SECONDS", "First time of the motion; by default all.", "--from")
+    to_s: float | None = option("SECONDS", "Last time of the motion.", "--to")
+    axes: list[str] | None = option("AXIS,...", "Only these axes; repeatable.", "--axis")
 
     @property
     def is_whole(self) -> bool:
@@ -70,61 +63,59 @@ class PartOptions:
         return window
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WaveformOptions(AnswerOptions):
+    """The options that say in which form a waveform is written, and where to."""
+
+    form: _FormatName = option(
+        "FORMAT",
+        "vcd: 1-bit wires, for sigrok; vcd-full: with positions, states and currents, for GTKWave; csv, npz: the wires"
+        " as a table, as arrays; mcap: everything, for Foxglove.",
+        "--format",
+        default="vcd",
+    )
+    timescale: Literal["1us", "100ns", "10ns"] | None = option(
+        "UNIT",
+        "Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest that lets no wire change twice. A finer"
+        " one slows sigrok.",
+    )
+    out: Path | None = option(
+        "FILE",
+        "File to write; by default in the folder: trace.vcd, trace-full.vcd, ..., or trace-part.vcd, ... for a part.",
+    )
+    replace: Replace = False
+
+    def check(self) -> None:
+        """Raise InputError for a time scale in a format without one, and for a file that exists."""
+        if self.timescale is not None and self.form not in _SCALED:
+            raise InputError(f"--timescale {self.timescale}: is for {' and '.join(_SCALED)}, not for {self.form}")
+        if self.out is not None:
+            keep_files([self.out], replace=self.replace)
+
+
 @command("out/drawer-pull", "out/drawer-pull --format csv --axis th1,th2 --from 1 --to 2")
-def trace(
-    part: PartOptions,
-    folder: RunDir,
-    form: Annotated[
-        _FormatName,
-        typer.Option(
-            "--format",
-            metavar="FORMAT",
-            help="vcd: 1-bit wires, for sigrok; vcd-full: with positions, states and currents, for GTKWave; csv, npz:"
-            " the wires as a table, as arrays; mcap: everything, for Foxglove.",
-        ),
-    ] = "vcd",
-    timescale: Annotated[
-        Literal["1us", "100ns", "10ns"] | None,
-        typer.Option(
-            metavar="UNIT",
-            help="Unit of time in VCD files: 1us, 100ns, 10ns; by default the coarsest that lets no wire change twice."
-            " A finer one slows sigrok.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="File to write; by default in the folder: trace.vcd, trace-full.vcd, ..., or trace-part.vcd, ... for a"
-            " part.",
-        ),
-    ] = None,
-    replace: Replace = False,
-    as_json: AsJson = False,
-) -> None:
+def trace(wanted: WaveformOptions, part: PartOptions, folder: RunDir) -> None:
     """Write the waveform of a stored run: every edge of every pin, or a part of it."""
     from steptwin.host.record.folder import EDGES, RECORDING, check_axes, read_evidence, read_recording, read_robot
     from steptwin.host.record.waveforms import SCALES, Format, write_waveform
 
-    if timescale is not None and form not in _SCALED:
-        raise InputError(f"--timescale {timescale}: is for {' and '.join(_SCALED)}, not for {form}")
-    if out is not None:
-        keep_files([out], replace=replace)
+    wanted.check()
+    form, scale = Format(wanted.form), SCALES[wanted.timescale] if wanted.timescale else None
     evidence, robot, recording = read_evidence(folder), read_robot(folder), read_recording(folder)
     check_axes(folder / (RECORDING if recording else EDGES), evidence, robot)
     if recording:
         warn(f"{folder}: {recording.interruption}")
     frames = recording.mark.frames if recording else None
     window = part.window(evidence)
-    signals = part.signals(_signals(folder, evidence, robot, Format(form), frames), evidence)
-    path = folder / (Format(form).file_name if part.is_whole else Format(form).part_file_name) if out is None else out
-    write_waveform(path, signals, window, Format(form), robot.name, SCALES[timescale] if timescale else None)
-    ends_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
-    if as_json:
-        names = [signal.name for signal in signals]
-        print_json({"file": str(path), "format": form, "signals": names, "from_s": ends_s[0], "to_s": ends_s[1]})
-    else:
-        say(f"{path}: {len(signals)} signals from {ends_s[0]:.6f} to {ends_s[1]:.6f} s of the motion")
+    signals = part.signals(_signals(folder, evidence, robot, form, frames), evidence)
+    path = wanted.out or folder / (form.file_name if part.is_whole else form.part_file_name)
+    write_waveform(path, signals, window, form, robot.name, scale)
+    from_s, to_s = window.time_s(window.from_counts), window.time_s(window.to_counts)
+    names = [signal.name for signal in signals]
+    wanted.tell(
+        {"file": str(path), "format": wanted.form, "signals": names, "from_s": from_s, "to_s": to_s},
+        f"{path}: {len(signals)} signals from {from_s:.6f} to {to_s:.6f} s of the motion",
+    )
 
 
 def _signals(folder: Path, evidence: "Evidence", robot: "Robot", form: "Format", frames: int | None) -> "list[Signal]":

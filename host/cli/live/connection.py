@@ -4,12 +4,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
-
-from steptwin.host.cli.arguments import AsJson, RobotFile, one_robot, robot_and_rest
-from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.cli.arguments import RobotOptions
+from steptwin.host.cli.options import LIVE_PANEL, option, switch
+from steptwin.host.cli.output import Columns, fixed, print_rows
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import InputError
 
@@ -19,38 +18,24 @@ if TYPE_CHECKING:
     from steptwin.host.operate.recovering import AxisState
     from steptwin.host.operate.session import Session
     from steptwin.host.robots.robot import Robot
-
-LIVE_PANEL: Final = "Live board"
-"""Title of the group of options, in a command's help, that only a live board has."""
-
-_live_option = partial(typer.Option, rich_help_panel=LIVE_PANEL)
+live_option = partial(option, rich_help_panel=LIVE_PANEL)
+live_switch = partial(switch, rich_help_panel=LIVE_PANEL)
 
 
 @dataclass(frozen=True, slots=True)
 class BoardAddress:
     """The place of a live board, as the options of a command give it; no option: none is meant."""
 
-    connect: Annotated[
-        str | None,
-        _live_option(
-            "--connect", metavar="HOST[:PORT]", help="Board behind a socketcand server; port 29536 by default."
-        ),
-    ] = None
-    interface: Annotated[
-        str | None,
-        _live_option(
-            "--interface", "-i", metavar="NAME", help="Board on an interface of python-can, such as socketcan."
-        ),
-    ] = None
-    channel: Annotated[
-        str | None, _live_option("--channel", "-c", metavar="NAME", help="Channel of the interface or of the server.")
-    ] = None
-    bitrate: Annotated[
-        int | None,
-        _live_option(
-            "--bitrate", "-b", metavar="BIT/S", help="Bit rate of the interface; by default the robot file's."
-        ),
-    ] = None
+    connect: str | None = live_option(
+        "HOST[:PORT]", "Board behind a socketcand server; port 29536 by default.", "--connect"
+    )
+    interface: str | None = live_option(
+        "NAME", "Board on an interface of python-can, such as socketcan.", "--interface", "-i"
+    )
+    channel: str | None = live_option("NAME", "Channel of the interface or of the server.", "--channel", "-c")
+    bitrate: int | None = live_option(
+        "BIT/S", "Bit rate of the interface; by default the robot file's.", "--bitrate", "-b"
+    )
 
     def connection(self, robot: "Robot | None") -> "Connection | None":
         """Return the connection that the options describe; None when no option is given.
@@ -87,27 +72,14 @@ class BoardAddress:
         return found
 
 
-NOT_CONNECTED: Final = BoardAddress()
-"""No board is named."""
-
-Force = Annotated[bool, _live_option("--force", help="Go on although the board carries another robot's name.")]
+Force = Annotated[bool, live_switch("Go on although the board carries another robot's name.", "--force")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveOptions:
+class LiveOptions(RobotOptions):
     """The options of every command for a live board: the robot's file, the board's place, the form of the answer."""
 
-    robot_file: RobotFile = None
     address: BoardAddress
-    as_json: AsJson = False
-
-    def robot(self, name: str | None) -> "Robot":
-        """Return the robot of a command without further words; raises as `one_robot`."""
-        return one_robot(name, self.robot_file)
-
-    def robot_and_rest(self, words: list[str] | None) -> "tuple[Robot, list[str]]":
-        """Return the robot of a command with further words, and these; raises as the function of this name."""
-        return robot_and_rest(words or [], self.robot_file)
 
     @contextmanager
     def link(self, robot: "Robot") -> "Iterator[Link]":
@@ -118,25 +90,23 @@ class LiveOptions:
         with BusLink(open_bus(found), found.title) as link:
             yield link
 
-    def tell(self, robot: "Robot", document: dict[str, Any], *lines: str) -> None:
-        """Print what has come of a command: a JSON document with the robot's name, or lines."""
-        if self.as_json:
-            print_json({"robot": robot.name, **document})
-        else:
-            say(*lines)
-
     def tell_states(self, robot: "Robot", states: "list[AxisState]", *, positions: bool = True) -> None:
         """Print each axis' state, as a document or a table; without `positions` it says none, the document null."""
-        if self.as_json:
-            unknown = {} if positions else {"position": None, "position_known": False}
-            print_json({"robot": robot.name, "axes": [asdict(state) | unknown for state in states]})
-            return
-        columns = ["axis", "state", "known", "position"][: None if positions else 2]
-        rows = [
-            [state.name, state.state, "yes" if state.position_known else "no", fixed(state.position)][: len(columns)]
-            for state in states
-        ]
-        print_table(columns, rows, text_columns=min(3, len(columns)))
+        unknown = {} if positions else {"position": None, "position_known": False}
+        columns = dict(list(_STATES.items())[: None if positions else 2])
+        self.tell_of(
+            robot,
+            {"axes": [asdict(state) | unknown for state in states]},
+            lambda: print_rows(columns, states, text_columns=min(3, len(columns))),
+        )
+
+
+_STATES: Final[Columns] = {
+    "axis": "{0.name}",
+    "state": "{0.state}",
+    "known": lambda state: "yes" if state.position_known else "no",
+    "position": lambda state: fixed(state.position),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

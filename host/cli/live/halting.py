@@ -1,4 +1,4 @@
-"""`steptwin pause|resume|stop|estop|reset ROBOT --connect ...`: halt what a live board does, and let it go on."""
+"""`steptwin pause|resume|stop|estop|reset|outputs ROBOT --connect ...`: halt a live board, let it go on, switch it."""
 
 import time
 from collections.abc import Callable
@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Final
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotName
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.options import argument
+from steptwin.host.cli.output import print_table
+from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,7 +31,7 @@ def pause(live: SessionOptions, robot: RobotName = None) -> None:
     with saying_if_unsure(), live.session(loaded) as session:
         session.require_present()
         halted = pause_trajectory(session.machine)
-    live.tell(loaded, {"halted": halted}, "halted" if halted else "not halted: the trajectory ended first")
+    live.tell_of(loaded, {"halted": halted}, "halted" if halted else "not halted: the trajectory ended first")
 
 
 @command(*_EXAMPLES)
@@ -40,7 +43,7 @@ def resume(live: SessionOptions, robot: RobotName = None) -> None:
     with live.session(loaded) as session:
         session.require_present()
         resume_trajectory(session.machine)
-    live.tell(loaded, {"halted": False}, "goes on")
+    live.tell_of(loaded, {"halted": False}, "goes on")
 
 
 @command(*_EXAMPLES)
@@ -94,3 +97,28 @@ def reset(live: SessionOptions, robot: RobotName = None) -> None:
     with live.session(loaded, waking=True) as session:
         states = reset(session, age_s=max(0.0, time.monotonic() - asked_s - _CLOCKS_S))
     live.tell_states(loaded, states)
+
+
+@command("teaching-scara --connect 127.0.0.1", "teaching-scara gripper on --connect 127.0.0.1")
+def outputs(
+    live: SessionOptions,
+    words: list[str] | None = argument(
+        "ROBOT [NAME on|off]", "The robot, and an output by its name in the robot's file."
+    ),
+) -> None:
+    """List the digital outputs by their names in the robot's file, or switch one."""
+    from steptwin.host.operate.inputs_outputs import no_such_output, read_outputs, switch_output
+
+    loaded, rest = live.robot_and_rest(words)
+    if rest and (len(rest) != 2 or rest[1] not in LEVELS):
+        raise InputError(f"after the robot: nothing, or NAME and on or off, not {' '.join(rest)}")
+    if rest and rest[0] not in loaded.outputs:
+        raise no_such_output(loaded.name, rest[0], list(loaded.outputs))
+    with live.session(loaded) as session:
+        levels = switch_output(session, rest[0], on=LEVELS[rest[1]]) if rest else read_outputs(session)
+    rows = [
+        [name, output.joint, f"OUT{output.out}", "on" if levels[name] else "off"]
+        for name, output in loaded.outputs.items()
+    ]
+    columns = ["output", "axis", "number", "is"]
+    live.tell_of(loaded, {"outputs": levels}, lambda: print_table(columns, rows, text_columns=4))

@@ -1,14 +1,13 @@
 """`steptwin inject ROBOT WHAT [VALUE] --control ...`: operate the emulated machine of a served board."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from steptwin.host.cli.live.connection import LIVE_PANEL, host_and_port
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.arguments import RobotOptions
+from steptwin.host.cli.live.connection import host_and_port, live_option
+from steptwin.host.cli.options import argument
+from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.requests import INJECTED, STATE, end_of, request_of_words, usage
@@ -30,30 +29,23 @@ _SAID: Final[Mapping[str, "Callable[[ControlState, dict[str, Any]], str]"]] = {
 """What has become of requests whose effect the state shows, in a line; of others it only says that they are done."""
 
 
+_WHAT: Final = "The robot, and one of:\n" + "\n".join(f"{do} {usage(do)}".rstrip() for do in INJECTED)
+
+
 @command(
     "lab-scara estop on --control 127.0.0.1:29537",
     "lab-scara switch d1 + closed --control 127.0.0.1:29537",
     negatives=True,
 )
 def inject(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ROBOT WHAT [VALUE]",
-            help="The robot, and one of:\n" + "\n".join(f"{do} {usage(do)}".rstrip() for do in INJECTED),
-        ),
-    ] = None,
-    robot_file: RobotFile = None,
-    control: Annotated[
-        str | None,
-        typer.Option(
-            "--control",
-            metavar="HOST:PORT",
-            help="Control port of the board, as `steptwin serve --control-port` prints it.",
-            rich_help_panel=LIVE_PANEL,
-        ),
-    ] = None,
-    as_json: AsJson = False,
+    which: RobotOptions,
+    words: list[str] | None = argument(
+        "ROBOT WHAT [VALUE]",
+        _WHAT,
+    ),
+    control: str | None = live_option(
+        "HOST:PORT", "Control port of the board, as `steptwin serve --control-port` prints it."
+    ),
 ) -> None:
     """Harm a served board: its e-stop, supply, sensors, switches, wires, drivers, motors, payload, logic and bus.
 
@@ -64,7 +56,7 @@ def inject(
     """
     from steptwin.host.client.control_client import ControlClient
 
-    loaded, rest = robot_and_rest(words or [], robot_file)
+    loaded, rest = which.robot_and_rest(words)
     do, values = request_of_words(rest)
     if control is None:
         raise InputError("which board? --control HOST:PORT, as `steptwin serve --control-port` prints it")
@@ -73,14 +65,16 @@ def inject(
         if before.robot != loaded.name:
             raise InputError(f"{client.title}: the board is one of {before.robot}, not of {loaded.name}")
         state = before if do == STATE else client.ask(do, **values)
-    if as_json:
-        print_json(dict(state.document))
-    elif do == STATE:
-        _print_state(state)
-    else:
+
+    def in_words() -> None:
+        if do == STATE:
+            _print_state(state)
+            return
         told = _SAID[do](state, values) if do in _SAID else f"{' '.join(rest)}: done"
         end = end_of(do, values)
         say(f"SIMULATED {state.robot}: {told}{f'; it lasts until {end}' if end else ''}")
+
+    which.tell(dict(state.document), in_words)
 
 
 # --- the state in words

@@ -1,14 +1,13 @@
 """`steptwin jog ROBOT WHAT AMOUNT --connect ...`: move a joint or the tool of a live board by hand."""
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import check_percent, finite_number, naming_options
+from steptwin.host.cli.arguments import check_percent, finite_number
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.live.move import tell_moved
+from steptwin.host.cli.options import argument, naming_options, option
 from steptwin.host.cli.output import fixed, progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -23,26 +22,17 @@ if TYPE_CHECKING:
 @command("lab-scara th2 +1 --connect 127.0.0.1", "lab-scara th2 -10deg/s --connect 127.0.0.1", negatives=True)
 def jog(
     live: SessionOptions,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ROBOT WHAT AMOUNT",
-            help="The robot; one of its joints, or x, y, z, phi, rx, ry or rz of its tool; and how far, such as +1, 1mm"
-            " or -5deg, or for a joint how fast, such as 5mm/s.",
-        ),
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Time to move at a speed, which then needs no unit; by default until Ctrl-C."),
-    ] = None,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT",
-            help="Part of the highest speeds for a step: of the joint's, and of 250 mm/s or 90 deg/s of the tool;"
-            " 20 by default.",
-        ),
-    ] = None,
+    words: list[str] | None = argument(
+        "ROBOT WHAT AMOUNT",
+        "The robot; one of its joints, or x, y, z, phi, rx, ry or rz of its tool; and how far, such as +1, 1mm or"
+        " -5deg, or for a joint how fast, such as 5mm/s.",
+    ),
+    seconds: float | None = option("S", "Time to move at a speed, which then needs no unit; by default until Ctrl-C."),
+    speed: float | None = option(
+        "PERCENT",
+        "Part of the highest speeds for a step: of the joint's, and of 250 mm/s or 90 deg/s of the tool; 20 by"
+        " default.",
+    ),
 ) -> None:
     """Move a joint or the tool by a step, or a joint at a speed until Ctrl-C.
 
@@ -143,4 +133,4 @@ def _tell_jogged(live: LiveOptions, robot: "Robot", jogged: "Jogged") -> None:
     unit = robot.joint(jogged.joint).unit
     at_limit = ", at the end of its travel" if jogged.at_limit else ""
     way = f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}"
-    live.tell(robot, asdict(jogged), way)
+    live.tell_of(robot, asdict(jogged), way)

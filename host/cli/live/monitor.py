@@ -3,14 +3,13 @@
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotName
 from steptwin.host.cli.live.connection import LiveOptions
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.options import option
+from steptwin.host.cli.output import say
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import whole
@@ -29,16 +28,10 @@ _POLL_S = 0.1
 def monitor(
     live: LiveOptions,
     robot: RobotName = None,
-    service: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Only nmt, sync, emcy, time, tpdo, rpdo, sdo or heartbeat; repeatable."),
-    ] = None,
-    node: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Only this joint's node, or the node of this number; repeatable."),
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(metavar="S", help="Time to listen; by default until Ctrl-C.")] = None,
-    count: Annotated[int | None, typer.Option(metavar="N", help="Number of frames to show; by default any.")] = None,
+    service: list[str] | None = option("NAME", "Only nmt, sync, emcy, time, tpdo, rpdo, sdo or heartbeat; repeatable."),
+    node: list[str] | None = option("NAME", "Only this joint's node, or the node of this number; repeatable."),
+    seconds: float | None = option("S", "Time to listen; by default until Ctrl-C."),
+    count: int | None = option("N", "Number of frames to show; by default any."),
 ) -> None:
     """Show the traffic of a bus in CANopen's terms, without sending anything.
 
@@ -74,8 +67,7 @@ def monitor(
         except KeyboardInterrupt:
             if seconds is not None or count is not None:
                 raise
-    if live.as_json:
-        print_json({"frames": documents})
+    live.tell({"frames": documents})
 
 
 def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator[can.Message]":

@@ -1,9 +1,7 @@
 """`steptwin home ROBOT` and `move ROBOT Q1 Q2 ... --connect ...`: let a live machine find its position, and move it."""
 
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
@@ -15,6 +13,7 @@ from steptwin.host.cli.arguments import (
     saved_position,
 )
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.options import argument, option, switch
 from steptwin.host.cli.orientation_options import OrientationOptions
 from steptwin.host.cli.output import fixed, pose_text, progress_bar
 from steptwin.host.common.bad_input import prefixed
@@ -31,17 +30,9 @@ if TYPE_CHECKING:
 def home(
     live: SessionOptions,
     robot: RobotName = None,
-    together: Annotated[
-        bool,
-        typer.Option("--together", help="Home all joints at once; by default one by one, in the file's order."),
-    ] = False,
-    stay: Annotated[
-        bool, typer.Option("--stay", help="Stay at the switches instead of moving to the home position.")
-    ] = False,
-    here: Annotated[
-        str | None,
-        typer.Option(metavar="'Q1 Q2 ...'", help="Move nothing: declare that the joints stand here (mm, degrees)."),
-    ] = None,
+    together: bool = switch("Home all joints at once; by default one by one, in the file's order."),
+    stay: bool = switch("Stay at the switches instead of moving to the home position."),
+    here: str | None = option("'Q1 Q2 ...'", "Move nothing: declare that the joints stand here (mm, degrees)."),
 ) -> None:
     """Home a live machine by its switches, then move it to its home position."""
     from steptwin.host.operate.homing import declare, home_robot
@@ -70,20 +61,19 @@ def tell_moved(live: LiveOptions, robot: "Robot", moved: "Moved") -> None:
         for key, value in asdict(moved).items()
     }
     joints = ", ".join(f"{name} {fixed(position)}" for name, position in zip(names, moved.end, strict=True))
-    live.tell(robot, figures, joints, *(() if moved.pose is None else (pose_text(moved.pose),)))
+    live.tell_of(robot, figures, joints, *(() if moved.pose is None else (pose_text(moved.pose),)))
 
 
 @dataclass(frozen=True, slots=True)
 class PoseOptions:
     """The options that say where the tool is to be."""
 
-    x: Annotated[str | None, typer.Option("--x", metavar="MM", help="Target position; by default it stays.")] = None
-    y: Annotated[str | None, typer.Option("--y", metavar="MM", help="Target position; by default it stays.")] = None
-    z: Annotated[str | None, typer.Option("--z", metavar="MM", help="Target position; by default it stays.")] = None
-    phi: Annotated[
-        str | None,
-        typer.Option("--phi", metavar="DEG", help="Target attitude; by default it stays, or follows from the arm."),
-    ] = None
+    x: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
+    y: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
+    z: float | None = option("MM", "Target position; by default it stays.", read=finite_number)
+    phi: float | None = option(
+        "DEG", "Target attitude; by default it stays, or follows from the arm.", read=finite_number
+    )
 
     turned: OrientationOptions = field(default_factory=OrientationOptions)
 
@@ -91,8 +81,8 @@ class PoseOptions:
         """Return the coordinates that are given; None without any."""
         from steptwin.host.planning.programs.positions import ToolPosition
 
-        texts = (("x", self.x), ("y", self.y), ("z", self.z), ("phi", self.phi))
-        coordinates = {name: finite_number(text, f"--{name}") for name, text in texts if text is not None}
+        asked = {"x": self.x, "y": self.y, "z": self.z, "phi": self.phi}
+        coordinates = {name: value for name, value in asked.items() if value is not None}
         orientation = self.turned.orientation()
         return ToolPosition(coordinates, orientation=orientation) if coordinates or orientation else None
 
@@ -105,20 +95,13 @@ class PoseOptions:
 def move(
     target: PoseOptions,
     live: SessionOptions,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ROBOT [Q1 Q2 ... | JOINT=Q ...]",
-            help="The robot, and targets of all joints, or of some by name, in mm and degrees.",
-        ),
-    ] = None,
-    to: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Saved position to move to (`steptwin positions`).")
-    ] = None,
+    words: list[str] | None = argument(
+        "ROBOT [Q1 Q2 ... | JOINT=Q ...]",
+        "The robot, and targets of all joints, or of some by name, in mm and degrees.",
+    ),
+    to: str | None = option("NAME", "Saved position to move to (`steptwin positions`)."),
     file: PositionsFile = None,
-    speed: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Part of the joints' highest speeds and accelerations.")
-    ] = 100.0,
+    speed: float = option("PERCENT", "Part of the joints' highest speeds and accelerations.", default=100.0),
 ) -> None:
     """Move joints, or the tool by the branch that is reached soonest; all axes arrive together.
 

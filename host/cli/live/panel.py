@@ -1,14 +1,13 @@
 """`steptwin panel ROBOT --connect ...`: the machine in a browser."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, naming_options, one_robot, positions_path
+from steptwin.host.cli.arguments import PositionsFile, RobotFile, RobotName, RobotOptions, positions_path
 from steptwin.host.cli.live.connection import BoardAddress, Force, host_and_port
 from steptwin.host.cli.live.panel_process import require_extra
+from steptwin.host.cli.options import naming_options, option, switch
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.control import EXAMPLE_PORT
 
@@ -22,13 +21,9 @@ if TYPE_CHECKING:
 class PageOptions:
     """The options that say where the page is."""
 
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address of this machine for the page.")] = "127.0.0.1"
-    port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="Port of the page; by default 8090, or a free one; 0 is free.")
-    ] = None
-    allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach, with a token.")
-    ] = False
+    host: str = option("ADDRESS", "Address of this machine for the page.", default="127.0.0.1")
+    port: int | None = option("PORT", "Port of the page; by default 8090, or a free one; 0 is free.")
+    allow_remote: bool = switch("Permit an address that other machines reach, with a token.")
 
 
 @command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
@@ -37,12 +32,7 @@ def panel(
     page: PageOptions,
     robot: RobotName = None,
     robot_file: RobotFile = None,
-    control: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT", help="Control port of a served board, for the tab that operates its machine."
-        ),
-    ] = None,
+    control: str | None = option("HOST:PORT", "Control port of a served board, for the tab that operates its machine."),
     file: PositionsFile = None,
     force: Force = False,
 ) -> None:
@@ -51,7 +41,7 @@ def panel(
     The command prints the page's address. Any number of browsers may watch, one of them operates, and all can stop.
     The emergency stop of the page is no safety function: it needs this computer, the network and the bus.
     """
-    loaded = one_robot(robot, robot_file)
+    loaded = RobotOptions(robot_file=robot_file).robot(robot)
     found = board.required(loaded)
     served = None if control is None else host_and_port("--control", control, EXAMPLE_PORT)
     require_extra()

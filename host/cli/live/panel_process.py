@@ -17,7 +17,7 @@ from signal import Signals
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final
 
-from steptwin.host.cli.arguments import naming_options
+from steptwin.host.cli.options import naming_options
 from steptwin.host.cli.output import warn
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import InputError

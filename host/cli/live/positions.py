@@ -1,12 +1,11 @@
 """`steptwin positions save|list|delete ...`: save positions of a live board by name, list and delete them."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import PositionsFile, positions_path
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
+from steptwin.host.cli.options import argument, switch
 from steptwin.host.cli.output import pose_text, print_table
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
@@ -25,15 +24,11 @@ _NAMED: Final = {"save": True, "list": False, "delete": True}
 @command("save pick lab-scara --connect 127.0.0.1", "list lab-scara --file bench.toml")
 def positions(
     live: SessionOptions,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ACTION [NAME] ROBOT",
-            help="save NAME, list or delete NAME; and the robot whose positions they are.",
-        ),
-    ] = None,
+    words: list[str] | None = argument(
+        "ACTION [NAME] ROBOT", "save NAME, list or delete NAME; and the robot whose positions they are."
+    ),
     file: PositionsFile = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Save in place of a position of the same name.")] = False,
+    replace: bool = switch("Save in place of a position of the same name."),
 ) -> None:
     """Save under a name where a live board stands; list the saved positions, or delete one.
 
@@ -79,25 +74,26 @@ def _save(live: SessionOptions, robot: "Robot", path: str, name: str, *, replace
         pose = session.pose(joints)
         save_position(path, robot, name, joints, "" if pose is None else pose_text(pose), replace=replace)
         position = find_position(read_positions(path, robot), name, path)
-    live.tell(robot, {"file": path, "name": name, **_document(position)}, f"{path}: {name} = {_words(position)}")
+    live.tell_of(robot, {"file": path, "name": name, **_document(position)}, f"{path}: {name} = {_words(position)}")
 
 
 def _list(live: LiveOptions, robot: "Robot", path: str) -> None:
     from steptwin.host.planning.programs.positions import read_positions
 
     found = read_positions(path, robot)
-    if live.as_json:
-        documents = {name: _document(position) for name, position in found.items()}
-        live.tell(robot, {"file": path, "positions": documents})
-        return
-    print_table(["name", "position"], [[name, _words(position)] for name, position in found.items()], text_columns=2)
+    rows = [[name, _words(position)] for name, position in found.items()]
+    live.tell_of(
+        robot,
+        {"file": path, "positions": {name: _document(position) for name, position in found.items()}},
+        lambda: print_table(["name", "position"], rows, text_columns=2),
+    )
 
 
 def _delete(live: LiveOptions, robot: "Robot", path: str, name: str) -> None:
     from steptwin.host.planning.programs.positions import delete_position
 
     delete_position(path, robot, name)
-    live.tell(robot, {"file": path, "deleted": name}, f"{path}: {name} deleted")
+    live.tell_of(robot, {"file": path, "deleted": name}, f"{path}: {name} deleted")
 
 
 def _document(position: "Position") -> dict[str, Any]:

@@ -3,17 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import RobotOptions
+from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions
 from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
 from steptwin.host.cli.live.served_words import banner, print_served, status_line
-from steptwin.host.cli.output import say, tell, warn
+from steptwin.host.cli.options import option, switch
+from steptwin.host.cli.output import warn
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
-from steptwin.host.cli.run.faults_on_purpose import raise_unless_struck
+from steptwin.host.cli.run.faults_on_purpose import end_unless_struck
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import BusError, InputError, RecordingError
 from steptwin.host.common.processes import ClockStood, Slowness, collecting_often, on_signals
@@ -32,38 +31,21 @@ _STATUS_EVERY_S = 0.5
 class EndpointOptions:
     """The options that say where programs reach a served board."""
 
-    host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help=f"Address to listen at; {socketcand.LOOPBACK} by default.")
-    ] = None
-    port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", help=f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one."),
-    ] = None
-    control_port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", help="Port for `steptwin inject`, on this machine; 0 takes a free one."),
-    ] = None
-    allow_remote: Annotated[
-        bool, typer.Option("--allow-remote", help="Permit an address that other machines reach.")
-    ] = False
-    interface: Annotated[
-        str | None,
-        typer.Option("--interface", "-i", metavar="NAME", help="Put the board on an interface of python-can instead."),
-    ] = None
-    channel: Annotated[str | None, typer.Option("--channel", "-c", metavar="NAME", help="Its channel.")] = None
+    host: str | None = option("ADDRESS", f"Address to listen at; {socketcand.LOOPBACK} by default.")
+    port: int | None = option("PORT", f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one.")
+    control_port: int | None = option("PORT", "Port for `steptwin inject`, on this machine; 0 takes a free one.")
+    allow_remote: bool = switch("Permit an address that other machines reach.")
+    interface: str | None = option("NAME", "Put the board on an interface of python-can instead.", "--interface", "-i")
+    channel: str | None = option("NAME", "Its channel.", "--channel", "-c")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingOptions:
     """The options that say which files a served board writes."""
 
-    out: Annotated[str | None, typer.Option(metavar="DIR", help="Folder to record report, edges and bus log in.")] = (
-        None
-    )
-    log: Annotated[str | None, typer.Option(metavar="FILE", help="File to record the bus log in.")] = None
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Let --out and --log replace what the folder or the file holds.")
-    ] = False
+    out: str | None = option("DIR", "Folder to record report, edges and bus log in.")
+    log: str | None = option("FILE", "File to record the bus log in.")
+    replace: bool = switch("Let --out and --log replace what the folder or the file holds.")
 
 
 _NAMED: Final = (
@@ -80,17 +62,12 @@ def serve(
     endpoint: EndpointOptions,
     recording: RecordingOptions,
     machine: MachineOptions,
-    panel: Annotated[
-        bool, typer.Option("--panel", help="Show the machine in a browser, too; with a control port for its hardware.")
-    ] = False,
-    panel_port: Annotated[
-        int | None,
-        typer.Option(
-            metavar="PORT",
-            help="Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free.",
-        ),
-    ] = None,
-    speed: Annotated[float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second.")] = 1.0,
+    robot: RobotName = None,
+    panel: bool = switch("Show the machine in a browser, too; with a control port for its hardware."),
+    panel_port: int | None = option(
+        "PORT", "Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free."
+    ),
+    speed: float = option("FACTOR", "Simulated seconds in a second.", default=1.0),
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
 
@@ -99,7 +76,7 @@ def serve(
     """
     from steptwin.host.twin.live.served_board import ServedBoard
 
-    loaded = which.load()
+    loaded = which.robot(robot)
     panel = panel or panel_port is not None
     if panel:
         require_extra()
@@ -127,16 +104,16 @@ def serve(
         if served.endpoint.remote:
             warn(f"{served.title}: other machines can drive this board")
         file = which.robot_file
-        name = ["--robot-file", file] if which.robot is None and file else [which.robot or loaded.name]
+        name = ["--robot-file", file] if robot is None and file else [robot or loaded.name]
 
         def announce() -> None:
-            say(*banner(served), *(() if panel else ("Ctrl-C ends it",)), err=which.as_json)  # a panel says it, too
+            which.add(*banner(served), *(() if panel else ("Ctrl-C ends it",)))  # a panel says it, too
             open_panel(panel_words(served, name, endpoint, panel_port))
 
-        document, failure = _serve(served, announce, recording.out, as_json=which.as_json)
+        document, failure = _serve(which, served, announce, recording.out)
     if failure:
         raise failure
-    raise_unless_struck(document)
+    end_unless_struck(document)
 
 
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
@@ -149,17 +126,15 @@ def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
 
 
 def _serve(
-    served: "ServedBoard", announce: Callable[[], None], out: str | None, *, as_json: bool
+    answer: AnswerOptions, served: "ServedBoard", announce: Callable[[], None], out: str | None
 ) -> tuple[dict[str, Any], BusError | RecordingError | None]:
     """Run the board until a signal ends it and print its report; return this, and what went wrong."""
     # A second signal changes nothing: the files are being completed then.
     with on_signals(lambda _number, _frame: served.stop()):
         failure = _run(served, announce)
         document = served.report()
-        tell(
-            document,
-            lambda: print_served(document, None if out is None or served.board.failures else Path(out)),
-            as_json=as_json,
+        answer.tell(
+            document, lambda: print_served(document, None if out is None or served.board.failures else Path(out))
         )
     return document, failure
 

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.host.cli.output import print_table, say, warn
+from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.cli.run.faults_on_purpose import print_struck
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common.processes import ClockStood
@@ -78,35 +78,32 @@ def _late(lateness: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _print_rotors(motors: dict[str, Any]) -> None:
-    """Print a row for each joint's rotor."""
-    rows = [
-        [
-            joint["name"],
-            f"{joint['load_angle_deg']:.1f}",
-            f"{joint['load_angle_at_s']:.3f}",
-            "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
-            f"{joint['lost_full_steps']:g}",
-            f"{joint['winding_celsius']:.1f}",
-        ]
-        for joint in motors["joints"]
-    ]
-    print_table(["motor", "load angle deg", "at s", "first slip s", "lost steps", "winding degC"], rows)
+_ROTORS: Final[Columns] = {
+    "motor": "{0[name]}",
+    "load angle deg": "{0[load_angle_deg]:.1f}",
+    "at s": "{0[load_angle_at_s]:.3f}",
+    "first slip s": lambda joint: "-" if joint["first_slip_s"] is None else f"{joint['first_slip_s']:.3f}",
+    "lost steps": "{0[lost_full_steps]:g}",
+    "winding degC": "{0[winding_celsius]:.1f}",
+}
+_AXES: Final[Columns] = {
+    "axis": "{0[name]}",
+    "start": "{0[steps_start]}",
+    "end": "{0[steps_end]}",
+    "pulses": "{0[pulses]}",
+    "broken": "{0[violations]}",
+}
 
 
 def print_served(document: dict[str, Any], folder: Path | None) -> None:
     """Print the final report of a board, and the folder with its files if there is one."""
-    rows = [
-        [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses", "violations"))]
-        for axis in document["axes"]
-    ]
-    print_table(["axis", "start", "end", "pulses", "broken"], rows)
+    print_rows(_AXES, document["axes"])
     bus, real_time = document["bus"], document["real_time"]
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     for mismatch in document["mismatches"]:
         warn(mismatch)
     if "motors" in document:
-        _print_rotors(document["motors"])
+        print_rows(_ROTORS, document["motors"]["joints"])
     for what, text in _late(real_time).items():
         say(f"{what} late, ms (p50 p99 max): {text}, of {real_time[what]['count']}")
     if real_time["stalls"]["count"]:

@@ -1,13 +1,23 @@
 """`steptwin doctor ROBOT` and `status ROBOT --connect ...`: whether a live machine is fit to move, and its state."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Final
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import RobotName
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
-from steptwin.host.cli.output import fixed, pose_text, print_json_line, say, tell, text_console, text_table
+from steptwin.host.cli.options import switch
+from steptwin.host.cli.output import (
+    Columns,
+    cells_of,
+    fixed,
+    pose_text,
+    print_json_line,
+    say,
+    text_console,
+    text_table,
+)
 from steptwin.host.common.bad_input import printable
 from steptwin.host.common.errors import BusError, DeviceFaultError
 
@@ -32,7 +42,7 @@ def doctor(live: LiveOptions, robot: RobotName = None) -> None:
     checks = _checks(live, loaded)
     failed = [check for check in checks if not check.passed]
     listed = [{"name": check.name, "passed": check.passed, "found": check.found} for check in checks]
-    live.tell(loaded, {"passed": not failed, "checks": listed})
+    live.tell_of(loaded, {"passed": not failed, "checks": listed})
     if failed:
         raise typer.Exit(max(check.exit_code for check in failed))
 
@@ -67,9 +77,7 @@ _WATCH_EVERY_S = 0.5
 def status(
     live: SessionOptions,
     robot: RobotName = None,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Refresh twice a second, until Ctrl-C; with --json, a line each time.")
-    ] = False,
+    watch: bool = switch("Refresh twice a second, until Ctrl-C; with --json, a line each time."),
 ) -> None:
     """Show drives, positions, errors and queues. Exit code 3: a drive is in fault."""
     from steptwin.host.operate.status import read_status
@@ -79,7 +87,7 @@ def status(
         if watch:
             _watch(session, as_json=live.as_json)
         seen = read_status(session)
-    tell(seen.to_dict(), lambda: _print(seen), as_json=live.as_json)
+    live.tell(seen.to_dict(), lambda: _print(seen))
     faulty = [axis for axis in seen.axes if axis.in_fault]
     if faulty:
         raise DeviceFaultError(f"{faulty[0].name}: the drive is in {faulty[0].state}: {faulty[0].error or 'no reason'}")
@@ -117,8 +125,7 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
     from rich.console import Group
     from rich.text import Text
 
-    columns = ["axis", "unit", "state", "mode", "moves", "error", "known", "position"]
-    table, _ = text_table(width, columns, [_row(axis) for axis in seen.axes], text_columns=len(columns) - 1)
+    table, _ = text_table(width, list(_COLUMNS), cells_of(_COLUMNS, seen.axes), text_columns=len(_COLUMNS) - 1)
     lines = [pose_text(seen.pose) if seen.pose else "tool: unknown, since not every axis knows where it is"]
     lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
     if seen.inputs:
@@ -129,17 +136,16 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
     return Group(table, *(Text(printable(line)) for line in lines))
 
 
-def _row(axis: "AxisStatus") -> list[str]:
-    return [
-        axis.name,
-        axis.unit,
-        axis.state,
-        axis.mode,
-        "yes" if axis.moving else "no",
-        axis.error or "-",
-        "yes" if axis.position_known else "no",
-        fixed(axis.position),
-    ]
+_COLUMNS: Final[Columns] = {
+    "axis": "{0.name}",
+    "unit": "{0.unit}",
+    "state": "{0.state}",
+    "mode": "{0.mode}",
+    "moves": lambda axis: "yes" if axis.moving else "no",
+    "error": lambda axis: axis.error or "-",
+    "known": lambda axis: "yes" if axis.position_known else "no",
+    "position": lambda axis: fixed(axis.position),
+}
 
 
 def _health(axis: "AxisStatus") -> str:

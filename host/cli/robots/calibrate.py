@@ -1,30 +1,16 @@
 """`steptwin sensitivity|measure|calibrate ROBOT`: what errors of DH parameters do, and which ones a machine has."""
 
-import json
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import (
-    AsJson,
-    Replace,
-    RobotAndJoints,
-    RobotFile,
-    finite_number,
-    keep_files,
-    naming_options,
-    out_folder,
-    robot_and_joints,
-    robot_and_rest,
-)
-from steptwin.host.cli.output import fixed, number_of, print_json, print_table, say, tell
+from steptwin.host.cli.arguments import Replace, RobotAndJoints, RobotOptions, finite_number, keep_files, out_folder
+from steptwin.host.cli.options import argument, naming_options, option
+from steptwin.host.cli.output import Columns, fixed, number_of, print_rows, print_table, say
 from steptwin.host.common.bad_input import prefixed
-from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import write_whole
+from steptwin.host.common.whole_file import write_json, write_whole
 
 if TYPE_CHECKING:
     from steptwin.host.common.arrays import FloatArray
@@ -37,11 +23,7 @@ _ROBOT, _FIGURES, _PICTURE = _FILES = ("robot.toml", "calibration.json", "residu
 
 
 @command("calibration-scara 30 45 50 20", "lab-scara 150 0 90 0 --json", negatives=True)
-def sensitivity(
-    words: RobotAndJoints = None,
-    robot_file: RobotFile = None,
-    as_json: AsJson = False,
-) -> None:
+def sensitivity(which: RobotOptions, words: RobotAndJoints = None) -> None:
     """Compute how far an error of each DH parameter takes the tool: the error transfer coefficients at a position.
 
     A row has the derivatives of the tool's position and of its turns about the world's axes, per mm of a length and per
@@ -55,24 +37,29 @@ def sensitivity(
     from steptwin.host.robots.kinematics.chain import MOVES, Chain
     from steptwin.host.robots.link_errors import unit_of
 
-    loaded, values = robot_and_joints(words or [], robot_file)
+    loaded, values = which.robot_and_joints(words)
     chain = Chain.of(loaded)
     joints = np.array([values])
     moves = chain.with_errors(np.zeros_like(chain.errors)).sensitivities(joints)[0].T.tolist()
     together = _together(chain, joints) if loaded.dh_errors else {}
-    if as_json:
-        rows = {name: dict(zip(MOVES, row, strict=True)) for name, row in zip(chain.parameters, moves, strict=True)}
-        at = dict(zip(loaded.joint_names, values, strict=True))
-        print_json({"robot": loaded.name, "joints": at, "per": rows, **together})
-        return
-    columns = ["parameter", "per", *(move.replace("_", " ") for move in MOVES)]
-    cells = [[name, unit_of(name), *map(fixed, row)] for name, row in zip(chain.parameters, moves, strict=True)]
-    print_table(columns, cells, text_columns=2)
-    say(
-        f"{chain.table.convention.value} DH parameters; link1 is at the world, {chain.table.link_names[-1]} at the tool"
+    rows = dict(zip(chain.parameters, moves, strict=True))
+    columns = [move.replace("_", " ") for move in MOVES]
+    which.tell_of(
+        loaded,
+        {
+            "joints": dict(zip(loaded.joint_names, values, strict=True)),
+            "per": {name: dict(zip(MOVES, row, strict=True)) for name, row in rows.items()},
+            **together,
+        },
+        lambda: print_table(
+            ["parameter", "per", *columns],
+            [[name, unit_of(name), *map(fixed, row)] for name, row in rows.items()],
+            text_columns=2,
+        ),
+        f"{chain.table.convention.value} DH parameters;"
+        f" link1 is at the world, {chain.table.link_names[-1]} at the tool",
+        *([lambda: _print_together(together, columns)] if together else []),
     )
-    if together:
-        _print_together(together, columns[2:])
 
 
 def _together(chain: "Chain", joints: "FloatArray") -> dict[str, Any]:
@@ -108,18 +95,14 @@ def _print_together(document: dict[str, Any], columns: list[str]) -> None:
 
 @command("my-arm.toml measured.csv", "my-arm.toml measured.csv --poses 20 --noise-mm 0.05")
 def measure(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ROBOT FILE", help="The robot as it really is, and the CSV file to write."),
-    ] = None,
-    robot_file: RobotFile = None,
-    poses: Annotated[int, typer.Option(metavar="N", help="Number of poses.")] = 50,
-    noise_mm: Annotated[
-        str, typer.Option("--noise-mm", metavar="MM", help="Standard deviation of each measured coordinate.")
-    ] = "0.02",
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of poses and noise.")] = 1,
+    which: RobotOptions,
+    words: list[str] | None = argument("ROBOT FILE", "The robot as it really is, and the CSV file to write."),
+    poses: int = option("N", "Number of poses.", default=50),
+    noise_mm: float = option(
+        "MM", "Standard deviation of each measured coordinate.", default="0.02", read=finite_number
+    ),
+    seed: int = option("N", "Seed of poses and noise.", default=1),
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Simulate measurements of the tool for `calibrate`: random poses of a robot with errors in its DH parameters.
 
@@ -128,40 +111,31 @@ def measure(
     """
     from steptwin.host.studies.calibration import measurements_text, simulate_measurements
 
-    loaded, rest = robot_and_rest(words or [], robot_file)
-    if len(rest) != 1:
-        raise InputError(f"one FILE is needed after the robot, not {' '.join(rest) or 'nothing'}")
-    path = Path(rest[0])
+    loaded, file = which.robot_and_file(words, "FILE")
+    path = Path(file)
     keep_files([path], replace=replace)
-    noise = finite_number(noise_mm, "--noise-mm")
     with naming_options("poses", "noise_mm", "seed"):
-        measured = simulate_measurements(loaded, poses, noise, seed)
+        measured = simulate_measurements(loaded, poses, noise_mm, seed)
     write_whole(path, measurements_text(loaded, measured))
-    if as_json:
-        figures = {"file": str(path), "poses": poses, "noise_mm": noise, "seed": seed}
-        print_json({"robot": loaded.name, **figures, "dh_errors": bool(loaded.dh_errors)})
-        return
-    say(f"{path}: {poses} simulated poses of {loaded.name}, noise {noise:g} mm, seed {seed}")
-    if not loaded.dh_errors:
-        say(f"{loaded.name} states no dh_errors: the tool was where the nominal model has it")
+    figures = {"file": str(path), "poses": poses, "noise_mm": noise_mm, "seed": seed}
+    nominal = f"{loaded.name} states no dh_errors: the tool was where the nominal model has it"
+    which.tell_of(
+        loaded,
+        figures | {"dh_errors": bool(loaded.dh_errors)},
+        f"{path}: {poses} simulated poses of {loaded.name}, noise {noise_mm:g} mm, seed {seed}",
+        *([] if loaded.dh_errors else [nominal]),
+    )
 
 
 @command("calibration-scara measured.csv", "my-arm.toml measured.csv --out out/calibration")
 def calibrate(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ROBOT FILE",
-            help="The robot, and a CSV file of measurements with the header JOINT,...,x,y,z, in mm and degrees.",
-        ),
-    ] = None,
-    robot_file: RobotFile = None,
-    out: Annotated[
-        str | None,
-        typer.Option(metavar="DIR", help="Folder to write the corrected robot file, figures and picture into."),
-    ] = None,
+    which: RobotOptions,
+    words: list[str] | None = argument(
+        "ROBOT FILE",
+        "The robot, and a CSV file of measurements with the header JOINT,...,x,y,z, in mm and degrees.",
+    ),
+    out: str | None = option("DIR", "Folder to write the corrected robot file, figures and picture into."),
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Find the real DH parameters of a machine from where its tool was measured, and what cannot be found from that.
 
@@ -172,35 +146,31 @@ def calibrate(
     from steptwin.host.robots.kinematics.chain import Chain
     from steptwin.host.studies.calibration import corrected_text, identify_errors, read_measurements
 
-    loaded, rest = robot_and_rest(words or [], robot_file)
-    if len(rest) != 1:
-        raise InputError(f"one FILE of measurements is needed after the robot, not {' '.join(rest) or 'nothing'}")
+    loaded, file = which.robot_and_file(words, "FILE of measurements")
     if out is not None:
         keep_files((Path(out) / name for name in _FILES), replace=replace)
-    chain, measurements = Chain.of(loaded), read_measurements(rest[0], loaded)
-    with prefixed(f"{rest[0]}: "):
+    chain, measurements = Chain.of(loaded), read_measurements(file, loaded)
+    with prefixed(f"{file}: "):
         found = identify_errors(chain, measurements)
-    folder = out_folder(out, _FILES)
-    document = _document(loaded, found)
-    pictures = False
+    folder = None if out is None else out_folder(out, _FILES)
+    document = _document(found)
+    picture = False
     if folder is not None:
         text = corrected_text(loaded, found.chain.link_errors, f"found by a calibration of {len(measurements)} poses")
         write_whole(folder / _ROBOT, text)
-        write_whole(folder / _FIGURES, json.dumps(document, indent=2) + "\n")
-        pictures = _write_picture(folder / _PICTURE, loaded, found)
-    tell(document, lambda: _print(found, document), as_json=as_json)
+        write_json(folder / _FIGURES, {"robot": loaded.name, **document})
+        picture = _write_picture(folder / _PICTURE, loaded, found)
+    which.tell_of(loaded, document, lambda: _print(found, document))
     if folder is not None:
-        what = "figures and picture" if pictures else "figures"
-        say(f"corrected robot file, {what} are in {folder}/", err=as_json)
-        if not pictures:
+        which.add_files(f"corrected robot file, figures{' and picture' if picture else ''} are", folder)
+        if not picture:
             say("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
 
 
-def _document(robot: "Robot", found: "Identification") -> dict[str, Any]:
+def _document(found: "Identification") -> dict[str, Any]:
     from steptwin.host.studies.calibration import largest_mm, rms_mm
 
     return {
-        "robot": robot.name,
         "poses": len(found.measurements),
         "repeated": found.measurements.repeats,
         "rank": found.rank,
@@ -229,12 +199,14 @@ def _write_picture(path: Path, robot: "Robot", found: "Identification") -> bool:
 def _print(found: "Identification", document: dict[str, Any]) -> None:
     from steptwin.host.robots.link_errors import unit_of
 
-    rows = [
-        [p.name, unit_of(p.name), fixed(p.before), fixed(p.found), fixed(3 * (p.deviation or 0.0))]
-        for p in found.parameters
-        if p.identified
-    ]
-    print_table(["parameter", "unit", "before", "found", "3 sigma"], rows, text_columns=2)
+    columns: Columns = {
+        "parameter": "{0.name}",
+        "unit": lambda parameter: unit_of(parameter.name),
+        "before": lambda parameter: fixed(parameter.before),
+        "found": lambda parameter: fixed(parameter.found),
+        "3 sigma": lambda parameter: fixed(3 * (parameter.deviation or 0.0)),
+    }
+    print_rows(columns, [parameter for parameter in found.parameters if parameter.identified], text_columns=2)
     others = [parameter for parameter in found.parameters if not parameter.identified]
     if others:
         say("not told apart by these poses, and left as they are:", *(f"  {_why(other)}" for other in others))

@@ -1,13 +1,12 @@
 """`steptwin fk ROBOT Q1 Q2 ...`: compute the tool's pose from joint positions."""
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotAndJoints, RobotFile, robot_and_joints
-from steptwin.host.cli.output import fixed, pose_words, print_json, print_table, say
+from steptwin.host.cli.arguments import RobotAndJoints, RobotOptions
+from steptwin.host.cli.options import switch
+from steptwin.host.cli.output import fixed, pose_words, print_table, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,12 +80,9 @@ def _plain(array: "FloatArray") -> Any:
 
 @command("lab-scara 150 0 90 0 --matrices", "warehouse-scara 0 0 200 -60 120 -90 --json", negatives=True)
 def fk(
+    which: RobotOptions,
     words: RobotAndJoints = None,
-    robot_file: RobotFile = None,
-    matrices: Annotated[
-        bool, typer.Option("--matrices", help="Also the DH table, the matrix of each link and their product.")
-    ] = False,
-    as_json: AsJson = False,
+    matrices: bool = switch("Also the DH table, the matrix of each link and their product."),
 ) -> None:
     """Compute the tool's pose from joint positions (forward kinematics).
 
@@ -97,7 +93,7 @@ def fk(
     from steptwin.host.robots.kinematics import make_kinematics
     from steptwin.host.robots.kinematics.chain import actual_chain
 
-    loaded, values = robot_and_joints(words or [], robot_file)
+    loaded, values = which.robot_and_joints(words)
     for joint, value in zip(loaded.joints, values, strict=True):
         if not joint.lower <= value <= joint.upper:
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
@@ -108,7 +104,6 @@ def fk(
         at = " ".join(f"{value:g}" for value in values)
         raise InputError(f"joints of {loaded.name}: the mechanism cannot be assembled at {at}")
     document: dict[str, Any] = {
-        "robot": loaded.name,
         "joints": dict(zip(loaded.joint_names, values, strict=True)),
         "pose": kinematics.task.document(pose),
     }
@@ -120,14 +115,10 @@ def fk(
         document["position_error_mm"] = float(np.linalg.norm(actual[:3] - pose[:3]))
     if matrices:
         document["dh"] = matrices_document(kinematics, np.array([values]))
-    if as_json:
-        print_json(document)
-        return
-    say(pose_words(document["pose"], 6, "attitude deg"))
+    in_words = [pose_words(document["pose"], 6, "attitude deg")]
     if chain:
         off = f"{document['position_error_mm']:.6f} mm away, tilted by {document['actual_tilt_deg']:.6f} deg"
         actually = pose_words(document["actual_pose"], 6, "attitude deg")
-        say(f"actual: {actually}", f"{off}, by the dh_errors of the robot's file")
-    if matrices:
-        say("")
-        print_matrices(document["dh"])
+        in_words += [f"actual: {actually}", f"{off}, by the dh_errors of the robot's file"]
+    tables = ("", lambda: print_matrices(document["dh"])) if matrices else ()
+    which.tell_of(loaded, document, *in_words, *tables)

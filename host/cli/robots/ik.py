@@ -1,14 +1,16 @@
 """`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
+from dataclasses import MISSING
 from math import hypot, isfinite, isnan, nan
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import RobotOptions, finite_number, joint_values
+from steptwin.host.cli.arguments import RobotName, RobotOptions, finite_number, joint_values
+from steptwin.host.cli.options import option
 from steptwin.host.cli.orientation_options import OrientationOptions
-from steptwin.host.cli.output import fixed, print_json, print_table, say
+from steptwin.host.cli.output import fixed, print_table, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,18 +28,13 @@ _OUT_OF_REACH: Final = 1
 @command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
 def ik(
     which: RobotOptions,
-    x: Annotated[str, typer.Option("--x", metavar="MM", help="Tool position x.")],
-    y: Annotated[str, typer.Option("--y", metavar="MM", help="Tool position y.")],
-    z: Annotated[str, typer.Option("--z", metavar="MM", help="Tool position z.")],
     turned: OrientationOptions,
-    phi: Annotated[
-        str | None,
-        typer.Option("--phi", metavar="DEG", help="Tool attitude; may be left out if it follows from the arm."),
-    ] = None,
-    near: Annotated[
-        str | None,
-        typer.Option(metavar="'Q1 Q2 ...'", help="Present joints: those that the pose leaves free stay there."),
-    ] = None,
+    robot: RobotName = None,
+    x: float = option("MM", "Tool position x.", default=MISSING, read=finite_number),
+    y: float = option("MM", "Tool position y.", default=MISSING, read=finite_number),
+    z: float = option("MM", "Tool position z.", default=MISSING, read=finite_number),
+    phi: float | None = option("DEG", "Tool attitude; may be left out if it follows from the arm.", read=finite_number),
+    near: str | None = option("'Q1 Q2 ...'", "Present joints: those that the pose leaves free stay there."),
 ) -> None:
     """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.
 
@@ -48,10 +45,9 @@ def ik(
     from steptwin.host.robots.kinematics import make_kinematics
     from steptwin.host.robots.workspace.nearest_pose import nearest_pose, passing_words
 
-    loaded = which.load()
+    loaded = which.robot(robot)
     kinematics = make_kinematics(loaded)
-    options = (("x", x), ("y", y), ("z", z), ("phi", phi))
-    place = {name: finite_number(text, f"--{name}") for name, text in options if text is not None}
+    place = {"x": x, "y": y, "z": z} | ({} if phi is None else {"phi": phi})
     pose = _pose(loaded, kinematics, place, turned.orientation())
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
     branches = kinematics.inverse(np.array([pose]), standing)
@@ -59,17 +55,15 @@ def ik(
     slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
     nearest = None if reached else nearest_pose(loaded, pose, slides_at)
     off = [_round_trip(kinematics, branch, pose) for branch in branches]
-    if which.as_json:
-        listed = [_document(branch, loaded.joint_names, trip) for branch, trip in zip(branches, off, strict=True)]
-        document = {"robot": loaded.name, "branches": listed}
-        print_json(document | ({} if reached else {"nearest": nearest and _pose_document(kinematics, nearest)}))
-    else:
-        _print_branches(branches, loaded.joint_names)
-        _print_round_trips(
-            {branch.name: trip for branch, trip in zip(branches, off, strict=True) if branch.reachable[0]}
-        )
-        if nearest:
-            say(f"the nearest pose in reach: {passing_words(kinematics.task, pose, nearest)}")
+    trips = list(zip(branches, off, strict=True))
+    listed = [_document(branch, loaded.joint_names, trip) for branch, trip in trips]
+    which.tell_of(
+        loaded,
+        {"branches": listed} | ({} if reached else {"nearest": nearest and _pose_document(kinematics, nearest)}),
+        lambda: _print_branches(branches, loaded.joint_names),
+        lambda: _print_round_trips({branch.name: trip for branch, trip in trips if branch.reachable[0]}),
+        *([f"the nearest pose in reach: {passing_words(kinematics.task, pose, nearest)}"] if nearest else []),
+    )
     if not reached:
         raise typer.Exit(_OUT_OF_REACH)
 

@@ -1,14 +1,11 @@
 """`steptwin paper ROBOT --out DIR`: go through a robot's paper, item by item, with our numbers beside its own."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, keep_files, out_folder
-from steptwin.host.cli.output import print_table, say, say_no_pictures, tell
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
+from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files, out_folder
+from steptwin.host.cli.options import argument, option
+from steptwin.host.cli.output import Columns, print_rows, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,68 +14,57 @@ if TYPE_CHECKING:
 
 @command("warehouse-scara --out out/warehouse", "lab-scara --json")
 def paper(
-    robot: Annotated[
-        str | None, typer.Argument(metavar="ROBOT", help="Name of one of the robots that come with StepTwin.")
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder to write the page into: Markdown, pictures, HTML.")
-    ] = None,
+    answer: AnswerOptions,
+    robot: str | None = argument("ROBOT", "Name of one of the robots that come with StepTwin."),
+    out: str | None = option("DIR", "Folder to write the page into: Markdown, pictures, HTML."),
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Go through the paper of a robot, item by item: its numbers, ours, and its misprints as printed and corrected.
 
     The robot's jobs are run for it. The exit code is 1 if a number does not agree.
     """
     from steptwin.host.studies.papers import Runs, evaluated, paper_files, paper_of, write_paper
+    from steptwin.host.studies.papers.paper_page import html_name, page_name
 
     if robot is None:
         raise InputError("ROBOT is missing: the robot whose paper it is")
     chosen = paper_of(robot)
-    folder = out_folder(out, paper_files(chosen))
+    folder = None if out is None else out_folder(out, paper_files(chosen))
     if folder is not None:
         keep_files((folder / name for name in paper_files(chosen)), replace=replace)
     runs = Runs()
     page = evaluated(chosen, runs)
     pictures = folder is not None and write_paper(folder, page, runs)
-    tell(page.to_dict(), lambda: _print_page(page), as_json=as_json)
+    answer.tell(page.to_dict(), lambda: _print_page(page))
     if folder is not None:
-        _say_where(folder, robot, pictures=pictures, to_stderr=as_json)
-    for line in page.disagreements:
-        say(line, err=True)
-    if not page.agrees:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+        what = "page and pictures are" if pictures else "page is"
+        answer.add_files(what, folder, page_name(robot), html_name(robot), pictures=pictures)
+    say(*page.disagreements, err=True)
+    end_unless(page.agrees)
 
 
 def _print_page(page: "EvaluatedPaper") -> None:
     from steptwin.host.studies.papers.paper_page import number_text, summary
 
     say(page.paper.citation)
-    values = [
-        [one.value.place or "-", one.value.kind, one.value.what, f"{one.value.expected:g}",
-         number_text(one.ours, one.value.decimals), one.value.unit, "yes" if one.agrees else "NO"]
-        for one in page.values
-        if one.value.expected is not None
-    ]  # fmt: skip
-    columns = ["the paper's place", "kind", "quantity", "paper", "ours", "unit", "agrees"]
-    print_table(columns, values, text_columns=3)
-    formulas = [
-        [erratum.erratum.place, one.formula.what,
-         *(number_text(number, one.formula.decimals) for number in (one.printed, one.corrected, one.truth)),
-         one.formula.unit]
-        for item in page.items
-        for erratum in item.errata
-        for one in erratum.formulas
-    ]  # fmt: skip
-    columns = ["misprint", "computed", "as printed", "corrected", "has to be", "unit"]
-    print_table(columns, formulas, text_columns=2)
+    values: Columns = {
+        "the paper's place": lambda one: one.value.place or "-",
+        "kind": "{0.value.kind}",
+        "quantity": "{0.value.what}",
+        "paper": "{0.value.expected:g}",
+        "ours": lambda one: number_text(one.ours, one.value.decimals),
+        "unit": "{0.value.unit}",
+        "agrees": lambda one: "yes" if one.agrees else "NO",
+    }
+    print_rows(values, [one for one in page.values if one.value.expected is not None], text_columns=3)
+    formulas: Columns = {
+        "misprint": "{0[0].erratum.place}",
+        "computed": "{0[1].formula.what}",
+        "as printed": lambda of: number_text(of[1].printed, of[1].formula.decimals),
+        "corrected": lambda of: number_text(of[1].corrected, of[1].formula.decimals),
+        "has to be": lambda of: number_text(of[1].truth, of[1].formula.decimals),
+        "unit": "{0[1].formula.unit}",
+    }
+    errata = [(erratum, one) for item in page.items for erratum in item.errata for one in erratum.formulas]
+    print_rows(formulas, errata, text_columns=2)
     say(*summary(page))
-
-
-def _say_where(folder: Path, robot: str, *, pictures: bool, to_stderr: bool) -> None:
-    from steptwin.host.studies.papers.paper_page import html_name, page_name
-
-    what = "page and pictures are" if pictures else "page is"
-    say(f"{what} in {folder}/: {page_name(robot)}, {html_name(robot)}", err=to_stderr)
-    if not pictures:
-        say_no_pictures()

@@ -1,54 +1,55 @@
 """`steptwin workspace ROBOT`: compute where the tool can be, as figures and as a picture."""
 
-import json
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import Replace, RobotOptions, finite_number, keep_files, out_folder
-from steptwin.host.cli.output import print_table, say, say_no_pictures, tell
-from steptwin.host.common.whole_file import whole_file, write_whole
+from steptwin.host.cli.arguments import Replace, RobotName, RobotOptions, finite_number, keep_files, out_folder
+from steptwin.host.cli.options import option
+from steptwin.host.cli.output import print_table, say
+from steptwin.host.common.whole_file import whole_file, write_json
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
     from steptwin.host.robots.workspace import MonteCarlo, Scan
 
 
+@dataclass(frozen=True, slots=True)
+class WorkspaceOptions:
+    """The options that say how the workspace is computed, and where it is cut."""
+
+    samples: int = option("N", "Random joint positions, up to 10 million.", default=100_000)
+    seed: int = option("N", "Seed of the random joint positions.", default=1)
+    phi: float | None = option("DEG", "Attitude of the tool in the sections; by default any.", read=finite_number)
+    z: float | None = option("MM", "Height of the horizontal section; by default home's.", read=finite_number)
+
+
 @command("lab-scara", "hybrid-arm --phi -30 --z 700 --out out/workspace")
 def workspace(
     which: RobotOptions,
-    samples: Annotated[int, typer.Option(metavar="N", help="Random joint positions, up to 10 million.")] = 100_000,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random joint positions.")] = 1,
-    phi: Annotated[
-        str | None, typer.Option("--phi", metavar="DEG", help="Attitude of the tool in the sections; by default any.")
-    ] = None,
-    z: Annotated[
-        str | None, typer.Option("--z", metavar="MM", help="Height of the horizontal section; by default home's.")
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder to write figures, cloud and pictures into.")
-    ] = None,
+    wanted: WorkspaceOptions,
+    robot: RobotName = None,
+    out: str | None = option("DIR", "Folder to write figures, cloud and pictures into."),
     replace: Replace = False,
 ) -> None:
     """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
     from steptwin.host.robots.workspace import monte_carlo, scan
 
-    loaded = which.load()
-    attitude_deg = None if phi is None else finite_number(phi, "--phi")
-    z_mm = None if z is None else finite_number(z, "--z")
+    loaded = which.robot(robot)
     if out is not None:
         keep_files((Path(out) / name for name in _FILES), replace=replace)
-    cloud = monte_carlo(loaded, samples, seed)
-    folder = out_folder(out, _FILES)
-    scanned = scan(loaded, attitude_deg, z_mm)
+    cloud = monte_carlo(loaded, wanted.samples, wanted.seed)
+    folder = None if out is None else out_folder(out, _FILES)
+    scanned = scan(loaded, wanted.phi, wanted.z)
     document = _document(loaded, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
-    tell(document, lambda: _print_figures(document), as_json=which.as_json)
+    which.tell_of(loaded, document, lambda: _print_figures(document))
     if folder is not None:
-        _say_where(folder, pictures=pictures, to_stderr=which.as_json)
+        which.add_files(
+            "figures, cloud and pictures are" if pictures else "figures and cloud are", folder, pictures=pictures
+        )
 
 
 def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
@@ -60,7 +61,6 @@ def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan") -> dict[str,
     if robot.base != STATION:
         section["axis_y_mm"] = axis_y_mm
     return {
-        "robot": robot.name,
         "monte_carlo": {
             "samples": cloud.samples,
             "seed": cloud.seed,
@@ -91,7 +91,7 @@ _FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.p
 def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
     """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
     figures, points, *pictures = (folder / name for name in _FILES)
-    write_whole(figures, json.dumps(document, indent=2) + "\n")
+    write_json(figures, {"robot": robot.name, **document})
     with whole_file(points) as file:
         file.write(b"x_mm,y_mm,z_mm\n")
         file.writelines(f"{x!r},{y!r},{z!r}\n".encode() for x, y, z in cloud.cloud_mm.tolist())
@@ -130,10 +130,3 @@ def _figure(figures: dict[str, Any], key: str) -> str:
     if value is None:
         return "-"
     return f"{value:.0f}" if key == "area_mm2" else f"{value:.3f}"
-
-
-def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
-    what = "figures, cloud and pictures are" if pictures else "figures and cloud are"
-    say(f"{what} in {folder}/", err=to_stderr)
-    if not pictures:
-        say_no_pictures()

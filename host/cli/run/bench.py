@@ -1,13 +1,12 @@
 """`steptwin bench [ROBOT [JOB]]`: compare the kernel's pulse timing with other ways of making step pulses."""
 
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, RobotFile, robot_and_rest
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.arguments import RobotOptions
+from steptwin.host.cli.options import argument
+from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,12 +18,8 @@ ROBOT_AND_JOB = "[ROBOT] [JOB]"
 
 @command("", "teaching-scara carry --json")
 def bench(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(metavar=ROBOT_AND_JOB, help="A job, or all jobs of a robot; by default five motions."),
-    ] = None,
-    robot_file: RobotFile = None,
-    as_json: AsJson = False,
+    which: RobotOptions,
+    words: list[str] | None = argument(ROBOT_AND_JOB, "A job, or all jobs of a robot; by default five motions."),
 ) -> None:
     """Compare the kernel's step timing with a DDA, Bresenham and Austin's ramp on the same motions."""
     from steptwin.host.planning.jobs import job_names
@@ -34,8 +29,8 @@ def bench(
 
     if not find_spec("numba"):
         say("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
-    if words or robot_file is not None:
-        robot, rest = robot_and_rest(words or [], robot_file)
+    if words or which.robot_file is not None:
+        robot, rest = which.robot_and_rest(words)
         if len(rest) > 1:
             raise InputError(f"unexpected argument '{rest[1]}': give {ROBOT_AND_JOB}")
         motions = [motion_of_job(robot, job) for job in rest or job_names(robot)]
@@ -43,10 +38,7 @@ def bench(
         motions = all_motions()
     kernel = fastest_kernel()
     figures, on_core = measured(motions, kernel)
-    if as_json:
-        print_json(document(figures, on_core, kernel))
-    else:
-        print_figures(figures, on_core)
+    which.tell(document(figures, on_core, kernel), lambda: print_figures(figures, on_core))
 
 
 def print_figures(figures: "list[MethodErrors]", on_core: "list[CoreFigures]") -> None:

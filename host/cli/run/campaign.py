@@ -2,19 +2,17 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Final
 
-import typer
-
-from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, naming_options, out_folder, run_folder
-from steptwin.host.cli.output import number_of, print_json, print_table, say, say_no_pictures
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED
+from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import AnswerOptions, out_folder, run_folder
+from steptwin.host.cli.options import argument, given_options, naming_options, option
+from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say, say_no_pictures
 from steptwin.host.cli.run.virtual_run import FinishedRun
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import whole
@@ -38,11 +36,7 @@ def print_summary(summary: "Summary") -> None:
     ]
     print_table(["", "", "passed", "of", "rate", "95 % interval"], rows, text_columns=2)
     if summary.worst:
-        worst = [
-            [each.margin, f"{100 * each.left:.1f}", str(each.row.seed), each.row.robot, each.row.scenario]
-            for each in summary.worst
-        ]
-        print_table(["nearest to the limit", "left %", "seed", "robot", "scenario"], worst)
+        print_rows(_WORST, summary.worst)
     if len(summary.versions) > 1:
         say(
             "made by several versions: "
@@ -58,6 +52,15 @@ def print_summary(summary: "Summary") -> None:
         say(f"{number_of(cause.runs, 'run')}: {cause.text}", f"  such as: {cause.example}")
         say(f"  seeds {', '.join(map(str, cause.seeds[:_SEEDS_SHOWN]))}{more}")
     say(_verdict(summary))
+
+
+_WORST: Final[Columns] = {
+    "nearest to the limit": "{0.margin}",
+    "left %": lambda each: f"{100 * each.left:.1f}",
+    "seed": "{0.row.seed}",
+    "robot": "{0.row.robot}",
+    "scenario": "{0.row.scenario}",
+}
 
 
 def _rate(rate: "PassRate") -> list[str]:
@@ -127,41 +130,37 @@ _REPORT: Final = "report"
 
 
 @dataclass(frozen=True, slots=True)
-class WorkOptions:
-    """The options that say how many runs a campaign makes, and who makes them."""
+class CampaignOptions:
+    """The options that say how many runs a campaign makes, who makes them, and where they go."""
 
-    runs: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Number of runs instead of the file's; more continue a campaign."),
-    ] = None
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Processes of this computer; by default one for each core."),
-    ] = None
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster to run on instead.")
-    ] = None
+    runs: int | None = option("N", "Number of runs instead of the file's; more continue a campaign.", min=1)
+    workers: int | None = option("N", "Processes of this computer; by default one for each core.", min=1)
+    scheduler: str | None = option("tcp://HOST:PORT", "Scheduler of a Dask cluster to run on instead.")
+    out: str | None = option("DIR", "Folder for the results, or for the run that is made again.")
+    faults: str | None = option("FILE", "Scenario for a run that is made again, such as a shrunk one of the report.")
+
+    def refuse_beside(self, *used: str) -> None:
+        """Raise InputError if another option is given than those that are used."""
+        for name, value in given_options(self).items():
+            if name not in used:
+                raise InputError(f"{name} {value}: has no effect here")
+
+    def folder(self, what: str, make: Callable[[str], Path]) -> Path:
+        """Make the folder of --out; raise InputError, with what it is for, if it is not given."""
+        if self.out is None:
+            raise InputError(f"--out DIR is missing: the folder for {what}")
+        return make(self.out)
 
 
 @command("evening.toml --out out/evening", "rerun out/evening 471 --out out/471")
 def campaign(
-    work: WorkOptions,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="FILE | rerun DIR SEED | report DIR",
-            help="A campaign's file (docs/campaigns.md) to run, or to continue where it was interrupted; or a run of a"
-            " campaign's folder to make again, by its seed; or the folder to report.",
-        ),
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder for the results, or for the run that is made again.")
-    ] = None,
-    faults: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Scenario for a run that is made again, such as a shrunk one of the report."),
-    ] = None,
-    as_json: AsJson = False,
+    answer: AnswerOptions,
+    asked: CampaignOptions,
+    words: list[str] | None = argument(
+        "FILE | rerun DIR SEED | report DIR",
+        "A campaign's file (docs/campaigns.md) to run, or to continue where it was interrupted; or a run of a"
+        " campaign's folder to make again, by its seed; or the folder to report.",
+    ),
 ) -> None:
     """Make many runs with random motions, faults and settings, and tell which failed in silence, and why.
 
@@ -171,16 +170,16 @@ def campaign(
     _require_extra()
     match words or []:
         case [action, folder, seed] if action == _RERUN:
-            _refuse(work)
-            _rerun(Path(folder), _seed(seed), out, faults, as_json=as_json)
+            asked.refuse_beside("--out", "--faults")
+            _rerun(answer, asked, Path(folder), _seed(seed))
         case [action, folder] if action == _REPORT:
-            _refuse(work, ("--faults", faults), ("--out", out))
-            _report(Path(folder), as_json=as_json)
+            asked.refuse_beside()
+            _report(answer, Path(folder))
         case [action, *_] if action in (_RERUN, _REPORT):
             raise InputError(f"{action}: is followed by {'DIR and SEED' if action == _RERUN else 'DIR'}")
         case [file]:
-            _refuse(WorkOptions(), ("--faults", faults))
-            _run(file, out, work, as_json=as_json)
+            asked.refuse_beside("--runs", "--workers", "--scheduler", "--out")
+            _run(answer, asked, file)
         case _:
             raise InputError("a campaign's FILE is needed, or rerun DIR SEED, or report DIR")
 
@@ -197,44 +196,39 @@ def _seed(text: str) -> int:
         raise InputError(f"SEED {text!r}: is not a whole number") from None
 
 
-def _refuse(work: WorkOptions, *others: tuple[str, str | None]) -> None:
-    """Raise InputError if an option is given."""
-    named = [(f"--{field.name}", getattr(work, field.name)) for field in fields(work)]
-    for option, value in (*named, *others):
-        if value is not None:
-            raise InputError(f"{option} {value}: has no effect here")
-
-
 # --- run
 
 
-def _run(file: str, out: str | None, work: WorkOptions, *, as_json: bool) -> None:
-    from steptwin.host.studies.campaign import Results, read_campaign, sources_of_file
+def _run(answer: AnswerOptions, asked: CampaignOptions, file: str) -> None:
+    from steptwin.host.studies.campaign import Results, read_campaign, sources_of_file, summarised
     from steptwin.host.studies.campaign.campaign import RUNS_MAX
 
     sources = sources_of_file(file)
     made, names = read_campaign(sources)
-    if work.runs is not None:
-        if work.runs > RUNS_MAX:
-            raise InputError(f"--runs {work.runs}: is more than {RUNS_MAX}")
-        made = replace(made, runs=work.runs)
-    if out is None:
-        raise InputError("--out DIR is missing: the folder for the results")
-    if work.workers is not None and work.scheduler is not None:
-        raise InputError(f"--workers {work.workers}: is for this computer, not for {work.scheduler}")
-    processes = os.cpu_count() or 1 if work.workers is None else work.workers
-    folder = out_folder(out)
-    assert folder is not None
+    if asked.runs is not None:
+        if asked.runs > RUNS_MAX:
+            raise InputError(f"--runs {asked.runs}: is more than {RUNS_MAX}")
+        made = replace(made, runs=asked.runs)
+    if asked.workers is not None and asked.scheduler is not None:
+        raise InputError(f"--workers {asked.workers}: is for this computer, not for {asked.scheduler}")
+    folder = asked.folder("the results", out_folder)
+    processes = os.cpu_count() or 1 if asked.workers is None else asked.workers
     results = Results(folder)
     try:
         with results.writing():
             sources.keep(folder, names)
-            _make_runs(made, results, processes, work.scheduler)
+            _make_runs(made, results, processes, asked.scheduler)
     except KeyboardInterrupt:
         there = int(results.done(made.seeds).sum())
         say(f"interrupted: {there} of {made.runs} runs are there; the same command makes the others", err=True)
         raise
-    _tell(results, made, folder, as_json=as_json)
+    summary = summarised(results.rows(made.seeds), made.runs)
+    answer.tell(
+        {"folder": str(folder), **summary.to_dict()},
+        lambda: print_summary(summary),
+        f"pictures and smallest scenarios: steptwin campaign report {folder}",
+    )
+    end_unless(summary.passed)
 
 
 def _make_runs(campaign: "Campaign", results: "Results", processes: int, scheduler: str | None) -> None:
@@ -247,34 +241,15 @@ def _make_runs(campaign: "Campaign", results: "Results", processes: int, schedul
         return
     if before:
         say(f"{before} of {campaign.runs} runs are there already", err=True)
-    with campaign_bar(campaign.runs, before) as show:
-        if processes == 1 and scheduler is None:
-            for rows in run_here(campaign, missing):
-                results.add(rows)
-                show(rows)
-            return
-        with naming_options("scheduler"), cluster(processes, scheduler) as client:
-            for rows in run_on(client, campaign, missing):
-                results.add(rows)
-                show(rows)
-
-
-def _tell(results: "Results", campaign: "Campaign", folder: Path, *, as_json: bool) -> None:
-    """Print what the rows tell; end with exit code 1 if something failed in silence."""
-    from steptwin.host.studies.campaign import summarised
-
-    summary = summarised(results.rows(campaign.seeds), campaign.runs)
-    if as_json:
-        print_json({"folder": str(folder), **summary.to_dict()})
-    else:
-        print_summary(summary)
-        say(f"pictures and smallest scenarios: steptwin campaign report {folder}")
-    _end(summary)
-
-
-def _end(summary: "Summary") -> None:
-    if not summary.passed:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+    here = processes == 1 and scheduler is None
+    with (
+        campaign_bar(campaign.runs, before) as show,
+        naming_options("scheduler"),
+        nullcontext() if here else cluster(processes, scheduler) as client,
+    ):
+        for rows in run_here(campaign, missing) if client is None else run_on(client, campaign, missing):
+            results.add(rows)
+            show(rows)
 
 
 # --- rerun and report
@@ -289,41 +264,35 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
     return replace(kept, runs=max(kept.runs, results.runs_there(kept.first_seed))), results
 
 
-def _rerun(folder: Path, seed: int, out: str | None, faults: str | None, *, as_json: bool) -> None:
+def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: int) -> None:
     from steptwin.host.record.folder.run_pictures import draw_here
     from steptwin.host.studies.campaign import draw, perform, read_scenario_table, row_of, with_varied_file
 
-    if out is None:
-        raise InputError("--out DIR is missing: the folder for the run's files")
-    if Path(out).resolve() == folder.resolve():
-        raise InputError(f"--out {out}: is the campaign's own folder: take another one")
+    if asked.out is not None and Path(asked.out).resolve() == folder.resolve():
+        raise InputError(f"--out {asked.out}: is the campaign's own folder: take another one")
     kept, results = _kept(folder)
     trial = with_varied_file(draw(kept, seed))
-    if faults is not None:
-        trial = trial.with_table(read_scenario_table(faults))
-    to = run_folder(out)
-    assert to is not None
+    if asked.faults is not None:
+        trial = trial.with_table(read_scenario_table(asked.faults))
+    to = asked.folder("the run's files", run_folder)
     performance = perform(trial)
     if performance.outcome is None:
         raise InputError(f"the run of seed {seed} was not made: {performance.message}")
     row = row_of(performance)
     again = FinishedRun.of(performance.outcome, turning=performance.motors is not None)
     again.save(to, draw_here)
-    if as_json:
-        drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
-        print_json(again.document() | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]})
-    else:
-        again.print()
-        say(
-            f"drawn for seed {seed}: {_drawn(trial if faults is None else trial.with_table({}))}",
-            *(f"FAILED  {breach}" for breach in row.breaches),
-            f"report, edges, bus log and waveform are in {to}/",
-        )
+    drawn = {"parameters": dict(row.parameters), "choices": dict(row.choices)}
+    answer.tell(
+        again.document() | {"seed": seed, **drawn, "breaches": [str(each) for each in row.breaches]},
+        again.print,
+        f"drawn for seed {seed}: {_drawn(trial if asked.faults is None else trial.with_table({}))}",
+        *(f"FAILED  {breach}" for breach in row.breaches),
+        f"report, edges, bus log and waveform are in {to}/",
+    )
     stored = results.row(seed)
-    if faults is None and stored is not None and stored != row:
+    if asked.faults is None and stored is not None and stored != row:
         say(f"seed {seed}: the row in {folder} is another one: it was made by another version", err=True)
-    if row.breaches:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+    end_unless(not row.breaches)
 
 
 def _drawn(trial: "Trial") -> str:
@@ -331,17 +300,17 @@ def _drawn(trial: "Trial") -> str:
     return ", ".join(f"{name} {f'{value:.7g}' if isinstance(value, float) else value}" for name, value in values)
 
 
-def _report(folder: Path, *, as_json: bool) -> None:
+def _report(answer: AnswerOptions, folder: Path) -> None:
     from steptwin.host.studies.campaign import write_report
 
     kept, results = _kept(folder)
     with tries_bar() as tried:
         report = write_report(results, kept, folder, tried)
-    if as_json:
-        print_json({**report.summary.to_dict(), "files": list(report.files)})
-    else:
-        print_summary(report.summary)
-        say(f"in {folder / 'report'}/: {', '.join(report.files)}")
+    answer.tell(
+        {**report.summary.to_dict(), "files": list(report.files)},
+        lambda: print_summary(report.summary),
+        f"in {folder / 'report'}/: {', '.join(report.files)}",
+    )
     if not report.pictures:
         say_no_pictures()
-    _end(report.summary)
+    end_unless(report.summary.passed)

@@ -2,15 +2,17 @@
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import MISSING
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson
-from steptwin.host.cli.output import print_json, say
+from steptwin.host.cli.arguments import AnswerOptions
+from steptwin.host.cli.options import argument
+from steptwin.host.cli.output import say
 from steptwin.host.cli.run.check_campaign import check_campaign, check_scenario
 from steptwin.host.cli.run.check_program import check_program
 from steptwin.host.cli.run.check_robot import check_robot
@@ -25,15 +27,9 @@ from steptwin.host.common.tables import toml_table
 
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
 def check(
-    file: Annotated[
-        str,
-        typer.Argument(metavar="FILE", help="A robot, a program, a scenario of faults or a campaign, in TOML."),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Argument(metavar="ROBOT", help="The robot for a program that does not name it, or for a scenario."),
-    ] = None,
-    as_json: AsJson = False,
+    answer: AnswerOptions,
+    file: str = argument("FILE", "A robot, a program, a scenario of faults or a campaign, in TOML.", MISSING),
+    robot: str | None = argument("ROBOT", "The robot for a program that does not name it, or for a scenario."),
 ) -> None:
     """Say everything that is wrong in a file at once; otherwise print what it amounts to.
 
@@ -59,13 +55,12 @@ def check(
         "robot": check_robot,
     }
     checked = checks[kind](text, robot, findings)
-    if as_json:
-        print_json({"file": file, "kind": kind, "findings": findings.messages, **checked.document})
-    elif findings.messages:
-        say(*(f"{file}: {message}" for message in (*findings.messages, *checked.advice)), err=True)
+    wrong = findings.messages
+    if wrong and not answer.as_json:
+        say(*(f"{file}: {message}" for message in (*wrong, *checked.advice)), err=True)
     else:
-        checked.print()
-    if findings.messages:
+        answer.tell({"file": file, "kind": kind, "findings": wrong, **checked.document}, *checked.words)
+    if wrong:
         raise typer.Exit(InputError.exit_code)
 
 

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.host.cli.output import number_of, print_table, say
+from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say
 from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
-    from steptwin.host.faults.scenario import Scenario
     from steptwin.host.studies.campaign import Campaign
     from steptwin.host.studies.campaign.campaign import MotionChoice, ScenarioChoice
 
@@ -27,7 +26,7 @@ def check_scenario(text: str, robot_name: str | None, findings: Findings) -> Che
             raise InputError("which robot? `steptwin check FILE ROBOT`: the faults name its joints")
         robot = load_robot(robot_name)
     if robot is None:
-        return CheckedFile({})
+        return CheckedFile()
     scenario = parse_scenario(text, robot, findings)
     faults = [
         {
@@ -39,25 +38,12 @@ def check_scenario(text: str, robot_name: str | None, findings: Findings) -> Che
         for fault in scenario.drawn().faults
     ]
     document = {"robot": robot.name, "name": scenario.name, "seed": scenario.seed, "faults": faults}
-    return CheckedFile(document, lambda: _print_scenario(scenario, faults))
+    said = f"scenario {scenario.name}: {len(faults)} faults, seed {scenario.seed}"
+    return CheckedFile(document, (lambda: print_rows(_FAULTS, faults, text_columns=4), said))
 
 
 def _until(until: object) -> str:
     return f"for {until:g} s" if isinstance(until, float | int) else str(until)
-
-
-def _print_scenario(scenario: "Scenario", faults: list[dict[str, Any]]) -> None:
-    rows = [
-        [
-            fault["name"],
-            fault["due"],
-            _request(fault["do"]),
-            fault["until"] or "to the end",
-        ]
-        for fault in faults
-    ]
-    print_table(["fault", "due", "does", "until"], rows, text_columns=4)
-    say(f"scenario {scenario.name}: {len(faults)} faults, seed {scenario.seed}")
 
 
 def _request(request: Mapping[str, Any]) -> str:
@@ -74,6 +60,14 @@ def _word(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+_FAULTS: Final[Columns] = {
+    "fault": "{0[name]}",
+    "due": "{0[due]}",
+    "does": lambda fault: _request(fault["do"]),
+    "until": lambda fault: fault["until"] or "to the end",
+}
+
+
 def check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a campaign, which names its robots itself, and the files that it names."""
     from steptwin.host.studies.campaign import Sources, parse_campaign
@@ -83,8 +77,8 @@ def check_campaign(file: str, text: str, robot_name: str | None, findings: Findi
             raise InputError(f"is a campaign, which names its robots: leave {robot_name} out")
         campaign, _ = parse_campaign(Sources(file, text, folder=Path(file).parent))
         document = _document(campaign)
-        return CheckedFile(document, lambda: _print(document))
-    return CheckedFile({})
+        return CheckedFile(document, (lambda: _print(document),))
+    return CheckedFile()
 
 
 def _document(campaign: "Campaign") -> dict[str, Any]:

@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from steptwin.host.cli.arguments import with_options
-from steptwin.host.cli.output import print_table, say
+from steptwin.host.cli.options import with_options
+from steptwin.host.cli.output import Columns, print_rows
 from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from steptwin.host.planning.peaks import Peak
     from steptwin.host.planning.programs import CompiledProgram, Program, StepRow
     from steptwin.host.robots.robot import Robot
@@ -22,7 +24,7 @@ def check_program(folder: Path, text: str, robot_name: str | None, findings: Fin
     robot = _robot(program, robot_name, findings)
     if robot is None:
         check_names(program, None, findings)
-        return CheckedFile({})
+        return CheckedFile()
     compiled = compile_program(program, robot, findings)
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     document = {
@@ -30,7 +32,12 @@ def check_program(folder: Path, text: str, robot_name: str | None, findings: Fin
         "duration_s": compiled.trajectory.duration_s,
         "steps": [_step_document(row) for row in compiled.steps],
     }
-    return CheckedFile(document, lambda: _print(robot, program, compiled), advice)
+    waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
+    said = (
+        f"{robot.name} {program.title or 'program'}: {len(compiled.steps)} steps in"
+        f" {compiled.trajectory.duration_s:.3f} s{waits}"
+    )
+    return CheckedFile(document, (lambda: _print_steps(compiled.steps), said), advice)
 
 
 def _robot(program: "Program", name: str | None, findings: Findings) -> "Robot | None":
@@ -58,24 +65,21 @@ def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> 
     return ()
 
 
-def _print(robot: "Robot", program: "Program", compiled: "CompiledProgram") -> None:
-    with_passes = any(row.place.passes for row in compiled.steps)
-    rows = [
-        [
-            row.place.number,
-            *([row.place.pass_text or "-"] if with_passes else []),
-            row.text,
-            f"{row.from_s:.3f}",
-            f"{row.duration_s:.3f}",
-            *map(_percent_text, _highest(row)),
-        ]
-        for row in compiled.steps
-    ]
-    keys = ["step", *(["pass"] if with_passes else []), "what"]
-    print_table([*keys, "from s", "for s", "speed", "acceleration"], rows, text_columns=len(keys))
-    waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
-    duration_s = compiled.trajectory.duration_s
-    say(f"{robot.name} {program.title or 'program'}: {len(rows)} steps in {duration_s:.3f} s{waits}")
+def _print_steps(steps: "Sequence[StepRow]") -> None:
+    """Print a row for each step; the column of passes only if a step is made several times."""
+    passes: Columns = {"pass": lambda row: row.place.pass_text or "-"}
+    texts: Columns = {
+        "step": "{0.place.number}",
+        **(passes if any(row.place.passes for row in steps) else {}),
+        "what": "{0.text}",
+    }
+    numbers: Columns = {
+        "from s": "{0.from_s:.3f}",
+        "for s": "{0.duration_s:.3f}",
+        "speed": lambda row: _percent_text(_highest(row)[0]),
+        "acceleration": lambda row: _percent_text(_highest(row)[1]),
+    }
+    print_rows({**texts, **numbers}, steps, text_columns=len(texts))
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:

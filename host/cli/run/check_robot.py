@@ -3,7 +3,7 @@
 from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.host.cli.output import print_table, say, warn
+from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
@@ -31,8 +31,8 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
     with findings.collecting():
         robot = read_robot(text)
         document = _document(robot)
-        return CheckedFile(document, lambda: _print(robot, document))
-    return CheckedFile({})
+        return CheckedFile(document, (lambda: _print(robot, document),))
+    return CheckedFile()
 
 
 def _document(robot: "Robot") -> dict[str, Any]:
@@ -135,8 +135,7 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     from steptwin.host.robots.poses import SCARA
 
     say(f"{robot.name}: {robot.title} ({robot.kinematics})")
-    columns = ["joint", "unit", "lower", "upper", "steps/unit", "speed/s", "steps/s", "of driver", "homing"]
-    print_table(columns, [_row(joint) for joint in document["joints"]], text_columns=2)
+    print_rows(_COLUMNS, document["joints"], text_columns=2)
     say(*document["coupling"])
     if robot.base != STATION:
         say(f"the base stands at {SCARA.words(astuple(robot.base))} in the station, the frame of all poses")
@@ -159,15 +158,14 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     )
 
 
-def _row(joint: dict[str, Any]) -> list[str]:
-    return [
-        joint["name"],
-        joint["unit"],
-        f"{joint['lower']:g}",
-        f"{joint['upper']:g}",
-        f"{joint['steps_per_unit']:.6g}",
-        f"{joint['speed_max']:g}",
-        f"{joint['step_rate_max_hz']:.0f}",
-        f"{joint['step_rate_percent']:.0f} %",
-        "none" if joint["homing_method"] is None else str(joint["homing_method"]),
-    ]
+_COLUMNS: Final[Columns] = {
+    "joint": "{0[name]}",
+    "unit": "{0[unit]}",
+    "lower": "{0[lower]:g}",
+    "upper": "{0[upper]:g}",
+    "steps/unit": "{0[steps_per_unit]:.6g}",
+    "speed/s": "{0[speed_max]:g}",
+    "steps/s": "{0[step_rate_max_hz]:.0f}",
+    "of driver": "{0[step_rate_percent]:.0f} %",
+    "homing": lambda joint: "none" if joint["homing_method"] is None else str(joint["homing_method"]),
+}

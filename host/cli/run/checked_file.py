@@ -1,24 +1,20 @@
 """What `steptwin check` finds out about a file of any kind."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
-
-
-def _nothing() -> None:
-    """Print nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
-    """A file: what was found out, as a JSON document and as the function that prints it; nothing by default.
+    """A file: what was found out, as a JSON document and in words, as `AnswerOptions.tell` takes them; or nothing.
 
     Attributes:
         document: what was found out.
-        print: prints it.
+        words: the same as lines, or functions that print more.
         advice: what would do in spite of the findings.
     """
 
-    document: dict[str, Any]
-    print: Callable[[], None] = _nothing
+    document: dict[str, Any] = field(default_factory=dict)
+    words: tuple[str | Callable[[], None], ...] = ()
     advice: tuple[str, ...] = ()

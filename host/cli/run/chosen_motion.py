@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
-import typer
-
-from steptwin.host.cli.arguments import check_percent, naming_options, positive_number, with_options
+from steptwin.host.cli.arguments import AnswerOptions, check_percent, positive_number
+from steptwin.host.cli.options import given_options, naming_options, option, with_options
 from steptwin.host.cli.output import say, warn
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -45,28 +44,20 @@ _REMEDY_FOR_THE_TOOL: Final = "more points or a program's `line` steps keep clos
 class FileOptions:
     """The options that only a trajectory file takes; None where one is not given."""
 
-    interpolate: Annotated[
-        InterpolationName | None,
-        typer.Option(
-            metavar="spline|linear|stop",
-            help="Motion between a file's points: a spline, straight lines of the joints with blends, or with stops.",
-        ),
-    ] = None
-    ramps: Annotated[
-        str | None,
-        typer.Option(metavar="SECONDS", help="Duration of a run-in and run-out for a file that is in motion there."),
-    ] = None
-    units: Annotated[
-        str | None,
-        typer.Option(metavar="rad,m", help="Units of a file's angles, deg or rad, and of its lengths, mm or m."),
-    ] = None
+    interpolate: InterpolationName | None = option(
+        "spline|linear|stop",
+        "Motion between a file's points: a spline, straight lines of the joints with blends, or with stops.",
+    )
+    ramps: float | None = option(
+        "SECONDS", "Duration of a run-in and run-out for a file that is in motion there.", read=positive_number
+    )
+    units: str | None = option("rad,m", "Units of a file's angles, deg or rad, and of its lengths, mm or m.")
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, beside a job or a program."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None:
-                raise InputError(f"--{field.name} {value}: is for a trajectory file")
+        for name, value in given_options(self).items():
+            text = f"{value:g}" if isinstance(value, float) else value
+            raise InputError(f"{name} {text}: is for a trajectory file")
 
     def read(self, robot: "Robot", path: str, options: dict[str, str]) -> "FileMotion":
         """Return the motion in a file; raise InputError as `read_trajectory` does, or for a job's options."""
@@ -75,11 +66,10 @@ class FileOptions:
         for name in options:
             if name != "elbow":
                 raise InputError(f"option {name}: a trajectory from a file has no options")
-        ramps_s = 0.0 if self.ramps is None else positive_number(self.ramps, "--ramps")
         elbow = options.get("elbow")
         with naming_options("interpolate", "elbow", "units", ramps_s="--ramps"):
             return read_file_motion(
-                path, robot, interpolate=self.interpolate, ramps_s=ramps_s, elbow=elbow, units=self.units
+                path, robot, interpolate=self.interpolate, ramps_s=self.ramps or 0.0, elbow=elbow, units=self.units
             )
 
 
@@ -87,16 +77,10 @@ class FileOptions:
 class SpeedOptions:
     """The options that make a motion slower; None where one is not given."""
 
-    stretch: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FACTOR|auto", help="Make the motion this many times slower; auto: just as slow as it must be."
-        ),
-    ] = None
-    speed: Annotated[
-        str | None,
-        typer.Option(metavar="PERCENT", help="Speed of the motion, from 1: 50 is the same as --stretch 2."),
-    ] = None
+    stretch: str | None = option(
+        "FACTOR|auto", "Make the motion this many times slower; auto: just as slow as it must be."
+    )
+    speed: str | None = option("PERCENT", "Speed of the motion, from 1: 50 is the same as --stretch 2.")
 
     @property
     def given(self) -> bool:
@@ -112,25 +96,6 @@ class SpeedOptions:
             check_percent(percent, "--speed")
             return 100.0 / percent
         return None if self.stretch in (None, "auto") else positive_number(self.stretch, "--stretch")
-
-
-def say_file_motion(path: str, file: "FileMotion", plan: "Plan", doubted: str | None, *, to_stderr: bool) -> None:
-    """Print what the file amounts to, how far the motion leaves the lines between its points, and warnings."""
-    departures = file.departures()
-    lines = [f"{path}: {_summary(file, plan)}"]
-    if any(departure.distance >= _SHOWN for departure in departures):
-        sizes = ", ".join(f"{departure.what} {departure.distance:.3f} {departure.unit}" for departure in departures)
-        lines.append(f"{path}: off the lines between the points by {sizes}")
-    if unread := file.points.unread:
-        many = f"{unread[0]} to {unread[-1]} are" if len(unread) > 1 else f"{unread[0]} {_is(unread[0])}"
-        lines.append(f"{path}: {many} not read: positions and velocities alone make the motion")
-    if file.points.rounded_s:
-        lines.append(f"{path}: times are rounded to whole milliseconds, by up to {1e3 * file.points.rounded_s:.2g} ms")
-    say(*lines, err=to_stderr)
-    if large := [departure for departure in departures if departure.is_large]:
-        warn(f"{path}: {_warning(file, large)}")
-    if doubted:
-        warn(f"{path}: {with_options(doubted, 'units')}")
 
 
 def _is(what: str) -> str:
@@ -173,10 +138,28 @@ class ChosenMotion:
     file: "FileMotion | None"
     doubted: str | None = None
 
-    def say_summary(self, *, to_stderr: bool) -> None:
-        """Print what a trajectory file amounts to; nothing of a job or a program."""
-        if self.file is not None:
-            say_file_motion(self.job, self.file, self.plan, self.doubted, to_stderr=to_stderr)
+    def say_summary(self, answer: AnswerOptions) -> None:
+        """Print what a trajectory file amounts to, and how far the motion leaves the lines between its points.
+
+        Then print what is doubtful about it. Of a job or a program, print nothing.
+        """
+        file, path = self.file, self.job
+        if file is None:
+            return
+        departures = file.departures()
+        answer.add(f"{path}: {_summary(file, self.plan)}")
+        if any(departure.distance >= _SHOWN for departure in departures):
+            sizes = ", ".join(f"{departure.what} {departure.distance:.3f} {departure.unit}" for departure in departures)
+            answer.add(f"{path}: off the lines between the points by {sizes}")
+        if unread := file.points.unread:
+            many = f"{unread[0]} to {unread[-1]} are" if len(unread) > 1 else f"{unread[0]} {_is(unread[0])}"
+            answer.add(f"{path}: {many} not read: positions and velocities alone make the motion")
+        if rounded_s := file.points.rounded_s:
+            answer.add(f"{path}: times are rounded to whole milliseconds, by up to {1e3 * rounded_s:.2g} ms")
+        if large := [departure for departure in departures if departure.is_large]:
+            warn(f"{path}: {_warning(file, large)}")
+        if self.doubted:
+            warn(f"{path}: {with_options(self.doubted, 'units')}")
 
 
 def choose_motion(

@@ -4,7 +4,8 @@ from contextlib import AbstractContextManager
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.arguments import check_one_each, naming_options
+from steptwin.host.cli.arguments import check_one_each
+from steptwin.host.cli.options import naming_options
 from steptwin.host.cli.output import warn
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 

@@ -1,50 +1,39 @@
 """Run a job or a trajectory file on a live board: `steptwin run` with --connect or -i."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING
 
-import typer
-
-from steptwin.host.cli.arguments import naming_options
-from steptwin.host.cli.live.connection import LIVE_PANEL, NOT_CONNECTED, SessionOptions
-from steptwin.host.cli.output import fixed, print_table, progress_bar, say, tell
+from steptwin.host.cli.app import end_unless
+from steptwin.host.cli.live.connection import SessionOptions, live_option, live_switch
+from steptwin.host.cli.options import given_options, naming_options
+from steptwin.host.cli.output import fixed, print_table, progress_bar, say
+from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.verdict_text import print_waits
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.operate.running import LiveOutcome
-    from steptwin.host.planning.plan import Plan
-
-EXIT_ELSEWHERE = 1
-"""Exit code of a run that did not end where the plan ends; the same as of a run that is not verified."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRunOptions(SessionOptions):
     """The options of a run that a live board may make."""
 
-    repeat: Annotated[
-        int, typer.Option(metavar="N", help="Number of times the motion runs.", rich_help_panel=LIVE_PANEL)
-    ] = 1
-    approach: Annotated[
-        bool,
-        typer.Option("--approach", help="Move to the start first, all joints together.", rich_help_panel=LIVE_PANEL),
-    ] = False
+    repeat: int = live_option("N", "Number of times the motion runs.", default=1)
+    approach: bool = live_switch("Move to the start first, all joints together.")
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, without a live board."""
-        for option in ("repeat", "approach", "force"):
-            if getattr(self, option) != getattr(_USUAL, option):
-                raise InputError(f"--{option}: is for a live board")
+        for name in ("--repeat", "--approach", "--force"):
+            if name in given_options(self):
+                raise InputError(f"{name}: is for a live board")
 
 
-_USUAL: Final = LiveRunOptions(address=NOT_CONNECTED)
-
-
-def run_live(live: LiveRunOptions, plan: "Plan", job: str) -> None:
-    """Run a plan on a live board and print how it ended; raises as `execute_live` does."""
+def run_live(live: LiveRunOptions, motion: ChosenMotion) -> None:
+    """Run a motion on a live board and print how it ended; raises as `execute_live` does."""
     from steptwin.host.operate.running import check_repeatable, execute_live
 
+    plan, job = motion.plan, motion.job
     with naming_options("repeat"):
         check_repeatable(plan, live.repeat)
     with (
@@ -52,17 +41,9 @@ def run_live(live: LiveRunOptions, plan: "Plan", job: str) -> None:
         progress_bar(f"{plan.robot.name} {job}") as progress,
         naming_options("approach"),
     ):
-        outcome = execute_live(
-            session,
-            plan,
-            job,
-            repeat=live.repeat,
-            approach=live.approach,
-            progress=progress,
-        )
-    tell(outcome.to_dict(), lambda: _print(outcome), as_json=live.as_json)
-    if not outcome.passed:
-        raise typer.Exit(EXIT_ELSEWHERE)
+        outcome = execute_live(session, plan, job, repeat=live.repeat, approach=live.approach, progress=progress)
+    live.tell(outcome.to_dict(), lambda: _print(outcome))
+    end_unless(outcome.passed)
 
 
 def _print(outcome: "LiveOutcome") -> None:

@@ -1,18 +1,16 @@
 """What `run --motors` and `motors` say of a robot's motors."""
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from steptwin.host.cli.arguments import finite_number, keep_files, naming_options
-from steptwin.host.cli.output import print_table, progress_bar, say, warn
+from steptwin.host.cli.arguments import finite_number, keep_files
+from steptwin.host.cli.options import naming_options, option
+from steptwin.host.cli.output import Columns, print_rows, progress_bar, say, warn
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import write_whole
+from steptwin.host.common.whole_file import write_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,31 +34,19 @@ _LONG_S: Final = 10.0
 class LoadOptions:
     """The options that load motors otherwise than the robot's file or the run."""
 
-    payload: Annotated[str | None, typer.Option(metavar="KG", help="Mass at the tool instead of the robot file's.")] = (
-        None
+    payload: float | None = option("KG", "Mass at the tool instead of the robot file's.", read=finite_number)
+    supply: float | None = option("V", "Supply of the drivers instead of the robot file's.", read=finite_number)
+    current: float | None = option(
+        "A", "Phase current at full torque instead of the run's or the robot's.", read=finite_number
     )
-    supply: Annotated[
-        str | None, typer.Option(metavar="V", help="Supply of the drivers instead of the robot file's.")
-    ] = None
-    current: Annotated[
-        str | None, typer.Option(metavar="A", help="Phase current at full torque instead of the run's or the robot's.")
-    ] = None
-
-    @property
-    def current_a(self) -> float | None:
-        """The phase current; None if it is as usual."""
-        return None if self.current is None else finite_number(self.current, "--current")
 
     def on(self, robot: "Robot") -> "Robot":
         """Return a robot with this payload and supply; raise InputError for one that cannot be."""
         check_motors(robot)
         if robot.dynamics is None:
             return robot
-        changes: dict[str, Any] = {}
-        if self.payload is not None:
-            changes["payload_kg"] = finite_number(self.payload, "--payload")
-        if self.supply is not None:
-            changes["supply_v"] = finite_number(self.supply, "--supply")
+        asked = {"payload_kg": self.payload, "supply_v": self.supply}
+        changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
         try:
             return replace(robot, dynamics=replace(robot.dynamics, **changes))
         except InputError as error:
@@ -127,7 +113,7 @@ def keep_pictures(folder: "Path", *, replace: bool) -> None:
 
 def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
     """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
-    write_whole(folder / MOTORS, json.dumps(ran.verdict.to_dict(), indent=2) + "\n")
+    write_json(folder / MOTORS, ran.verdict.to_dict())
     if pictures:
         from steptwin.host.studies.motors.motor_pictures import write_motor_pictures
 
@@ -166,36 +152,23 @@ def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[st
     }
 
 
+_COLUMNS: Final[Columns] = {
+    "joint": "{0.name}",
+    "motor": "{0.motor}",
+    "load angle deg": "{0.load_angle_deg:.1f}",
+    "needs Nm": "{0.torque_needed_nm:.3f}",
+    "has Nm": "{0.torque_available_nm:.3f}",
+    "margin %": lambda joint: f"{100 * joint.margin:.0f}",
+    "at rpm": "{0.margin_rpm:.0f}",
+    "lost steps": "{0.lost_full_steps:g}",
+    "winding degC": "{0.winding_celsius:.1f}",
+    "repeated degC": "{0.winding_celsius_steady:.0f}",
+}
+
+
 def print_motors(verdict: "MotorVerdict") -> None:
     """Print a row for each joint, what is short, and the verdict."""
-    rows = [
-        [
-            joint.name,
-            joint.motor,
-            f"{joint.load_angle_deg:.1f}",
-            f"{joint.torque_needed_nm:.3f}",
-            f"{joint.torque_available_nm:.3f}",
-            f"{100 * joint.margin:.0f}",
-            f"{joint.margin_rpm:.0f}",
-            f"{joint.lost_full_steps:g}",
-            f"{joint.winding_celsius:.1f}",
-            f"{joint.winding_celsius_steady:.0f}",
-        ]
-        for joint in verdict.joints
-    ]
-    heads = [
-        "joint",
-        "motor",
-        "load angle deg",
-        "needs Nm",
-        "has Nm",
-        "margin %",
-        "at rpm",
-        "lost steps",
-        "winding degC",
-        "repeated degC",
-    ]
-    print_table(heads, rows, text_columns=2)
+    print_rows(_COLUMNS, verdict.joints, text_columns=2)
     for line in verdict.warnings:
         warn(line)
     tool = verdict.tool

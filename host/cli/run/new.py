@@ -1,15 +1,17 @@
 """`steptwin new my-arm.toml`: write the file of a robot of your own."""
 
 import sys
+from dataclasses import MISSING
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, Replace, keep_files
-from steptwin.host.cli.output import print_json, print_table, say
+from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files
+from steptwin.host.cli.options import argument, option
+from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
@@ -23,16 +25,11 @@ if TYPE_CHECKING:
 
 @command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200")
 def new(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="File to write; the robot gets its name, without .toml.")],
-    kind: Annotated[
-        str | None, typer.Option("--kind", metavar="KIND", help="Kind of the mechanism; asked for on a terminal.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="A dimension or a joint's value; may be repeated."),
-    ] = None,
+    answer: AnswerOptions,
+    file: str = argument("FILE", "File to write; the robot gets its name, without .toml.", MISSING),
+    kind: str | None = option("KIND", "Kind of the mechanism; asked for on a terminal."),
+    settings: list[str] | None = option("KEY=VALUE", "A dimension or a joint's value; may be repeated.", "--set"),
     replace: Replace = False,
-    as_json: AsJson = False,
 ) -> None:
     """Write the file of a robot of your own, with comments: kind, dimensions, ranges and transmissions.
 
@@ -74,11 +71,11 @@ def new(
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
     names = [joint.name for joint in joints]
-    if as_json:
-        print_json({"file": file, "kind": kind, "dimensions": geometry, "joints": names})
-    else:
-        say(f"{file}: a robot of the kind {kind} with the joints {' '.join(names)}")
-        say(f"look at it with: steptwin check {quote(file)}")
+    answer.tell(
+        {"file": file, "kind": kind, "dimensions": geometry, "joints": names},
+        f"{file}: a robot of the kind {kind} with the joints {' '.join(names)}",
+        f"look at it with: steptwin check {quote(file)}",
+    )
 
 
 def _asked_kind() -> str:

@@ -1,10 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
-from typing import Annotated
-
-import typer
-
 from steptwin.host.cli.app import command
+from steptwin.host.cli.options import argument, option
 from steptwin.host.cli.run.chosen_motion import FileOptions, SpeedOptions, choose_motion
 from steptwin.host.cli.run.live_run import LiveRunOptions, run_live
 from steptwin.host.cli.run.shelf_errand import choose_errand
@@ -23,22 +20,14 @@ def run(
     speed_options: SpeedOptions,
     virtual: VirtualRunOptions,
     live: LiveRunOptions,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="ROBOT JOB|FILE [BOX]",
-            help="The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
-            " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
-            " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
-        ),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option("--option", "-o", metavar="NAME=VALUE", help="Set a job's option; repeatable."),
-    ] = None,
-    elbow: Annotated[
-        str | None, typer.Option(metavar="right|left", help="Short for -o elbow=...; also for a file of poses.")
-    ] = None,
+    words: list[str] | None = argument(
+        "ROBOT JOB|FILE [BOX]",
+        "The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
+        " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
+        " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
+    ),
+    chosen: list[str] | None = option("NAME=VALUE", "Set a job's option; repeatable.", "--option", "-o"),
+    elbow: str | None = option("right|left", "Short for -o elbow=...; also for a file of poses."),
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
 
@@ -47,16 +36,16 @@ def run(
     """
     robot, rest = live.robot_and_rest(words)
     job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
-    options = name_value_pairs(option or []) | ({"elbow": elbow} if elbow is not None else {})
+    options = name_value_pairs(chosen or []) | ({"elbow": elbow} if elbow is not None else {})
     errand = choose_errand(robot, job, options, virtual.inventory, box)
     motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
     if live.address.connection(robot) is None:
         live.refuse()
-        run_virtual(robot, motion, job, errand, virtual, as_json=live.as_json)
+        run_virtual(live, motion, errand, virtual)
     else:
         virtual.refuse()
-        motion.say_summary(to_stderr=live.as_json)
-        run_live(live, motion.plan, job)
+        motion.say_summary(live)
+        run_live(live, motion)
 
 
 def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:

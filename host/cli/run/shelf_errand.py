@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from steptwin.host.cli.output import say
+from steptwin.host.cli.arguments import AnswerOptions
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
@@ -30,7 +30,7 @@ class ShelfErrand:
     path: str = ""
     inventory: "Inventory | None" = None
 
-    def keep(self, robot: "Robot", *, to_stderr: bool) -> None:
+    def keep(self, answer: AnswerOptions, robot: "Robot") -> None:
         """Write the inventory as it is after the run; raises as `write_inventory`."""
         if self.inventory is None or self.errand is None or robot.shelf is None:
             return
@@ -39,7 +39,7 @@ class ShelfErrand:
         after = written_after(self.inventory, self.errand, robot.shelf)
         write_inventory(self.path, self.inventory, after, robot)
         held = ", ".join(f"{slot} {box}" for slot, box in after.boxes.items())
-        say(f"{self.path}: {held or 'the shelf is empty'}", err=to_stderr)
+        answer.add(f"{self.path}: {held or 'the shelf is empty'}")
 
 
 def choose_errand(

@@ -1,11 +1,9 @@
 """Print the report of a verified run, for `run` and `verify`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from steptwin.host.cli.output import fixed, print_table, say
-
-EXIT_NOT_VERIFIED: Final = 1
+from steptwin.host.cli.output import Columns, fixed, print_rows, say
 
 USUAL_DRIVERS: Final = "chip-330pf"
 """Driver profile that a report does not mention."""
@@ -22,7 +20,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     """Print the whole report, the verdict last."""
     if document["driver_profile"] != USUAL_DRIVERS:
         say(f"drivers: {document['driver_profile']}")
-    print_table(list(_COLUMNS), [_row(axis) for axis in document["axes"]])
+    print_rows(_COLUMNS, document["axes"])
     moving = [axis for axis in document["axes"] if axis["pulses"]]
     if moving:
         inverted = ", low while STEP is high" if moving[0]["active_edge"] == "falling" else ""
@@ -78,10 +76,14 @@ def _print_violations(violations: list[dict[str, Any]]) -> None:
         say(f"{what} ({source})")
         same = [v for v in violations if (v["broken"], v["source"]) == (what, source)]
         unit = same[0]["unit"]
-        rows = [
-            [v["axis"], str(v["count"]), f"{v['worst']:.2f}", f"{v['limit']:.2f}", f"{v['first_s']:.6f}"] for v in same
-        ]
-        print_table(["axis", "times", f"worst {unit}", f"limit {unit}", "first s"], rows)
+        columns: Columns = {
+            "axis": "{0[axis]}",
+            "times": "{0[count]}",
+            f"worst {unit}": "{0[worst]:.2f}",
+            f"limit {unit}": "{0[limit]:.2f}",
+            "first s": "{0[first_s]:.6f}",
+        }
+        print_rows(columns, same)
 
 
 def _verdict(document: Mapping[str, Any]) -> list[str]:
@@ -106,19 +108,20 @@ def _least(axes: list[dict[str, Any]], key: str) -> str:
     return f"at least {min(times_us):.2f} us" if times_us else "once"
 
 
-_COLUMNS = ("axis", "start", "end", "pulses", "peak Hz", "err steps", "p50 us", "p99 us", "broken")
+def _if_moved(form: str) -> Callable[[dict[str, Any]], str]:
+    """Return a column that has a dash for an axis without a step."""
+    return lambda axis: "-" if axis["mean_step_interval_us"] is None else form.format(axis)
+
+
+_COLUMNS: Final[Columns] = {
+    "axis": "{0[name]}",
+    "start": "{0[steps_start]}",
+    "end": "{0[steps_end]}",
+    "pulses": "{0[pulses]}",
+    "peak Hz": _if_moved("{0[peak_rate_hz]:.1f}"),
+    "err steps": _if_moved("{0[position_error_steps_max]:.4f}"),
+    "p50 us": _if_moved("{0[timing_error_us_p50]:.2f}"),
+    "p99 us": _if_moved("{0[timing_error_us_p99]:.2f}"),
+    "broken": "{0[violations]}",
+}
 """Steps at start and end; largest position error in steps; timing errors; number of pulses that broke a limit."""
-
-
-def _row(axis: dict[str, Any]) -> list[str]:
-    counts = [axis["name"], *(str(axis[key]) for key in ("steps_start", "steps_end", "pulses"))]
-    if axis["mean_step_interval_us"] is None:
-        return [*counts, *["-"] * 4, str(axis["violations"])]
-    return [
-        *counts,
-        f"{axis['peak_rate_hz']:.1f}",
-        f"{axis['position_error_steps_max']:.4f}",
-        f"{axis['timing_error_us_p50']:.2f}",
-        f"{axis['timing_error_us_p99']:.2f}",
-        str(axis["violations"]),
-    ]

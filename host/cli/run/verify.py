@@ -1,36 +1,19 @@
 """`steptwin verify DIR`: verify a stored run again, from its files alone."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AsJson, naming_options
-from steptwin.host.cli.output import tell
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED, fault_line, print_report
+from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import AnswerOptions, PlanDir, RunDir
+from steptwin.host.cli.options import naming_options
+from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, NotVerifiedError
 
 if TYPE_CHECKING:
     from steptwin.host.record.folder import FolderVerdict
 
-RunDir = Annotated[
-    Path,
-    typer.Argument(metavar="DIR", help="Folder written by `steptwin run --out` or `steptwin serve --out`."),
-]
-
-PlanDir = Annotated[
-    Path | None,
-    typer.Option("--plan", metavar="DIR", help="For a live board's folder: folder of the run with its plan."),
-]
-
 
 @command("out/drawer-pull", "out/live --plan out/virtual")
-def verify(
-    folder: RunDir,
-    plan: PlanDir = None,
-    as_json: AsJson = False,
-) -> None:
+def verify(answer: AnswerOptions, folder: RunDir, plan: PlanDir = None) -> None:
     """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.
 
     A live board's recording that was interrupted is verified as far as it goes, with exit code 1.
@@ -43,11 +26,10 @@ def verify(
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
     document = _document(verdict)
-    tell(document, lambda: print_report(document), as_json=as_json)
+    answer.tell(document, lambda: print_report(document))
     if "fault" in document:
         raise DeviceFaultError(fault_line(document["fault"]))
-    if not document["passed"]:
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+    end_unless(document["passed"])
 
 
 def _document(verdict: "FolderVerdict") -> dict[str, Any]:

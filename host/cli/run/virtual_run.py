@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
-from steptwin.host.cli.arguments import finite_number, run_folder
-from steptwin.host.cli.option_groups import MACHINE_PANEL, Without, given_options
-from steptwin.host.cli.output import progress_bar, say, say_no_pictures, tell
+from steptwin.host.cli.app import end_unless
+from steptwin.host.cli.arguments import AnswerOptions, finite_number, run_folder
+from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, option
+from steptwin.host.cli.output import progress_bar
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
@@ -23,7 +22,7 @@ from steptwin.host.cli.run.motor_report import (
     with_motors,
 )
 from steptwin.host.cli.run.shelf_errand import ShelfErrand
-from steptwin.host.cli.run.verdict_text import EXIT_NOT_VERIFIED, fault_line, print_report
+from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.twin.machine.machine_options import MachineOptions
@@ -44,61 +43,41 @@ KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 class VirtualRunOptions:
     """The options of a run in virtual time: the emulated machine, what happens in the run, what is kept of it."""
 
-    out: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder to write report, edges, bus log and pictures into.")
-    ] = None
-    inventory: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Inventory of the shelf: gives a box a free slot or finds it, and is written after a verified run.",
-        ),
-    ] = None
-    cut_stream: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Time from which on the host sends no points, as if it hung."),
-    ] = None
-    inputs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--input",
-            metavar="NAME=on|off@SECONDS",
-            help="Change a digital input of the emulated machine, in simulated seconds since the motion's start;"
-            " repeatable.",
-        ),
-    ] = None
-    kernel: Annotated[
-        KernelName,
-        typer.Option(
-            metavar="NAME",
-            help="Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or"
-            " auto: the one that ends soonest.",
-        ),
-    ] = "auto"
-    motors: Annotated[
-        MotorsTurn | None,
-        typer.Option(
-            metavar="[=loop]",
-            help="Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it"
-            " goes, and the switches follow them (docs/motors.md).",
-            rich_help_panel=MACHINE_PANEL,
-        ),
-    ] = None
+    out: str | None = option("DIR", "Folder to write report, edges, bus log and pictures into.")
+    inventory: str | None = option(
+        "FILE", "Inventory of the shelf: gives a box a free slot or finds it, and is written after a verified run."
+    )
+    cut_stream: float | None = option("SECONDS", "Time from which on the host sends no points, as if it hung.")
+    inputs: list[str] | None = option(
+        "NAME=on|off@SECONDS",
+        "Change a digital input of the emulated machine, in simulated seconds since the motion's start; repeatable.",
+        "--input",
+    )
+    kernel: KernelName = option(
+        "NAME",
+        "Form of the firmware's kernel: python, numba (compiled), cortex-m3 (as C on an emulated core), or auto: the"
+        " one that ends soonest.",
+        default="auto",
+    )
+    motors: MotorsTurn | None = option(
+        "[=loop]",
+        "Turn the motors by the run, with the arm's masses: do they keep step? With =loop they turn as it goes, and"
+        " the switches follow them (docs/motors.md).",
+        rich_help_panel=MACHINE_PANEL,
+    )
     machine: Annotated[MachineOptions, Without(("motors", "bitrate"))]
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, with a live board."""
-        for option in given_options(self):
-            raise InputError(f"{option}: is for a run in virtual time, without --connect or -i")
+        for name in given_options(self):
+            raise InputError(f"{name}: is for a run in virtual time, without --connect or -i")
 
     def machine_for(self, robot: "Robot") -> MachineOptions:
         """Return the machine's options, read; raises as the function of this name."""
         return machine_for(robot, replace(self.machine, motors=self.motors is MotorsTurn.IN_LOOP))
 
 
-def run_virtual(
-    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, options: VirtualRunOptions, *, as_json: bool
-) -> None:
+def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand, options: VirtualRunOptions) -> None:
     """Run a motion, tell what it did, and keep it where that is asked for.
 
     Raises:
@@ -109,37 +88,39 @@ def run_virtual(
     from steptwin.host.record.folder.run_pictures import can_draw, draw_here, drawing_apart
 
     if options.motors:
-        check_motors(robot)
+        check_motors(motion.plan.robot)
     with drawing_apart() if options.out and can_draw() else nullcontext(draw_here) as draw:
-        outcome, folder = _executed(robot, motion, job, errand, options, as_json=as_json)
+        outcome, folder = _executed(answer, motion, errand, options)
         done = FinishedRun.of(outcome, turning=options.motors is not None)
         pictures = folder is not None and done.save(folder, draw)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
-    tell(done.document() | version, done.print, as_json=as_json)
+    answer.tell(done.document() | version, done.print)
     if folder is not None:
-        _say_where(folder, pictures=pictures, to_stderr=as_json)
+        what = "report, edges, bus log and pictures" if pictures else "report, edges and bus log"
+        answer.add_files(f"{what} are", folder, pictures=pictures)
     _raise_unless_right(outcome, kept_step=done.motors is None or done.motors.verdict.kept_step)
     if outcome.passed:
-        errand.keep(robot, to_stderr=as_json)
+        errand.keep(answer, motion.plan.robot)
 
 
 def _executed(
-    robot: "Robot", motion: ChosenMotion, job: str, errand: ShelfErrand, options: VirtualRunOptions, *, as_json: bool
+    answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand, options: VirtualRunOptions
 ) -> "tuple[Outcome, Path | None]":
     """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
     from steptwin.host.twin.embedded.execution import execute
 
-    folder = run_folder(options.out)
+    robot = motion.plan.robot
+    folder = None if options.out is None else run_folder(options.out)
     machine = options.machine_for(robot)
-    motion.say_summary(to_stderr=as_json)
+    motion.say_summary(answer)
     with (
-        progress_bar(f"{robot.name} {job}") as progress,
+        progress_bar(f"{robot.name} {motion.job}") as progress,
         naming_machine_options(cut_stream_s="--cut-stream"),
-        telling_of_faults(as_json=as_json),
+        telling_of_faults(answer),
     ):
         outcome = execute(
             motion.plan,
-            job,
+            motion.job,
             _kernel(options, motion.plan),
             cut_stream_s=options.cut_stream,
             inputs=[_input_change(text) for text in options.inputs or ()],
@@ -205,8 +186,7 @@ def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
         raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
     else:
         right = outcome.report.passed
-    if not (right and kept_step):
-        raise typer.Exit(EXIT_NOT_VERIFIED)
+    end_unless(right and kept_step)
 
 
 def _input_change(text: str) -> "InputChange":
@@ -229,11 +209,3 @@ def _kernel(options: VirtualRunOptions, plan: "Plan") -> "Kernel":
     if options.kernel != "auto":
         return kernel_named(options.kernel)
     return fastest_kernel() if options.motors else soonest_kernel(plan)  # motors load numba in any case
-
-
-def _say_where(folder: Path, *, pictures: bool, to_stderr: bool) -> None:
-    if pictures:
-        say(f"report, edges, bus log and pictures are in {folder}/", err=to_stderr)
-    else:
-        say(f"report, edges and bus log are in {folder}/", err=to_stderr)
-        say_no_pictures()

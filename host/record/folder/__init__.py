@@ -14,7 +14,6 @@ from steptwin.host.record.folder.layout import (
     REPORT,
     ROBOT,
     TEST_JOB,
-    TRAJECTORY,
     VERSION_KEY,
     ContradictionError,
 )
@@ -28,7 +27,7 @@ from steptwin.host.record.folder.reading import (
     read_run,
 )
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
-from steptwin.host.record.folder.report_file import read_report, write_report
+from steptwin.host.record.folder.report_file import read_report
 from steptwin.host.record.folder.unfinished import Header, Mark
 from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
 from steptwin.host.record.folder.writing import prepare_folder, run_files, write_folder
@@ -43,7 +42,6 @@ __all__ = [
     "REPORT",
     "ROBOT",
     "TEST_JOB",
-    "TRAJECTORY",
     "VERSION_KEY",
     "AxisTotals",
     "ContradictionError",
@@ -70,5 +68,4 @@ __all__ = [
     "trajectory_row",
     "verify_folder",
     "write_folder",
-    "write_report",
 ]

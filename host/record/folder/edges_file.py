@@ -1,9 +1,9 @@
 """Write and read edges.npz: every edge of every pin and every accepted step, in counts of the timer since power-up."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ from steptwin.host.verify import (
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
+Array = NDArray[Any]
+
 
 def evidence_until(evidence: Evidence, until_counts: int) -> Evidence:
     """Return the evidence before an instant; a pulse that has begun before it is whole."""
@@ -49,38 +51,40 @@ def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
     def before(counts: Int64Array) -> slice:
         return slice(int(np.searchsorted(counts, until_counts)))
 
+    def cut(part: _Series) -> _Series:
+        kept = before(part.counts)
+        changes: dict[str, Any] = {name: values[kept] for name, values in _columns(part).items()}
+        return replace(part, **changes)
+
     pulses, turns, steps = before(axis.clk_rise_counts), before(axis.dir_edge_counts), before(axis.step_counts)
-    changes: dict[str, Any] = {
-        "clk_rise_counts": axis.clk_rise_counts[pulses],
-        "clk_fall_counts": axis.clk_fall_counts[pulses],
-        "dir_edge_counts": axis.dir_edge_counts[turns],
-        "dir_levels": axis.dir_levels[turns],
-        "step_counts": axis.step_counts[steps],
-        "step_signs": axis.step_signs[steps],
-    }
-    violations, phases, slips = axis.violations, axis.phases, axis.slips
-    broken, set_at, slipped = before(violations.counts), before(phases.counts), before(slips.counts)
     return replace(
         axis,
-        **changes,
-        violations=DriverViolations(
-            violations.limits, violations.counts[broken], violations.which[broken], violations.values[broken]
-        ),
-        phases=Phases(phases.counts[set_at], phases.sixteenths[set_at], phases.a_ma[set_at], phases.b_ma[set_at]),
-        pins={pin: _level_until(edges, until_counts) for pin, edges in axis.pins.items()},
-        slips=Slips(slips.counts[slipped], slips.full_steps[slipped]),
+        clk_rise_counts=axis.clk_rise_counts[pulses],
+        clk_fall_counts=axis.clk_fall_counts[pulses],
+        dir_edge_counts=axis.dir_edge_counts[turns],
+        dir_levels=axis.dir_levels[turns],
+        step_counts=axis.step_counts[steps],
+        step_signs=axis.step_signs[steps],
+        violations=cut(axis.violations),
+        phases=cut(axis.phases),
+        pins={pin: cut(edges) for pin, edges in axis.pins.items()},
+        slips=cut(axis.slips),
     )
 
 
-def _level_until(edges: LevelEdges, until_counts: int) -> LevelEdges:
-    kept = slice(int(np.searchsorted(edges.counts, until_counts)))
-    return LevelEdges(edges.counts[kept], edges.levels[kept])
+_AnySeries = LevelEdges | Phases | DriverViolations | Slips
+"""Evidence in arrays of equal length, one of which holds the instants."""
+_Series = TypeVar("_Series", LevelEdges, Phases, DriverViolations, Slips)
+
+
+def _columns(part: _AnySeries) -> dict[str, Array]:
+    """Return the arrays of a part of the evidence by name."""
+    values = {field.name: getattr(part, field.name) for field in fields(part)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
 PINS: Final = ("reset", "enable", "m1", "m2", "tq1", "tq2", "dcy1", "dcy2", "out1", "out2")
 """Pins of an axis that are held at a level."""
-
-Array = NDArray[Any]
 
 EDGE_TYPES: Final = (
     {"clk_rise_counts": "<i8", "clk_fall_counts": "<i8", "dir_edge_counts": "<i8", "dir_levels": "|i1"}
@@ -138,7 +142,7 @@ def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Ar
 
 def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
     """Return the arrays, by key, whose length depends on an axis' edges."""
-    name, violations, phases = axis.name, axis.violations, axis.phases
+    name = axis.name
     arrays: dict[str, Array] = {
         f"{name}_clk_rise_counts": axis.clk_rise_counts,
         f"{name}_clk_fall_counts": axis.clk_fall_counts,
@@ -146,17 +150,11 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
         f"{name}_dir_levels": axis.dir_levels,
         f"{name}_step_counts": axis.step_counts,
         f"{name}_step_signs": axis.step_signs,
-        f"{name}_violation_counts": violations.counts,
-        f"{name}_violation_which": violations.which,
-        f"{name}_violation_values": violations.values,
-        f"{name}_phase_counts": phases.counts,
-        f"{name}_phase_sixteenths": phases.sixteenths,
-        f"{name}_phase_a_ma": phases.a_ma,
-        f"{name}_phase_b_ma": phases.b_ma,
     }
-    for pin in PINS:
-        arrays[f"{name}_{pin}_counts"] = axis.pins[pin].counts
-        arrays[f"{name}_{pin}_levels"] = axis.pins[pin].levels
+    pins = {pin: axis.pins[pin] for pin in PINS}
+    parts: dict[str, _AnySeries] = {"violation": axis.violations, "phase": axis.phases, **pins}
+    for prefix, part in parts.items():
+        arrays |= {f"{name}_{prefix}_{column}": values for column, values in _columns(part).items()}
     if axis.slips.counts.size:
         arrays[f"{name}_slip_counts"] = axis.slips.counts
         arrays[f"{name}_slip_full_steps"] = axis.slips.full_steps.astype(SLIP_TYPES["slip_full_steps"])

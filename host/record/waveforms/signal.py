@@ -96,6 +96,7 @@ class Window:
 Values = NDArray[Any]
 
 NO_COUNTS = np.empty(0, np.int64)
+_NEVER_COUNTS: Final = (1 << 63) - 1
 
 CHANGES_PER_STRETCH = 1 << 16
 """Number of changes of one signal that are held as text at once."""
@@ -164,26 +165,14 @@ class HeldValues:
         return counts[changed], values[changed]
 
     def before(self, counts: int) -> int | None:
-        """As Changes.before; a repeated value does not count as a change."""
-        made = int(np.searchsorted(self.counts, counts, side="left"))
-        while made:
-            instant = int(self.counts[made - 1])
-            earlier = int(np.searchsorted(self.counts, instant, side="left"))
-            if self._after(earlier) != self._after(made):
-                return instant
-            made = earlier
-        return None
+        """As Changes.before."""
+        instants, _ = self.between(-1, counts - 1)
+        return int(instants[-1]) if instants.size else None
 
     def after(self, counts: int) -> int | None:
-        """As Changes.after; a repeated value does not count as a change."""
-        made = int(np.searchsorted(self.counts, counts, side="right"))
-        while made < self.counts.size:
-            instant = int(self.counts[made])
-            later = int(np.searchsorted(self.counts, instant, side="right"))
-            if self._after(later) != self._after(made):
-                return instant
-            made = later
-        return None
+        """As Changes.after."""
+        instants, _ = self.between(counts, _NEVER_COUNTS)
+        return int(instants[0]) if instants.size else None
 
     def marks(self, every: int) -> Int64Array:
         """As Changes.marks."""

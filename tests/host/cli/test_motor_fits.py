@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from steptwin import load_robot
-from steptwin.host.cli.files.motors import _print_ramps, warn_of_steep_homings
+from steptwin.host.cli.files.motors import print_ramps, warn_of_steep_homings
 from steptwin.host.robots.joint import Joint
 from steptwin.host.studies.motors.fitting import JointFit, fits_of
 
@@ -39,7 +39,7 @@ def test_a_homing_is_warned_of_that_stalls_or_turns_another_motor_out_of_step(
 def test_the_table_names_the_joint_that_gives_way_if_it_is_another(
     fits: tuple[JointFit, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _print_ramps(fits)
+    print_ramps(fits)
     rows = {line.split()[0]: line.split()[2:] for line in capsys.readouterr().out.splitlines()[2:]}
     assert rows["th2"] == ["1500", "65", "80", "66"]
     assert rows["th3"] == ["1500", "th2:", "179", "360", "th2:", "212"]

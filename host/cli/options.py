@@ -1,0 +1,226 @@
+"""Describe the arguments and options of commands, and turn a command's signature into one that typer knows.
+
+An option of one command is the default of its parameter: `option(...)`; one that several commands share is a type in
+`arguments`. Options that belong together are a group: a dataclass in a command's signature stands for an option for
+each of its fields. A field of the emulated machine's options has a spelling instead, from which its option is made.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from inspect import Parameter, Signature, signature
+from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin
+
+import typer
+
+from steptwin.host.common.errors import StepTwinError
+from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
+
+MACHINE_PANEL: Final = "Emulated machine"
+"""Title of the box of options, in a command's help, that only an emulated machine has."""
+LIVE_PANEL: Final = "Live board"
+"""Title of the box of options that only a live board has."""
+
+LAST: Final = "as_json"
+"""Parameter of the option that help shows behind a command's others."""
+
+
+@contextmanager
+def naming_options(*parameters: str, **options: str) -> Iterator[None]:
+    """Replace parameters by options in every error from inside, as `with_options` does."""
+    try:
+        yield
+    except StepTwinError as error:
+        raise type(error)(with_options(str(error), *parameters, **options)) from error
+
+
+def with_options(message: str, *parameters: str, **options: str) -> str:
+    """Replace parameters by options in a message: `port=80` becomes `--port 80`.
+
+    Args:
+        message: the message.
+        parameters: those whose option has the same name, such as `allow_remote` for `--allow-remote`.
+        options: the option of each other parameter.
+    """
+    names = {name: _usual_name(name) for name in parameters} | options
+    named = re.compile(rf"\b({'|'.join(names)})=(True\b)?")
+
+    def option(found: re.Match[str]) -> str:
+        return names[found[1]] + ("" if found[2] else " ")
+
+    return named.sub(option, message)
+
+
+def _usual_name(parameter: str) -> str:
+    return f"--{parameter.replace('_', '-')}"
+
+
+Reader = Callable[[Any, str], Any]
+"""Makes the value of an option of its text, or texts; gets the option's name for the message of an InputError."""
+
+
+class _Described(NamedTuple):
+    """An argument or option.
+
+    Attributes:
+        told: what typer is told of it beside its names, its type and its default.
+        names: its names; empty for the one that follows from the parameter's.
+        read: makes its value; None if typer does, by the parameter's type.
+        positional: True for an argument.
+        repeatable: True if it takes several texts that are to be read.
+    """
+
+    told: Mapping[str, Any]
+    names: tuple[str, ...] = ()
+    read: Reader | None = None
+    positional: bool = False
+    repeatable: bool = False
+
+
+_DESCRIBED: Final = "described"
+"""Key of a description in a field's metadata."""
+
+
+def argument(value: str, says: str, default: object = None) -> Any:
+    """Return a command's argument, as the default of its parameter: the word for its value, and what it means."""
+    described = _Described({"metavar": value, "help": says}, positional=True)
+    return field(default=default, metadata={_DESCRIBED: described})
+
+
+def option(value: str, says: str, *names: str, default: object = None, read: Reader | None = None, **told: Any) -> Any:
+    """Return a command's option, as the default of its parameter or of a group's field.
+
+    Args:
+        value: the word for its value; empty for a switch.
+        says: what it does.
+        names: its names; by default it is called as the parameter is.
+        default: its value if it is not given, or the text of it that is to be read; MISSING if it has to be given.
+        read: makes its value, if typer does not by the parameter's type.
+        told: what else typer is told.
+    """
+    described = _Described({"metavar": value or None, "help": says, **told}, names, read)
+    return field(default=default, metadata={_DESCRIBED: described})
+
+
+def switch(says: str, *names: str, **told: Any) -> Any:
+    """Return an option without a value, which is off unless it is given."""
+    return option("", says, *names, default=False, **told)
+
+
+class Without(NamedTuple):
+    """Mark of a group, in `Annotated`: fields that are no options here and keep their defaults."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Options of which one object is made: its own, by the names of its fields, and those of the groups in it."""
+
+    make: Callable[..., Any]
+    own: Mapping[str, Field[Any]]
+    inner: "Mapping[str, _Group]"
+
+    @classmethod
+    def of(cls, annotation: Any) -> "_Group | None":
+        """Return the group that an annotation stands for; None if it is the type of one option."""
+        made: Any = annotation
+        without: tuple[str, ...] = ()
+        if get_origin(annotation) is Annotated and is_dataclass(annotation.__origin__):
+            made, without = annotation.__origin__, annotation.__metadata__[0].names
+        if not isinstance(made, type) or not is_dataclass(made):
+            return None
+        return cls.made_of((each for each in fields(made) if each.name not in without), made)
+
+    @classmethod
+    def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any]) -> "_Group":
+        """Return the group of these fields, of which a class or a function makes its object."""
+        found = {each.name: (each, cls.of(each.type)) for each in members}
+        own = {name: each for name, (each, group) in found.items() if group is None}
+        return cls(make, own, {name: group for name, (_, group) in found.items() if group})
+
+    def options(self) -> Iterator[Field[Any]]:
+        """Yield the fields that are options, then those of the groups in it."""
+        yield from self.own.values()
+        for group in self.inner.values():
+            yield from group.options()
+
+    def made(self, values: dict[str, Any]) -> Any:
+        """Take the values of the options out of those of a command line, and make the object of them."""
+        own = {name: _read(each, values.pop(name)) for name, each in self.own.items()}
+        return self.make(**own, **{name: group.made(values) for name, group in self.inner.items()})
+
+
+def with_groups(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a command as typer is to see it: its own options, then an option for each field of its groups."""
+    group = _Group.made_of(map(_field_of, signature(function).parameters.values()), function)
+
+    def grouped(**values: Any) -> None:
+        group.made(values)
+
+    grouped.__name__, grouped.__module__, grouped.__doc__ = function.__name__, function.__module__, function.__doc__
+    options = sorted(group.options(), key=lambda each: each.name == LAST)
+    grouped.__signature__ = Signature([_parameter(each) for each in options])  # type: ignore[attr-defined]
+    return grouped
+
+
+def given_options(group: Any) -> dict[str, Any]:
+    """Return the options of a group that differ from their defaults, by their names on the command line."""
+    found = _Group.of(type(group))
+    assert found is not None
+    values = {name: getattr(group, name) for name in found.own}
+    given = {_names(found.own[name])[0]: value for name, value in values.items() if value != found.own[name].default}
+    for name in found.inner:
+        given |= given_options(getattr(group, name))
+    return given
+
+
+def _field_of(parameter: Parameter) -> Field[Any]:
+    """Return a parameter of a command as a field, which it is already if `option` has made its default."""
+    default: Any = MISSING if parameter.default is Parameter.empty else parameter.default
+    made: Field[Any] = default if isinstance(default, Field) else field(default=default)
+    made.name, made.type = parameter.name, parameter.annotation
+    return made
+
+
+def _described(each: Field[Any]) -> _Described:
+    """Return the description of an option: that of its default, of its type, or by its spelling."""
+    spelling: Spelling | None = each.metadata.get(SPELLING)
+    if spelling is None:
+        kind: Any = each.type
+        described: _Described = (kind.__metadata__[0] if get_origin(kind) is Annotated else each).metadata[_DESCRIBED]
+        return described
+
+    def read(given: Any, name: str) -> Any:
+        with naming_options(**{each.name: name}):
+            return spelling.read(given)
+
+    told = {"metavar": spelling.value or None, "help": spelling.says, "rich_help_panel": MACHINE_PANEL}
+    names = tuple(filter(None, (spelling.option, spelling.short)))
+    return _Described(told, names, read if spelling.value else None, repeatable=spelling.repeatable)
+
+
+def _names(each: Field[Any]) -> tuple[str, ...]:
+    """Return the names of an option on the command line."""
+    return _described(each).names or (_usual_name(each.name),)
+
+
+def _parameter(each: Field[Any]) -> Parameter:
+    """Return an option as typer reads it from a signature."""
+    described, kind = _described(each), get_args(each.type)[0] if get_origin(each.type) is Annotated else each.type
+    default = Parameter.empty if each.default is MISSING else each.default
+    if described.read is not None:
+        kind = list[str] | None if described.repeatable else str | None
+        default = default if default is Parameter.empty or isinstance(default, str) else None
+    names = () if described.positional else _names(each)
+    told: Any = (typer.Argument if described.positional else typer.Option)(*names, **described.told)
+    return Parameter(each.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, told])
+
+
+def _read(each: Field[Any], given: Any) -> Any:
+    """Return the value of an option."""
+    read = _described(each).read
+    if read is None:
+        return given
+    return each.default if given is None or given == [] else read(given, _names(each)[0])
