@@ -20,7 +20,6 @@ from steptwin.host.faults.triggers import (
     AtState,
     AtTime,
     FrameWatch,
-    InstantWatch,
     OnFrame,
     PositionWatch,
     StateWatch,
@@ -187,7 +186,7 @@ class Engine:
         target = self.target
         match trigger:
             case AtTime():
-                watch: Watch = TimeWatch(trigger)
+                watch = TimeWatch(counts_of(trigger.at_s) if trigger.from_power_up else None, trigger.at_s)
                 if self.start_counts is not None:
                     watch.motion_starts(self.start_counts)
                 return watch
@@ -269,7 +268,7 @@ class Engine:
         if until is None:
             return None
         if isinstance(until, float | int):
-            return InstantWatch(now_counts + counts_of(until))
+            return TimeWatch(now_counts + counts_of(until))
         return self._watch(until)
 
     def _begin(self, each: Played, now_counts: int) -> None:
@@ -329,4 +328,4 @@ def _place_of(operation: Operation) -> tuple[object, ...]:
 
 def _comes(watch: Watch | None) -> bool:
     """Return whether it is known when a trigger is due."""
-    return isinstance(watch, InstantWatch | TimeWatch) and watch.next_counts is not None
+    return isinstance(watch, TimeWatch) and watch.next_counts is not None

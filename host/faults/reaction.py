@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
-from typing import Final
+from types import UnionType
+from typing import Any, Final
 
 from steptwin.emulator.faults.harm import Harm
 from steptwin.host.client.heartbeat import TIMEOUT_MS
@@ -102,12 +103,18 @@ class Documented:
 
     Attributes:
         what: the fault, in words.
-        applies: returns whether a harm is of this kind while the machine does this.
+        harms: the harms that it may concern.
         reaction: the reaction.
         why: a remark for the page; may be empty.
+        when: returns whether it concerns a harm of these while the machine does this; by default always.
     """
 
     what: str
-    applies: Callable[[Harm, Moment], bool]
+    harms: type[Harm] | UnionType
     reaction: Reaction
     why: str = ""
+    when: Callable[[Any, Moment], bool] = lambda _harm, _moment: True
+
+    def applies(self, harm: Harm, moment: Moment) -> bool:
+        """Return whether it concerns a harm while the machine does this."""
+        return isinstance(harm, self.harms) and self.when(harm, moment)

@@ -93,9 +93,8 @@ class FaultReport:
         """True if it struck and the machine answered as it should."""
         return self.struck and not self.differences
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fault under the keys of report.json."""
-        reaction = self.reaction
+    def so_far(self) -> dict[str, Any]:
+        """Return what is known of the fault before the run has ended, under the keys of report.json."""
         return {
             "name": self.name,
             "do": dict(self.request),
@@ -104,6 +103,12 @@ class FaultReport:
             "strikes": self.strikes,
             "ended_s": _rounded(self.ended_s),
             "emcys": [told.to_dict() for told in self.emcys],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fault under the keys of report.json."""
+        reaction = self.reaction
+        return self.so_far() | {
             "standstill_ms": _rounded(self.standstill_ms),
             "joints": {name: joint.to_dict() for name, joint in self.joints.items()},
             "documented": None if reaction is None else self._documented(reaction),

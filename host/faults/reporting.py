@@ -1,7 +1,7 @@
 """Report a played scenario: when each fault was due and struck, what answered, and whether that is documented."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -57,12 +57,11 @@ def _may_stop(fault: FaultReport) -> bool:
 
 
 def _fault_report(engine: Engine, played: Played, end: RunEnd) -> FaultReport:
-    robot, fault, began = engine.target.robot, played.fault, played.began
-    named = fault.name, request_of(robot, fault.harm), str(fault.trigger)
-    if began is None or played.first_counts is None:
-        return FaultReport(*named, differences=(f"never struck: {_why_never(engine, played, end)}",))
+    facts, began = _facts(engine, played), played.began
+    if began is None or not facts.struck:
+        return replace(facts, ended_s=None, emcys=(), differences=(f"never struck: {_why_never(engine, played, end)}",))
     row = documented(played.harm, began)
-    reaction = fault.expected or row.reaction
+    reaction = played.fault.expected or row.reaction
     limit_ms = _limit_ms(engine, played, reaction, began) if reaction.stops else None
     answer = _answer(engine, reaction, began, end)
     judge = Judge(
@@ -78,18 +77,28 @@ def _fault_report(engine: Engine, played: Played, end: RunEnd) -> FaultReport:
     differences = judge.differences()
     if reaction.motion is Motion.NOT_BEGUN and reaction.certain and engine.start_counts is not None:
         differences.append("the motion began")
-    return FaultReport(
-        *named,
-        struck_s=seconds(engine, played.first_counts),
-        strikes=played.strikes,
-        ended_s=None if played.ended_counts is None else seconds(engine, played.ended_counts),
-        emcys=told(engine, answer.emcys, began),
+    return replace(
+        facts,
         standstill_ms=answer.standstill_ms,
         joints=answer.joints,
         what=row.what,
         reaction=reaction,
         limit_ms=limit_ms,
         differences=tuple(differences),
+    )
+
+
+def _facts(engine: Engine, played: Played) -> FaultReport:
+    """Return what has become of a fault so far, without a judgement."""
+    fault, began = played.fault, played.began
+    return FaultReport(
+        fault.name,
+        request_of(engine.target.robot, fault.harm),
+        str(fault.trigger),
+        struck_s=None if played.first_counts is None else seconds(engine, played.first_counts),
+        strikes=played.strikes,
+        ended_s=None if played.ended_counts is None else seconds(engine, played.ended_counts),
+        emcys=() if began is None else told(engine, answers(engine, began), began),
     )
 
 
@@ -213,23 +222,5 @@ def played_document(engine: Engine) -> dict[str, Any]:
     scenario = engine.scenario
     return {
         "scenario": {"name": scenario.name, "seed": scenario.seed},
-        "faults": [_fault(engine, each) for each in engine.played],
+        "faults": [_facts(engine, each).so_far() for each in engine.played],
     }
-
-
-def _fault(engine: Engine, played: Played) -> dict[str, Any]:
-    fault, began = played.fault, played.began
-    emcys = () if began is None else told(engine, answers(engine, began), began)
-    return {
-        "name": fault.name,
-        "do": request_of(engine.target.robot, fault.harm),
-        "due": str(fault.trigger),
-        "struck_s": _rounded_s(engine, played.first_counts),
-        "strikes": played.strikes,
-        "ended_s": _rounded_s(engine, played.ended_counts),
-        "emcys": [each.to_dict() for each in emcys],
-    }
-
-
-def _rounded_s(engine: Engine, counts: int | None) -> float | None:
-    return None if counts is None else round(seconds(engine, counts), 6)

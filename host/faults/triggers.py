@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from random import Random
-from typing import Protocol
 
 import numpy as np
 
@@ -107,51 +106,36 @@ class AtState:
 Trigger = AtTime | AtRandom | AtPosition | OnFrame | AtState
 
 
-class Watch(Protocol):
+class Watch:
     """Tells when a trigger is due."""
 
     @property
     def next_counts(self) -> int | None:
         """Instant when it must look even if nothing happens; None if there is none."""
-        ...
+        return None
 
     def is_due(self, now_counts: int) -> bool:
         """Look; return whether the trigger is due."""
-        ...
+        raise NotImplementedError
 
     def motion_starts(self, start_counts: int) -> None:
         """Learn t = 0 of the motion."""
-        ...
 
     def hear(self, cob_id: int) -> None:
         """Learn of a frame on the bus."""
-        ...
 
     def missing(self) -> str:
-        """Return why the trigger has not been due."""
-        ...
+        """Return why the trigger has not been due; empty if it has not come."""
+        return ""
 
 
-class _BareWatch:
-    """A watch that needs to know nothing."""
+class TimeWatch(Watch):
+    """Due at an instant: one that is known, or a time from the motion's start."""
 
-    @property
-    def next_counts(self) -> int | None:
-        return None
-
-    def motion_starts(self, start_counts: int) -> None:
-        """Take no notice."""
-
-    def hear(self, cob_id: int) -> None:
-        """Take no notice."""
-
-
-class TimeWatch(_BareWatch):
-    """Due at an instant."""
-
-    def __init__(self, trigger: AtTime) -> None:
-        self._trigger = trigger
-        self._at_counts = counts_of(trigger.at_s) if trigger.from_power_up else None
+    def __init__(self, at_counts: int | None = None, from_start_s: float = 0.0) -> None:
+        """Wait for an instant; None: `from_start_s` seconds after the motion's start."""
+        self._at_counts = at_counts
+        self._from_start_s = from_start_s
 
     @property
     def next_counts(self) -> int | None:
@@ -163,16 +147,16 @@ class TimeWatch(_BareWatch):
         return self._at_counts is not None and self._at_counts <= now_counts
 
     def motion_starts(self, start_counts: int) -> None:
-        """Count from here, unless the time counts from power-up."""
+        """Count from here, unless the instant is known."""
         if self._at_counts is None:
-            self._at_counts = start_counts + counts_of(self._trigger.at_s)
+            self._at_counts = start_counts + counts_of(self._from_start_s)
 
     def missing(self) -> str:
         """Return that it has not come."""
         return "no motion began" if self._at_counts is None else ""
 
 
-class PositionWatch(_BareWatch):
+class PositionWatch(Watch):
     """Due at the first tick at whose start a joint is at or beyond a position.
 
     No driver counts pulses faster than one each `period_min_counts`, and none moves the motor by more than a full step,
@@ -237,7 +221,7 @@ class PositionWatch(_BareWatch):
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
 
-class FrameWatch(_BareWatch):
+class FrameWatch(Watch):
     """Due with the n-th frame of an identifier."""
 
     def __init__(self, trigger: OnFrame) -> None:
@@ -257,7 +241,7 @@ class FrameWatch(_BareWatch):
         return f"there were {self._heard} such frames"
 
 
-class StateWatch(_BareWatch):
+class StateWatch(Watch):
     """Due while a drive is in a state."""
 
     def __init__(self, state: State, present: Callable[[], State]) -> None:
@@ -274,26 +258,6 @@ class StateWatch(_BareWatch):
     def missing(self) -> str:
         """Return the states that it was in."""
         return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
-
-
-class InstantWatch(_BareWatch):
-    """Due at an instant that is known from the beginning."""
-
-    def __init__(self, at_counts: int) -> None:
-        self._at_counts = at_counts
-
-    @property
-    def next_counts(self) -> int | None:
-        """The instant."""
-        return self._at_counts
-
-    def is_due(self, now_counts: int) -> bool:
-        """Return whether it has come."""
-        return self._at_counts <= now_counts
-
-    def missing(self) -> str:
-        """Return that it has not come."""
-        return ""
 
 
 def counts_of(seconds: float) -> int:
