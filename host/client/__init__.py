@@ -2,9 +2,8 @@
 
 from steptwin.host.client.axis import AxisClient, AxisSettings
 from steptwin.host.client.axis_homing import HomingSettings
-from steptwin.host.client.links.can_bus import object_dictionary
 from steptwin.host.client.links.link import Link
-from steptwin.host.client.machine import Machine, Progress
+from steptwin.host.client.machine import Machine, Progress, object_dictionary
 from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.stream import Stream, StreamedMotion
 from steptwin.host.client.waits import InputWait

@@ -1,15 +1,17 @@
 """The axes of a robot on the bus: set up, home, run a trajectory, disconnect."""
 
+import io
 from collections.abc import Callable, Collection, Sequence
-from functools import partial
+from functools import cache, partial
 from itertools import count
 from math import ceil
 from typing import Final
 
+from canopen.objectdictionary import ObjectDictionary, eds
+
 from steptwin.host.client.axis import AxisClient, AxisSettings, Objects
 from steptwin.host.client.axis_homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
-from steptwin.host.client.links.can_bus import object_dictionary
 from steptwin.host.client.links.link import Link
 from steptwin.host.client.shared_node import Patience
 from steptwin.host.client.stream import Stream, StreamedMotion, stop_the_rest
@@ -18,6 +20,7 @@ from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status
+from steptwin.protocol.eds import render_eds
 from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.objects import TPDO_DEFAULTS
@@ -35,6 +38,13 @@ _LOOKS_PER_REPORT: Final = 10
 """Looks at a stream from one report of its progress to the next: ten reports a second."""
 Progress = Callable[[float], None]
 """Called from time to time with the part that is done, 0 to 1."""
+
+
+@cache
+def object_dictionary() -> ObjectDictionary:
+    """Return the dictionary; it is made once, since that takes 40 ms, and nothing writes to it."""
+    dictionary: ObjectDictionary = eds.import_eds(io.StringIO(render_eds()), FIRST_NODE_ID)  # type: ignore[no-untyped-call]
+    return dictionary
 
 
 class Machine:

@@ -59,7 +59,7 @@ class BoardAddress:
                 if value is not None:
                     raise InputError(f"{option} {value}: is for a live board: --connect HOST:PORT or --interface NAME")
             return None
-        from steptwin.host.client.links.can_bus import check_interface
+        from steptwin.host.client.links.bus_link import check_interface
 
         check_interface("--interface", self.interface)
         return Connection(self.interface, self.channel, self.bitrate or (robot.board.bitrate if robot else None))

@@ -72,7 +72,7 @@ def monitor(
 
 def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator[can.Message]":
     """Yield data frames with 11-bit identifiers as they come, until the time is over."""
-    from steptwin.host.client.links.can_bus import bus_errors
+    from steptwin.host.client.links.bus_link import bus_errors
 
     until_s = None if seconds is None else time.monotonic() + seconds
     while until_s is None or time.monotonic() < until_s:

@@ -12,8 +12,7 @@ from typing import Final
 import can
 
 from steptwin.host.client import stopping
-from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
-from steptwin.host.client.links.bus_network import BusNetwork
+from steptwin.host.client.links.bus_link import BusLink, BusNetwork, Connection, open_bus
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.inputs_outputs import read_outputs

@@ -13,8 +13,7 @@ from steptwin.emulator.motors.rotors import RotorRecord
 from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, whole_us_counts
-from steptwin.host.twin.embedded.host_network import FaultyNetwork
+from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, FaultyNetwork, whole_us_counts
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.machine.input_changes import InputChange, set_input

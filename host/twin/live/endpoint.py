@@ -4,8 +4,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from steptwin.emulator.live.live_loop import LiveLoop
-from steptwin.host.client.links.bus_link import Connection, open_bus
-from steptwin.host.client.links.can_bus import check_interface
+from steptwin.host.client.links.bus_link import Connection, check_interface, open_bus
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback, listen
 
