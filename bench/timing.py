@@ -11,8 +11,8 @@ from rich.table import Table
 
 from steptwin.bench.bench_table import bench_table
 from steptwin.bench.live_server import sdo_write
+from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.firmware import Firmware
 from steptwin.host.common.arrays import Int64Array
@@ -51,7 +51,7 @@ def _timing_row(kernel: Kernel, peak_hz: float) -> str:
     motion = board_motion_of(kernel, planned)
     errors = step_errors(planned, 0, ideal_of(planned)[0], place_on(motion, planned).axes[0])
     return (
-        f"{planned.name}|{len(errors.steps)}|{motion.delayed_steps(0)}|{np.abs(errors.steps).max():.5f}|"
+        f"{planned.name}|{len(errors.steps)}|{motion.axes[0].delayed_steps}|{np.abs(errors.steps).max():.5f}|"
         f"{np.sqrt(np.mean(errors.timing_us**2)):.3f}|{np.percentile(np.abs(errors.timing_us), 99):.3f}"
     )
 

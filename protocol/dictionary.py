@@ -133,18 +133,15 @@ class ObjectDictionary:
         self._texts: dict[int, str] = {}
         self.reset()
 
-    def bind(self, part: object, *arguments: int) -> None:
-        """Let a part of the firmware supply and obey the entries that name its class.
-
-        Its methods are given `arguments` first, such as the axis if the part serves all axes of the board.
-        """
+    def bind(self, part: object) -> None:
+        """Let a part of the firmware supply and obey the entries that name its class."""
         kind = type(part)
         for address, name in _READ_FROM.get(kind.__name__, ()):
             is_method = callable(getattr(kind, name, None))
-            method = _method(part, name, address, arguments) if is_method else partial(attrgetter(name), part)
+            method = _method(part, name, address) if is_method else partial(attrgetter(name), part)
             self._cells[address].supply = method
         for address, name in _OBEYED_BY.get(kind.__name__, ()):
-            self._cells[address].obey = _method(part, name, address, arguments)
+            self._cells[address].obey = _method(part, name, address)
 
     def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
         """Give every entry in the index range its power-up value again, stored or default; nothing obeys it."""
@@ -231,11 +228,10 @@ class ObjectDictionary:
         return entry
 
 
-def _method(part: object, name: str, address: int, arguments: tuple[int, ...]) -> Callable[..., Any]:
-    """Return a part's method, with the address of the entry if it takes it, else with the arguments of the part."""
+def _method(part: object, name: str, address: int) -> Callable[..., Any]:
+    """Return a part's method, with the address of the entry if it takes it."""
     method: Callable[..., Any] = getattr(part, name)
-    first = (address,) if name.endswith("_at") else arguments
-    return partial(method, *first) if first else method
+    return partial(method, address) if name.endswith("_at") else method
 
 
 def _visible(data: bytes) -> str:

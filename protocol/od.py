@@ -268,7 +268,7 @@ PVT_GAPS = ro(0x2013_02, U16, "Gaps")
 PVT_OVERFLOWS = ro(0x2013_03, U16, "Overflows")
 PVT_UNDERRUNS = ro(0x2013_04, U16, "Underruns")
 PVT_LEAST_FILL = ro(0x2013_05, U8, "Least fill while running", RECORDS)
-DELAYED_STEPS = ro(0x2013_06, U32, "Delayed steps", STEPS, read="BoardMotion.delayed_steps")
+DELAYED_STEPS = ro(0x2013_06, U32, "Delayed steps", STEPS, read="AxisMotion.delayed_steps")
 record(0x2014, "Transmission counters")
 FRAMES_LOST = ro(0x2014_01, U32, "Frames lost because the bus was too busy")
 EMCYS_LOST = ro(0x2014_02, U32, "Emergencies lost because of the inhibit time EMCY", read="AxisErrors.lost")
@@ -350,15 +350,15 @@ MODE_OF_OPERATION = rw(
     0x6060_00, I8, "Modes of operation", Mode.NONE, mapping=RX, values=tuple(Mode), write="AxisDrive.select_mode"
 )
 MODE_OF_OPERATION_DISPLAY = ro(0x6061_00, I8, "Modes of operation display", mapping=TX, read="AxisDrive.mode_number")
-POSITION_DEMAND = ro(0x6062_00, I32, "Position demand value", POSITION, TX, read="BoardMotion.demand_units")
-POSITION_ACTUAL = ro(0x6064_00, I32, "Position actual value", POSITION, TX, read="BoardMotion.counter_units")
+POSITION_DEMAND = ro(0x6062_00, I32, "Position demand value", POSITION, TX, read="AxisMotion.demand_units")
+POSITION_ACTUAL = ro(0x6064_00, I32, "Position actual value", POSITION, TX, read="AxisMotion.counter_units")
 FOLLOWING_ERROR_WINDOW = rw(
     0x6065_00, U32, "Following error window in {unit}; all ones: off", WINDOW_OFF, unit=POSITION
 )
 FOLLOWING_ERROR_TIMEOUT_MS = rw(0x6066_00, U16, "Following error time out in {unit}", 0, unit=MS)
 POSITION_WINDOW = rw(0x6067_00, U32, "Position window in {unit}; all ones: off", WINDOW_OFF, unit=POSITION)
 POSITION_WINDOW_TIME_MS = rw(0x6068_00, U16, "Position window time in {unit}", 0, unit=MS)
-VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="BoardMotion.velocity_units_per_s")
+VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="AxisMotion.velocity_units_per_s")
 TARGET_POSITION = rw(
     0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point"
 )
@@ -430,7 +430,7 @@ record(0x60C4, "Interpolation data configuration")
 BUFFER_SIZE_MAX = ro(0x60C4_01, U32, "Maximum buffer size in {unit}", RECORDS, default=64)
 BUFFER_SIZE = ro(0x60C4_02, U32, "Actual buffer size in {unit}", RECORDS, default=64)
 BUFFER_ORGANIZATION = ro(0x60C4_03, U8, "Buffer organization: 0 is FIFO")
-BUFFER_POSITION = ro(0x60C4_04, U16, "Buffer position in {unit}", RECORDS, read="BoardMotion.queued")
+BUFFER_POSITION = ro(0x60C4_04, U16, "Buffer position in {unit}", RECORDS, read="AxisMotion.queued")
 BUFFER_RECORD_BYTES = ro(0x60C4_05, U8, "Size of data record in {unit}", EntryUnit.BYTES, default=8)
 BUFFER_CLEAR = wo(0x60C4_06, U8, "Buffer clear: 0 clears", 0, 1, write="Interpolation.clear")
 MAX_ACCELERATION = rw(0x60C5_00, U32, "Max acceleration", U32.high, 1, unit=ACCELERATION)
@@ -443,7 +443,7 @@ FOLLOWING_ERROR_ACTUAL = ro(
     0x60F4_00, I32, "Following error actual value", POSITION, TX, read="PositionReference.following_error_units"
 )
 POSITION_DEMAND_STEPS = ro(
-    0x60FC_00, I32, "Position demand internal value in {unit}", STEPS, TX, read="BoardMotion.demand_steps"
+    0x60FC_00, I32, "Position demand internal value in {unit}", STEPS, TX, read="AxisMotion.demand_steps"
 )
 DIGITAL_INPUTS = ro(0x60FD_00, U32, "Digital inputs", mapping=TX, read="Supervision.inputs")
 array(0x60FE, "Digital outputs")

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.interpolation import Interpolation
-from steptwin.controller.motion.board_motion import Refusal
+from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import TICKS_PER_MS, way_q16
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.stops import AxisStop
@@ -167,7 +167,7 @@ class CyclicPosition(DriveMode):
     def control(self, controlword: int, _previous: int) -> None:
         """Obey the halt bit. A target position written before the drive was enabled is not a set-point."""
         if controlword & Control.HALT:
-            if self._following and self._motion.running(self._axis):
+            if self._following and self._motion.running:
                 self._stop.ramp_down(self._stop.halt_kind)
             self.interrupted()
         elif not self._enabled:
@@ -181,7 +181,7 @@ class CyclicPosition(DriveMode):
 
     def _release(self) -> None:
         self._following = self._at_limit = False
-        self._clock.leave(self._axis)
+        self._clock.leave(self._context.axis)
 
     @property
     def coordinated(self) -> bool:
@@ -207,17 +207,17 @@ class CyclicPosition(DriveMode):
 
     def _begin(self) -> bool:
         """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""
-        if self._motion.running(self._axis):
+        if self._motion.running:
             return False
         period_ms = self._dictionary.get(od.INTERPOLATION_PERIOD)
-        if not self._clock.join(self._axis, 1000 * period_ms, self._context.now_us):
+        if not self._clock.join(self._context.axis, 1000 * period_ms, self._context.now_us):
             self._trip(ErrorCode.PARAMETER, period_ms)  # one SYNC cannot have two periods
             return False
         self._records.close()
-        self._motion.drop_queued(self._axis)
+        self._motion.drop_queued()
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
-        self._points_units = (self._motion.tail_units(self._axis),) * 3
+        self._points_units = (self._motion.tail_units,) * 3
         self._taken_units = self._points_units[0]
         self._bridged_slots = self._lost = 0
         self._following = True
@@ -264,7 +264,7 @@ class CyclicPosition(DriveMode):
         self._lost += _LOST
         if self._lost <= _LOST_MAX:
             return self._within_limits(2 * last - before)
-        if self._motion.running(self._axis):
+        if self._motion.running:
             self._trip(ErrorCode.SYNC_CONTROLLER, NO_SET_POINT if received.sync else NO_SYNC)
         self._release()
         return None
@@ -272,7 +272,7 @@ class CyclicPosition(DriveMode):
     def _range(self) -> tuple[int, int]:
         """Return the positions that the axis may move to. From beyond a soft limit it may stay there or come back."""
         low, high = self._limits.range()
-        tail_units = self._motion.tail_units(self._axis)
+        tail_units = self._motion.tail_units
         return min(low, tail_units), max(high, tail_units)
 
     def _within_limits(self, position_units: int) -> int:
@@ -283,13 +283,13 @@ class CyclicPosition(DriveMode):
 
     def _move(self, closed: Slot) -> None:
         """Queue the cubic that ends a tick after the open slot closes, unless the axis rests and stays at rest."""
-        motion, axis = self._motion, self._axis
+        motion = self._motion
         wanted, room = self._aim(self._slot.end_us - closed.end_us)
-        start_velocity = motion.tail_velocity(axis)
+        start_velocity = motion.tail_velocity
         if wanted.displacement_units == wanted.end_velocity == start_velocity == 0:
             return
         ticks = self._slot.close_tick - closed.close_tick
-        microsteps = motion.config(axis).microsteps
+        microsteps = motion.config.microsteps
         cubic = slowed(wanted, start_velocity, self._velocity_limit, room, ticks, microsteps)
         if abs(wanted.displacement_units - cubic.displacement_units) > self._reach_units:
             self._trip(ErrorCode.OVERSPEED)
@@ -302,25 +302,25 @@ class CyclicPosition(DriveMode):
         low, high = self._range()
         end_units = max(low, min(end.position_units, high))
         room = highest_velocity(min(end_units - low, high - end_units), period_us + 2 * TICK_US)
-        return CyclicCubic(end_units - self._motion.tail_units(self._axis), end.velocity), room
+        return CyclicCubic(end_units - self._motion.tail_units, end.velocity), room
 
     def _queue(self, cubic: CyclicCubic, ticks: int) -> None:
         """Queue a cubic. An axis at rest waits a tick first: then it begins together with the cubics of moving axes."""
-        motion, axis = self._motion, self._axis
-        stands = not motion.running(axis)
+        motion = self._motion
+        stands = not motion.running
         if stands:
-            motion.push_ticks(axis, 0, 0, 1)
-        if motion.push_ticks(axis, *cubic, ticks) is not Refusal.ACCEPTED:
-            motion.drop_queued(axis)
+            motion.push_ticks(0, 0, 1)
+        if motion.push_ticks(*cubic, ticks) is not Refusal.ACCEPTED:
+            motion.drop_queued()
             self._trip(ErrorCode.SEGMENT_REFUSED)
         elif stands:
-            motion.start(axis)
+            motion.start()
 
     @property
     def _velocity_limit(self) -> int:
         """The axis' highest speed in 1/64 unit per ms, rounded so that cubics of any number of ticks may have it."""
-        limit_q16_per_ms = self._motion.rate_limit_q16_per_ms(self._axis)
-        microsteps = self._motion.config(self._axis).microsteps
+        limit_q16_per_ms = self._motion.rate_limit_q16_per_ms
+        microsteps = self._motion.config.microsteps
         return (limit_q16_per_ms & -TICKS_PER_MS) * VELOCITY_PER_UNIT_PER_MS // (microsteps << 2)
 
     @property

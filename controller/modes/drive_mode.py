@@ -12,7 +12,6 @@ class DriveMode:
 
     def __init__(self, context: AxisContext) -> None:
         self._context = context
-        self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
 
@@ -51,7 +50,7 @@ class DriveMode:
 
     def target_reached(self) -> bool:
         """Return bit 10 of the statusword; by default, standstill."""
-        return not self._motion.running(self._axis)
+        return not self._motion.running
 
     def status_bits(self) -> int:
         """Return the mode's other bits of the statusword."""

@@ -89,12 +89,12 @@ class Homing(DriveMode):
 
     def _begin(self) -> None:
         """Begin the homing that waits, if the axis stands."""
-        if self._state is not _State.WAITING or self._motion.running(self._axis):
+        if self._state is not _State.WAITING or self._motion.running:
             return
         method = HOMING_METHODS[self._dictionary.get(od.HOMING_METHOD)]
         if method is None:
             self._records.discard()
-            self._motion.preset(self._axis, self._dictionary.get(od.HOME_OFFSET))
+            self._motion.preset(self._dictionary.get(od.HOME_OFFSET))
             self._attain()
         else:
             self._begin_search(method)
@@ -130,7 +130,7 @@ class Homing(DriveMode):
         if search is None:
             return
         if search.phase is Phase.DONE:
-            self._motion.renumber(self._axis, search.latched_step, self._dictionary.get(od.HOME_OFFSET))
+            self._motion.renumber(search.latched_step, self._dictionary.get(od.HOME_OFFSET))
             self._attain()
         elif search.phase is Phase.FAILED:
             self._fail(search.error)

@@ -9,7 +9,7 @@ queues the record. The other three are read from their cells.
 """
 
 from steptwin.controller.modes.drive_mode import DriveMode
-from steptwin.controller.motion.board_motion import Refusal
+from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import I32_MAX, TICKS_PER_MS
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.soft_limits import hull
@@ -52,7 +52,7 @@ class Interpolation(DriveMode):
 
     def take_record(self, sequence: int) -> None:
         """Queue the record whose sequence number is being written; its other fields have been written before."""
-        queued = self._motion.queued(self._axis)
+        queued = self._motion.queued
         verdict = judge(sequence, self.next_sequence, 0 if self._closed else QUEUE_DEPTH - queued)
         if verdict is Verdict.STALE:
             return
@@ -77,11 +77,11 @@ class Interpolation(DriveMode):
         """Queue a segment, unless it leads out of the soft limits; from beyond a limit it may only lead back."""
         low, high = self._limits.range()
         if low > -I32_MAX or high < I32_MAX:
-            start, velocity = self._motion.tail_units(self._axis), self._motion.tail_velocity(self._axis)
+            start, velocity = self._motion.tail_units, self._motion.tail_velocity
             least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)
             if least < min(low, start) or most > max(high, start):
                 return Refusal.SOFT_LIMIT
-        return self._motion.push_ticks(self._axis, displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
+        return self._motion.push_ticks(displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
 
     def _drop(self, verdict: Verdict) -> None:
         """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
@@ -101,9 +101,9 @@ class Interpolation(DriveMode):
         """Empty the queue and expect sequence number 0 next, when 0 is written; refuse while the axis moves."""
         if value:
             return
-        if self._motion.running(self._axis):
+        if self._motion.running:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
-        self._motion.flush(self._axis)
+        self._motion.flush()
         self.restart()
 
     def restart(self) -> None:
@@ -132,7 +132,7 @@ class Interpolation(DriveMode):
 
     def _start(self) -> bool:
         """Begin the first record, unless a ramp is still bringing the axis to rest; return whether it began."""
-        return not self._motion.running(self._axis) and self._motion.start(self._axis, in_group=True)
+        return not self._motion.running and self._motion.start(in_group=True)
 
     def finished(self) -> None:
         """Handle the end of the queue at rest."""
@@ -144,8 +144,8 @@ class Interpolation(DriveMode):
 
     def discard(self) -> None:
         """Drop the records that wait, and close the queue: their numbers are taken, so the host must begin again."""
-        if self._motion.queued(self._axis):
-            self._motion.flush(self._axis)
+        if self._motion.queued:
+            self._motion.flush()
             self.stopped()
 
     def stopped(self) -> None:
@@ -165,7 +165,7 @@ class Interpolation(DriveMode):
 
     def target_reached(self) -> bool:
         """Return bit 10 of the statusword: standstill, at the end or in a halt."""
-        return not self._motion.running(self._axis) or self._motion.halted(self._axis)
+        return not self._motion.running or self._motion.halted
 
     def underrun(self) -> None:
         """Handle a queue that has run out while the axis moves."""
@@ -186,12 +186,12 @@ class Interpolation(DriveMode):
 
     def free_records(self) -> int:
         """Return the number of records that the queue has room for."""
-        return 0 if self._closed else QUEUE_DEPTH - self._motion.queued(self._axis)
+        return 0 if self._closed else QUEUE_DEPTH - self._motion.queued
 
     def flags(self) -> int:
         """Return the flags of the PVT status (2012h:03)."""
         flags = self._sticky
-        queued = self._motion.queued(self._axis)
+        queued = self._motion.queued
         if queued == 0:
             flags |= PvtFlag.EMPTY
         if self._running:
@@ -204,5 +204,5 @@ class Interpolation(DriveMode):
 
     def executing_sequence(self) -> int:
         """Return the number of the record that is being executed, or was last."""
-        behind = self._motion.queued(self._axis) + 1
+        behind = self._motion.queued + 1
         return (self.next_sequence - behind) % SEQUENCE_MODULUS

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from steptwin.controller.modes.interpolation import Interpolation
 from steptwin.controller.modes.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
-from steptwin.controller.motion.board_motion import Refusal
+from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import STEP_Q16
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.stops import HALTS, StopKind
@@ -41,7 +41,6 @@ class ProfileFeed:
 
     def __init__(self, context: AxisContext, records: Interpolation) -> None:
         self._context = context
-        self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._records = records
@@ -56,14 +55,14 @@ class ProfileFeed:
     @property
     def free(self) -> bool:
         """True if a profile may begin: the axis stands, or moves by a profile."""
-        return self.active or not self._motion.running(self._axis)
+        return self.active or not self._motion.running
 
     @property
     def steady_velocity(self) -> int | None:
         """Demanded velocity in 1/64 unit per ms while it is constant; None while it changes."""
-        if not self._motion.running(self._axis):
+        if not self._motion.running:
             return 0
-        waiting = self._motion.queued(self._axis)
+        waiting = self._motion.queued
         if not self.active or waiting >= len(self._pieces):
             return None
         piece = self._pieces[-1 - waiting]
@@ -72,9 +71,9 @@ class ProfileFeed:
     def take_over(self) -> int:
         """Drop all segments that wait, PVT records as well; return where the running one ends and a profile begins."""
         self._records.close()
-        self._motion.drop_queued(self._axis)
+        self._motion.drop_queued()
         self._forget_done()
-        return self._motion.tail_units(self._axis)
+        return self._motion.tail_units
 
     def limits(self, velocity: int) -> Limits | None:
         """Return the limits that the objects set now, for a speed in 1/64 unit per ms.
@@ -82,7 +81,7 @@ class ProfileFeed:
         None if the axis is too slow for profiles: less than the rounding margin remains of its velocity limit.
         """
         get = self._dictionary.get
-        fastest = self._fastest(self._motion.config(self._axis).rate_limit_q16_per_ms)
+        fastest = self._fastest(self._motion.config.rate_limit_q16_per_ms)
         if fastest < 1:
             return None
         return Limits(
@@ -94,15 +93,15 @@ class ProfileFeed:
 
     def _fastest(self, rate_q16_per_ms: int) -> int:
         """Return the velocity in 1/64 unit per ms that profiles may have within a step rate; below 1: none."""
-        units_q16 = UNITS_PER_FULL_STEP * rate_q16_per_ms // self._motion.config(self._axis).microsteps
+        units_q16 = UNITS_PER_FULL_STEP * rate_q16_per_ms // self._motion.config.microsteps
         return units_q16 * VELOCITY_PER_UNIT_PER_MS // STEP_Q16 - _VELOCITY_MARGIN
 
     def move_to(self, target_units: int, limits: Limits) -> None:
         """Move to rest at a target, from where the running segment ends; the speed limit may be lower by now."""
-        fastest = max(1, self._fastest(self._motion.rate_limit_q16_per_ms(self._axis)))
+        fastest = max(1, self._fastest(self._motion.rate_limit_q16_per_ms))
         limits = limits._replace(velocity=min(limits.velocity, fastest))
         distance = target_units - self.take_over()
-        self._begin(move(distance, self._motion.tail_velocity(self._axis), self._acceleration, limits))
+        self._begin(move(distance, self._motion.tail_velocity, self._acceleration, limits))
 
     def halt(self, limits: Limits) -> None:
         """Come to rest by the halt option code (605Dh): with the limits' own deceleration or that of a quick stop."""
@@ -112,7 +111,7 @@ class ProfileFeed:
     def stop(self, limits: Limits) -> None:
         """Come to rest as soon as the limits allow."""
         self.take_over()
-        self._begin(stop(self._motion.tail_velocity(self._axis), self._acceleration, limits))
+        self._begin(stop(self._motion.tail_velocity, self._acceleration, limits))
 
     @property
     def _acceleration(self) -> int:
@@ -120,7 +119,7 @@ class ProfileFeed:
 
     def _forget_done(self) -> None:
         """Forget the segments that have been executed."""
-        kept = self._motion.queued(self._axis) + int(self._motion.running(self._axis))
+        kept = self._motion.queued + int(self._motion.running)
         while len(self._pieces) > kept:
             self._pieces.popleft()
 
@@ -129,9 +128,9 @@ class ProfileFeed:
         self.fill()
         if self._profile is not profile:  # a segment was refused, and the drive has taken the axis away
             return
-        if self._motion.queued(self._axis) and not self._motion.running(self._axis):
-            self._motion.start(self._axis)
-        self.active = self._motion.running(self._axis)
+        if self._motion.queued and not self._motion.running:
+            self._motion.start()
+        self.active = self._motion.running
         if not self.active:
             self.due_us = None
 
@@ -151,9 +150,9 @@ class ProfileFeed:
             waiting_ms += segment.duration_ms
 
     def _queue(self, segment: Segment) -> bool:
-        start_velocity = self._motion.tail_velocity(self._axis)
+        start_velocity = self._motion.tail_velocity
         displacement, end_velocity, duration_ms, acceleration = segment
-        if self._motion.push(self._axis, displacement, end_velocity, duration_ms) is not Refusal.ACCEPTED:
+        if self._motion.push(displacement, end_velocity, duration_ms) is not Refusal.ACCEPTED:
             self._context.trip(ErrorCode.SEGMENT_REFUSED)
             return False
         self._pieces.append(_Piece(duration_ms, start_velocity, end_velocity, acceleration))
@@ -161,7 +160,7 @@ class ProfileFeed:
 
     def finished(self) -> bool:
         """Handle the end of all segments; return False if a new profile was queued in that very tick and goes on."""
-        if self.active and self._motion.start(self._axis):
+        if self.active and self._motion.start():
             return False
         self.abandon()
         return True

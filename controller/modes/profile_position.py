@@ -83,7 +83,7 @@ class ProfilePosition(DriveMode):
         wanted = self._dictionary.get(od.TARGET_POSITION)
         if relative:
             last = self._last_target_units
-            wanted += self._motion.demand_units(self._axis) if last is None else last
+            wanted += self._motion.demand_units if last is None else last
         target = self._limits.clamped(wanted)
         velocity = self._dictionary.get(od.PROFILE_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
         limits = self._feed.limits(velocity)
@@ -101,7 +101,7 @@ class ProfilePosition(DriveMode):
             return
         if self._active.limits:
             self._feed.move_to(self._active.target_units, self._active.limits)
-        if not self._motion.running(self._axis):
+        if not self._motion.running:
             self._reached()
 
     def _reached(self) -> None:
@@ -141,7 +141,7 @@ class ProfilePosition(DriveMode):
 
     def target_reached(self) -> bool:
         """Return bit 10: all set-points have been reached; during a halt, the axis stands."""
-        standing = not self._motion.running(self._axis)
+        standing = not self._motion.running
         return standing and (self._halted or (self._active is None and self._in_window()))
 
     def _in_window(self) -> bool:
@@ -149,7 +149,7 @@ class ProfilePosition(DriveMode):
         window, target_units = self._dictionary.get(od.POSITION_WINDOW), self._last_target_units
         if target_units is None or window == WINDOW_OFF:
             return True
-        return self._settled_us is None and abs(target_units - self._motion.counter_units(self._axis)) <= window
+        return self._settled_us is None and abs(target_units - self._motion.counter_units) <= window
 
     def status_bits(self) -> int:
         """Return bits 11, internal limit, and 12, set-point acknowledge."""

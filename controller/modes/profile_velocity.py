@@ -56,7 +56,7 @@ class ProfileVelocity(DriveMode):
         end = high if self._velocity > 0 else low
         if self._velocity and (end - self._feed.take_over()) * self._velocity > 0:
             self._feed.move_to(end, limits)
-        elif self._motion.running(self._axis):
+        elif self._motion.running:
             (self._feed.halt if self._halted else self._feed.stop)(limits)
 
     def finished(self) -> None:
@@ -87,9 +87,9 @@ class ProfileVelocity(DriveMode):
         if self._halted or not self._enabled:
             return False
         wanted = abs(self._wanted_units_per_s) * VELOCITY_PER_UNIT_PER_MS // 1000
-        return abs(self._velocity) < wanted or (wanted > 0 and not self._motion.running(self._axis))
+        return abs(self._velocity) < wanted or (wanted > 0 and not self._motion.running)
 
     def status_bits(self) -> int:
         """Return bits 11, internal limit, and 12, zero speed."""
         bits = Status.INTERNAL_LIMIT if self._at_limit else 0
-        return bits | (0 if self._motion.running(self._axis) else Status.ZERO_SPEED)
+        return bits | (0 if self._motion.running else Status.ZERO_SPEED)

@@ -105,7 +105,6 @@ class SwitchSearch:
         """The reason for FAILED."""
         self.latched_step = 0
         """The step counter when the edge was seen; valid from LATCHED on."""
-        self._axis = context.axis
         self._motion = context.motion
         self._feed = feed
         self._method = method
@@ -209,14 +208,14 @@ class SwitchSearch:
             self._happens(self._end_of_way)
             return
         self._feed.move_to(self._direction * I32_MAX, limits)
-        if not self._motion.running(self._axis):
+        if not self._motion.running:
             self._happens(SearchEvent.DEAD_END)
 
     def _brake(self, phase: Phase) -> None:
         if phase is Phase.LATCHED:
-            self.latched_step = self._motion.counter_steps(self._axis)
+            self.latched_step = self._motion.counter_steps
         self.phase = phase
-        if self._motion.running(self._axis):
+        if self._motion.running:
             self._feed.stop(self._strokes[Phase.SEARCH][1])
-        if not self._motion.running(self._axis):
+        if not self._motion.running:
             self._stopped()

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.node.axis_errors import AxisErrors
 from steptwin.controller.node.pins import AxisPins
@@ -32,8 +33,7 @@ class PositionReference:
     without encoder counts every step as made, and its following error is then the rounding to steps.
     """
 
-    def __init__(self, axis: int, motion: BoardMotion, dictionary: ObjectDictionary) -> None:
-        self._axis = axis
+    def __init__(self, motion: AxisMotion, dictionary: ObjectDictionary) -> None:
         self._motion = motion
         self._lost_steps = dictionary.cell(od.LOST_STEPS)
         self._lost_before_steps = 0
@@ -55,12 +55,12 @@ class PositionReference:
     def lost_units(self) -> int:
         """Distance of the rotor behind the step counter, as far as it has grown since the reference was set."""
         lost_steps = self._lost_steps.get() - self._lost_before_steps
-        return lost_steps * UNITS_PER_FULL_STEP // self._motion.config(self._axis).microsteps
+        return lost_steps * UNITS_PER_FULL_STEP // self._motion.config.microsteps
 
     @property
     def following_error_units(self) -> int:
         """Demanded position less the position that the driver has counted."""
-        return self._motion.demand_units(self._axis) - self._motion.counter_units(self._axis) + self.lost_units
+        return self._motion.demand_units - self._motion.counter_units + self.lost_units
 
 
 class Trip(Protocol):
@@ -88,16 +88,16 @@ class AxisContext:
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
         self.board = board
-        self.motion = board.motion
+        self.motion = board.motion.axes[axis]
         self.dictionary = ObjectDictionary(node_id, stored=flash_page)
         self.process_data = ProcessData(self.dictionary)
         self.heartbeats = HeartbeatConsumer(self.dictionary)
         self.errors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
         self.pins = AxisPins()
         self.limits = SoftLimits(self.dictionary)
-        self.reference = PositionReference(axis, board.motion, self.dictionary)
+        self.reference = PositionReference(self.motion, self.dictionary)
         self.dictionary.bind(board.measurements)
-        self.dictionary.bind(board.motion, axis)
+        self.dictionary.bind(self.motion)
         self.now_us = 0
         """Time of the call being served."""
         self.touched = False

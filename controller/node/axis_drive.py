@@ -134,9 +134,9 @@ class AxisDrive:
             self._set_error(ErrorCode.NONE)
             self._context.errors.acknowledge_faults()
         kind, end = self._stop_towards(target)
-        if self._motion.running(self.axis) and target is not State.OPERATION_ENABLED:
+        if self._motion.running and target is not State.OPERATION_ENABLED:
             self._bring_to_rest(kind)
-        if not self._motion.running(self.axis):
+        if not self._motion.running:
             self._enter(end)
         elif end in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):
             self._after_stop = end  # the drive stays in OPERATION ENABLED until the ramp has ended
@@ -163,7 +163,7 @@ class AxisDrive:
 
     def select_mode(self, mode: int) -> None:
         """Change to another mode of operation, unless the axis moves."""
-        if mode != self.mode_number and self._motion.running(self.axis):
+        if mode != self.mode_number and self._motion.running:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if mode != self.mode_number:
             self.mode.interrupted()
@@ -239,9 +239,9 @@ class AxisDrive:
         self._report(code, detail)
         if code is ErrorCode.PVT_UNDERRUN:
             self.interpolation.underrun()
-        if self._motion.running(self.axis) or self._motion.velocity(self.axis) != 0:
+        if self._motion.running or self._motion.velocity != 0:
             self._bring_to_rest(kind, stop_ms)
-        self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running(self.axis) else State.FAULT)
+        self._enter(State.FAULT_REACTION_ACTIVE if self._motion.running else State.FAULT)
 
     def stop_at_once(self, value: int) -> None:
         """Stop as the e-stop input does (2015h); only a fault reset leads out of FAULT, also if the drive was off."""
@@ -291,11 +291,11 @@ class AxisDrive:
 
     def settle(self, now_us: int) -> None:
         """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
-        self._motion.settle_speed_limit(self.axis)
+        self._motion.settle_speed_limit()
         interpolating = self.mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
-        self._motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
-        self.settings.settle(now_us, moving=self._motion.running(self.axis))
+        self._context.board.motion.group.hold(self.axis, hold=interpolating and bool(self._controlword & Control.HALT))
+        self.settings.settle(now_us, moving=self._motion.running)
         self.supervision.watch(now_us, switches=not self.mode.seeks_switches)
 
     def dues_us(self) -> tuple[int | None, ...]:
@@ -322,7 +322,7 @@ class AxisDrive:
         if self.mode_number in _FOLLOWING_MODES and self.supervision.following_error:
             word |= Status.FOLLOWING_ERROR
         enabled = self.state is State.OPERATION_ENABLED
-        if self.mode.target_reached() if enabled else not self._motion.running(self.axis):
+        if self.mode.target_reached() if enabled else not self._motion.running:
             word |= Status.TARGET_REACHED
         if enabled:
             word |= self.mode.status_bits()

@@ -46,7 +46,7 @@ class AxisNode:
         self.dictionary = context.dictionary
         self.process_data = context.process_data
         self.pins = context.pins
-        self._motion = board.motion
+        self._motion = context.motion
         self._clock_zero_us = 0
         """Time when the high resolution time stamp (1013h) was 0."""
         self._statusword = 0
@@ -90,7 +90,7 @@ class AxisNode:
 
     def _board_moves(self) -> bool:
         """Return whether an axis of the board moves: while an STM32F103 writes its flash, it cannot make steps."""
-        return any(self._motion.running(axis) for axis in range(self._motion.axis_count))
+        return bool(self._context.board.motion.running_axes)
 
     # --- power-up and network management
 
@@ -299,7 +299,7 @@ class AxisNode:
 
     def _end_call(self) -> None:
         """End a call: pass on changed PDO parameters, note a changed statusword, schedule the next poll."""
-        if self._resetting and not self._motion.running(self.axis):
+        if self._resetting and not self._motion.running:
             self._end_reset()
         if self.process_data.refresh(self._context.now_us) or self._heartbeats.changed:
             self._heartbeats.changed = False

@@ -39,7 +39,6 @@ class DriverSettings:
     """Sets the driver's pins and the step configuration of one axis."""
 
     def __init__(self, context: AxisContext, records: Interpolation) -> None:
-        self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._pins = context.pins
@@ -58,8 +57,8 @@ class DriverSettings:
         """
         energised = bool(self._pins.level(Pin.ENABLE))
         if energised and address == od.MAX_PROFILE_VELOCITY:
-            config = replace(self._motion.config(self._axis), velocity_max_units_per_s=value)
-            self._motion.change_speed_limit(self._axis, config)
+            config = replace(self._motion.config, velocity_max_units_per_s=value)
+            self._motion.change_speed_limit(config)
             return
         if energised:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
@@ -72,9 +71,9 @@ class DriverSettings:
         """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
         changes, get = changes or {}, self._dictionary.get
         config = StepConfig(*(changes.get(address, get(address)) for address in _STEP_ENTRIES))
-        if config.microsteps != self._motion.config(self._axis).microsteps:
+        if config.microsteps != self._motion.config.microsteps:
             self._select_microsteps(config.microsteps)
-        self._motion.configure(self._axis, config)
+        self._motion.configure(config)
 
     def _select_microsteps(self, microsteps: int) -> None:
         """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""

@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, NamedTuple
 
+from steptwin.controller.motion.axis_motion import AxisEvent
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import AxisEvent, BoardMotion, ramp_group
+from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardContext, BoardReadings
 from steptwin.controller.node.axis_node import AxisNode
@@ -260,7 +261,7 @@ class Firmware:
         now_us = now_counts // COUNTS_PER_US
         self._stop_tripped(now_us)
         if group.must_ramp:
-            ramp_group(self.motion, [node.drive.stop.halt_deceleration() for node in self.nodes])
+            self.motion.ramp_group([node.drive.stop.halt_deceleration() for node in self.nodes])
         for node in self.nodes:
             node.report_changes(now_us)
             self._fetch_from(node, now_counts)
@@ -307,7 +308,7 @@ class Firmware:
 
     def _switch_pins(self, node: AxisNode, now_counts: int) -> None:
         """Time a node's pin changes: those of the driver wait for the end of the last pulse already placed."""
-        driver_counts = max(now_counts, self.motion.last_fall_counts(node.axis))
+        driver_counts = max(now_counts, self.motion.axes[node.axis].last_fall_counts)
         for pin, level in node.pins.changes:
             counts = now_counts if pin in OUTPUT_PINS else driver_counts
             self.pins.append(PinChange(counts, node.axis, pin, level))

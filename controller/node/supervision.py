@@ -25,7 +25,6 @@ class Supervision:
     """Watches one axis and trips its drive."""
 
     def __init__(self, context: AxisContext) -> None:
-        self._axis = context.axis
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._measurements = context.board.measurements
@@ -70,7 +69,7 @@ class Supervision:
 
     def watch(self, now_us: int, *, switches: bool) -> None:
         """Decide, at the end of a call, what to watch until the next; `switches`: whether limit switches are faults."""
-        moving = self._motion.running(self._axis)
+        moving = self._motion.running
         self._watches_limits = moving and switches and bool(self.inputs & _LIMITS)
         self._watches_following = moving and self._dictionary.get(od.FOLLOWING_ERROR_WINDOW) != WINDOW_OFF
         if not self._watches_following:
@@ -93,7 +92,7 @@ class Supervision:
 
     def check_limits(self) -> None:
         """Trip if the axis moves towards a limit switch that is active."""
-        velocity = self._motion.velocity(self._axis)
+        velocity = self._motion.velocity
         ahead = DigitalInput.POSITIVE_LIMIT if velocity > 0 else DigitalInput.NEGATIVE_LIMIT
         if velocity and self.inputs & ahead:
             self._trip(ErrorCode.LIMIT_SWITCH, int(velocity > 0))

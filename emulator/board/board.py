@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.firmware import Firmware
@@ -240,9 +240,7 @@ class Board:
     @property
     def moving(self) -> bool:
         """True while an event is possible at any tick: a motion runs, or the last one may still change a switch."""
-        return self.inputs.unsettled or any(
-            self.firmware.motion.running(axis) for axis in range(self.config.axis_count)
-        )
+        return self.inputs.unsettled or bool(self.firmware.motion.running_axes)
 
     def operate(self, operation: BoardOperation, now_counts: int) -> None:
         """Operate the machine. The firmware sees inputs with the next tick, measured values at once.
@@ -437,7 +435,7 @@ class Board:
         """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
         self._take_pins()
         motion = self.firmware.motion
-        self.drivers.show_axis(axis, motion.take_axis_edges(axis), motion.tick * TICK_COUNTS)
+        self.drivers.show_axis(axis, motion.axes[axis].take_edges(), motion.tick * TICK_COUNTS)
 
     def driver_counts(self, axis: int) -> DriverMonitor:
         """Return the counts of an axis' driver, including the pulses of the tick in progress."""

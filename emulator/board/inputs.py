@@ -244,7 +244,7 @@ class BoardInputs:
     def _running(self, axis: int, motion: BoardMotion) -> bool:
         """Return whether a rotor moves along the way of an axis' switches."""
         for rotor in self._travels[axis].rotors:  # noqa: SIM110  (any() costs time, at every look)
-            if motion.running(rotor):
+            if motion.axes[rotor].running:
                 return True
         return False
 
@@ -252,7 +252,7 @@ class BoardInputs:
         """Return the number of pulses that a rotor has made, or may have made, which the switches have not followed."""
         most = 0
         for rotor in self._travels[axis].rotors:
-            pulses = motion.undrained_pulses(rotor) + self._held_pulses[rotor]
+            pulses = motion.axes[rotor].undrained_pulses + self._held_pulses[rotor]
             for counts, _ in self._ahead[rotor]:
                 pulses += counts.size
             most = max(most, pulses)
@@ -331,7 +331,7 @@ class BoardInputs:
         by_drivers = max(1, (steps - 1) * self._period_min_counts // TICK_COUNTS)
         by_segments = -1
         for rotor in self._travels[axis].rotors:
-            if motion.running(rotor):
-                quiet_ticks = motion.quiet_ticks(rotor, steps)
+            if motion.axes[rotor].running:
+                quiet_ticks = motion.axes[rotor].quiet_ticks(steps)
                 by_segments = quiet_ticks if by_segments < 0 else min(by_segments, quiet_ticks)
         return max(by_segments, by_drivers)

@@ -231,8 +231,9 @@ class LiveSimulation:
 def warm_up(kernel: Kernel) -> None:
     """Call the kernel's functions once, because the first call loads or compiles them, which takes long."""
     motion = BoardMotion(kernel, 1)
-    motion.configure(0, StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))
-    motion.push(0, 0, 0, 1)
-    motion.start(0)
+    (axis,) = motion.axes
+    axis.configure(StepConfig(1, 1_000, 1_000, 0, 0, velocity_max_units_per_s=1 << 20))
+    axis.push(0, 0, 1)
+    axis.start()
     motion.advance(1)
-    motion.velocity(0)
+    axis.stop(1)

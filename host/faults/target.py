@@ -75,7 +75,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
     return AxisMoment(
         state=node.drive.state,
         energised=node.drive.energised,
-        velocity=motion.velocity(axis),
+        velocity=motion.axes[axis].velocity,
         deceleration=node.dictionary.get(od.QUICK_STOP_DECELERATION),
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
         lag_full_steps=_lag_full_steps(board, axis) if counted else None,
@@ -86,7 +86,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
 
 def _lag_full_steps(board: Board, axis: int) -> float:
     motion = board.firmware.motion
-    return motion.counter_steps(axis) / motion.config(axis).microsteps - board.position_full_steps(axis)
+    return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - board.position_full_steps(axis)
 
 
 class Places:
@@ -199,7 +199,7 @@ class Target:
             Microsteps(
                 joint.name,
                 board.driver_microsteps(axis),
-                board.firmware.motion.config(axis).microsteps,
+                board.firmware.motion.axes[axis].config.microsteps,
                 joint.transmission.microsteps,
             )
             for joint, (board, axis) in zip(self.robot.joints, self.axes, strict=True)
@@ -213,7 +213,7 @@ class Target:
     @property
     def interpolating(self) -> bool:
         """True while an axis executes a motion."""
-        return any(board.firmware.motion.running(axis) for board, axis in self.axes)
+        return any(board.firmware.motion.axes[axis].running for board, axis in self.axes)
 
     @property
     def surroundings(self) -> Surroundings:

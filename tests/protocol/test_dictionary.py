@@ -102,15 +102,6 @@ class Charge:
         raise SdoAbortError(AbortCode.DEVICE_STATE)
 
 
-class BoardMotion:
-    """A part that serves several axes."""
-
-    def delayed_steps(self, axis: int) -> int:
-        return 100 + axis
-
-    demand_units = counter_units = velocity_units_per_s = demand_steps = queued = delayed_steps
-
-
 def test_a_part_is_bound_by_the_name_of_its_class() -> None:
     dictionary = ObjectDictionary(0x10)
     dictionary.bind(Charge())
@@ -119,11 +110,3 @@ def test_a_part_is_bound_by_the_name_of_its_class() -> None:
     assert dictionary.get(od.CHARGE_TOKEN) == 8
     with pytest.raises(SdoAbortError):
         dictionary.cell(od.CHARGE_RELEASE).put(8)
-
-
-def test_a_part_of_several_axes_is_given_the_axis() -> None:
-    first, second = ObjectDictionary(0x10), ObjectDictionary(0x11)
-    motion = BoardMotion()
-    first.bind(motion, 0)
-    second.bind(motion, 1)
-    assert (first.get(od.DELAYED_STEPS), second.get(od.DELAYED_STEPS)) == (100, 101)

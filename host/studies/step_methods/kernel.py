@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from steptwin.controller.motion.axis_motion import PinEdges, Refusal
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import BoardMotion, PinEdges, Refusal
+from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from steptwin.host.common.arrays import FloatArray
@@ -78,7 +79,7 @@ def ready(kernel: Kernel, timing: StepConfig, axes: int = AXES) -> BoardMotion:
     """Return a motion whose axes have this pulse timing and stand at 0."""
     motion = BoardMotion(kernel, axes)
     for axis in range(axes):
-        motion.configure(axis, timing)
+        motion.axes[axis].configure(timing)
     return motion
 
 
@@ -100,9 +101,9 @@ def run_records(motion: BoardMotion, records: Sequence[Iterable[Record]]) -> Ite
     while batches[0]:
         for axis, batch in enumerate(batches):
             for record in batch:
-                assert motion.push(axis, *record) is Refusal.ACCEPTED
+                assert motion.axes[axis].push(*record) is Refusal.ACCEPTED
             if not end_tick:
-                motion.start(axis)
+                motion.axes[axis].start()
         end_tick += TICKS_PER_MS * sum(duration_ms for _, _, duration_ms in batches[0])
         batches = [list(islice(source, POINTS_AHEAD)) for source in sources]
         until_tick = end_tick - 1 if batches[0] else end_tick
@@ -135,8 +136,8 @@ def board_motion_of(kernel: Kernel, planned: PlannedMotion) -> BoardMotion:
     times_ns = (board.steplen_ns, board.stepspace_ns, board.dirsetup_ns, board.dirhold_ns)
     for axis, microsteps in enumerate(planned.microsteps.tolist()):
         rate_units_per_s = ceil(board.step_rate_max_hz * UNITS_PER_FULL_STEP / microsteps)
-        motion.configure(axis, StepConfig(microsteps, *times_ns, velocity_max_units_per_s=rate_units_per_s))
-        motion.preset(axis, int(planned.points_units[axis, 0]))
+        motion.axes[axis].configure(StepConfig(microsteps, *times_ns, velocity_max_units_per_s=rate_units_per_s))
+        motion.axes[axis].preset(int(planned.points_units[axis, 0]))
     return motion
 
 

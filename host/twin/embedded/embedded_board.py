@@ -196,7 +196,7 @@ class EmbeddedBoard:
 
     def counted_units(self) -> list[int]:
         """Return the position of each axis by the firmware's own count, as 0x6064 has it, without asking for it."""
-        return [board.firmware.motion.counter_units(axis) for board, axis in self._machine.axes]
+        return [board.firmware.motion.axes[axis].counter_units for board, axis in self._machine.axes]
 
     def rotor_positions(self) -> list[float]:
         """Return where each rotor really is, in the steps of `motor_positions`; without motors it is the same."""

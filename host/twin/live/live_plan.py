@@ -174,17 +174,17 @@ class LivePlan(ReceivedPlan):
         The drivers know the position to a step; for an axis with records the firmware adds the part of a step.
         """
         self._rest_units = self._demands_units()
-        self._queued = [board.firmware.motion.queued(axis) for board, axis in self._machine.axes]
+        self._queued = [board.firmware.motion.axes[axis].queued for board, axis in self._machine.axes]
         for joint, (board, axis) in enumerate(self._machine.axes):
             motor_units = self._start_units[joint] + round(board.position_full_steps(axis) * UNITS_PER_FULL_STEP)
-            counted = board.firmware.motion.counter_units(axis) if self._queued[joint] else self._rest_units[joint]
+            counted = board.firmware.motion.axes[axis].counter_units if self._queued[joint] else self._rest_units[joint]
             self._offset_units[joint] = motor_units - counted
 
     def begin_at_sync(self) -> None:
         """Begin a plan: the last SYNC has started a motion."""
         self.begin(self._on_machine(self._rest_units), self._queued)
         for joint, (board, axis) in enumerate(self._machine.axes):
-            config, name = board.firmware.motion.config(axis), self._machine.robot.joint_names[joint]
+            config, name = board.firmware.motion.axes[axis].config, self._machine.robot.joint_names[joint]
             as_filed = config.microsteps == self._machine.robot.joints[joint].transmission.microsteps
             if self._queued[joint] and (config.dir_inverted or not as_filed):
                 self.fail(f"{name} is set up otherwise than in the robot's file")
@@ -199,7 +199,7 @@ class LivePlan(ReceivedPlan):
             self.end(self._on_machine(self._demands_units()))
 
     def _demands_units(self) -> list[int]:
-        return [board.firmware.motion.demand_units(axis) for board, axis in self._machine.axes]
+        return [board.firmware.motion.axes[axis].demand_units for board, axis in self._machine.axes]
 
     def _on_machine(self, units: list[int]) -> list[int]:
         return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]

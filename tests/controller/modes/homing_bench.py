@@ -86,13 +86,13 @@ class HomingBench(BenchBoard):
         Return whether they have changed.
         """
         motion = self.firmware.motion
-        if motion.undrained_pulses(0) or motion.room_ticks < 2:
+        if motion.axes[0].undrained_pulses or motion.room_ticks < 2:
             self._take_pulses()
         while self._pending and self._pending[0][0] < boundary:
             rise, sign = self._pending.pop(0)
             self.machine.position += sign
             self.rises.append((rise, sign))
-        velocity = motion.velocity(0)
+        velocity = motion.axes[0].velocity
         if velocity or (self.velocities and self.velocities[-1]):
             self.velocities.append(velocity)
         self.now = boundary

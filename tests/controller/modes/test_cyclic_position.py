@@ -101,7 +101,7 @@ class TestFollowing:
         for point in points[2:]:
             board.cycle(point)
             exact_units = planned.position(elapsed_ms(board))
-            assert abs(board.firmware.motion.demand_units(0) - exact_units) <= 1
+            assert abs(board.firmware.motion.axes[0].demand_units - exact_units) <= 1
 
     @given(steps=st.lists(st.integers(-300, 300), min_size=4, max_size=25), period_ms=st.integers(1, 10))
     @settings(max_examples=60)
@@ -122,7 +122,7 @@ class TestFollowing:
             for _ in range(4 * period_ms - 1):
                 board.wait(0.25)
                 exact_units = planned.position(elapsed_ms(board))
-                assert abs(board.firmware.motion.demand_units(0) - exact_units) <= 1
+                assert abs(board.firmware.motion.axes[0].demand_units - exact_units) <= 1
 
     @PERIODS
     def test_the_deviation_from_the_host_s_own_curve_is_bounded(self, fast_kernel: Kernel, period_ms: int) -> None:
@@ -162,7 +162,7 @@ class TestFollowing:
         board.follow(points)
         board.settle()
         assert (board.value(od.POSITION_DEMAND), board.value(od.POSITION_ACTUAL)) == (end, -123 * STEP)
-        assert not board.firmware.motion.running(0)
+        assert not board.firmware.motion.axes[0].running
         assert len(edges(board)[0]) == 123
 
     def test_the_statusword(self, fast_kernel: Kernel) -> None:
@@ -264,7 +264,7 @@ class TestTiming:
             board.cycle(point)
             if i > 60 and i % 7 == 0:
                 assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(500_000, rel=1 / 200)
-                to_go_ms = (point - board.firmware.motion.demand_units(0)) / 500
+                to_go_ms = (point - board.firmware.motion.axes[0].demand_units) / 500
                 since_sync_ms = board.firmware.motion.tick / 4 - board.now / MS
                 worst_ms = max(worst_ms, abs(since_sync_ms + to_go_ms - delay_ms))
         assert seconds * abs(ppm) / 1000 > 2 * period_ms
@@ -434,7 +434,7 @@ class TestSoftLimits:
             board.cycle(point)
             for _ in range(4 * period_ms - 1):
                 board.wait(0.25)
-                demand = board.firmware.motion.demand_units(0)
+                demand = board.firmware.motion.axes[0].demand_units
                 assert demand * sign <= limit * sign
                 reached.add(demand)
             if board.has(Status.INTERNAL_LIMIT):
@@ -699,7 +699,7 @@ def test_any_cycles_are_followed_or_end_in_a_reported_fault(
         assert board.write(od.POSITION_LIMIT_MAX, limits[1], axis) == 0
     board.enable(Mode.CYCLIC_SYNCHRONOUS_POSITION)
     motion = board.firmware.motion
-    fastest = motion.config(0).rate_limit_q16_per_ms / (4 * microsteps)
+    fastest = motion.axes[0].config.rate_limit_q16_per_ms / (4 * microsteps)
     reach = math.floor(fastest * period_ms)
     points: list[int | None] = [0] * AXES
     for values, sync, late in script:
@@ -708,17 +708,17 @@ def test_any_cycles_are_followed_or_end_in_a_reported_fault(
             points[axis] = last + int(point * reach) if isinstance(point, Fraction) else point
         board.cycle(*points, sync=sync, late_counts=round(late * period_ms * MS))
         for axis in range(AXES):
-            assert abs(motion.velocity(axis)) <= 64 * fastest + 1
+            assert abs(motion.axes[axis].velocity) <= 64 * fastest + 1
             if board.state(axis) is State.OPERATION_ENABLED:
-                assert limits[0] <= motion.demand_units(axis) <= limits[1]
+                assert limits[0] <= motion.axes[axis].demand_units <= limits[1]
     board.wait(20 * period_ms)
     for axis in range(AXES):
         board.write(od.CONTROLWORD, DISABLE, axis)
     board.wait(2000)
     for axis, (rises, falls, directions) in enumerate(both(board)):
-        assert not motion.running(axis)
+        assert not motion.axes[axis].running
         assert pin_timing_faults(rises, falls, directions, Timing()) == []
-        assert sum(signs(rises, directions)) == motion.counter_steps(axis)
+        assert sum(signs(rises, directions)) == motion.axes[axis].counter_steps
         assert set(board.errors(axis)) <= CAUSES
         assert board.state(axis) in (State.SWITCHED_ON, State.FAULT)
         assert (board.state(axis) is State.FAULT) is bool(board.errors(axis))

@@ -197,7 +197,7 @@ def test_axes_that_do_not_interpolate_are_untouched(pair: BenchBoard) -> None:
     start = position(pair, 1)
     pair.write(od.CONTROLWORD, HALT, axis=0)
     pair.wait(51)
-    assert not pair.firmware.motion.running(1)
+    assert not pair.firmware.motion.axes[1].running
     assert position(pair, 1) - start == pytest.approx(-100 * STEP, abs=STEP)
     pair.write(od.CONTROLWORD, RUN, axis=0)
     pair.wait(200)

@@ -262,7 +262,7 @@ class TestResult:
             seen.append(bench.bits)
         assert set(seen[:-1]) == {(0, 0, 0)}
         assert bench.value(od.STATUSWORD) & Status.POSITION_KNOWN
-        assert bench.firmware.motion.running(0) is False
+        assert bench.firmware.motion.axes[0].running is False
 
     def test_it_stays_attained_until_another_begins_or_the_reference_is_lost(self, fast_kernel: Kernel) -> None:
         bench = bench_for(fast_kernel, 20, -100)

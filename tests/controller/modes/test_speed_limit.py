@@ -48,7 +48,7 @@ def speeds(board: BenchBoard, ms: int) -> Iterator[float]:
 
 
 def stands_at(board: BenchBoard, steps: int) -> bool:
-    return board.value(od.POSITION_DEMAND) == steps * STEP and not board.firmware.motion.running(0)
+    return board.value(od.POSITION_DEMAND) == steps * STEP and not board.firmware.motion.axes[0].running
 
 
 @pytest.fixture
@@ -210,7 +210,7 @@ def test_the_room_for_edges_follows_a_higher_limit(pv: BenchBoard) -> None:
     assert pv.write(LIMIT, 14_000 * STEP) == 0
     pv.write(od.TARGET_VELOCITY, 14_000 * STEP)
     motion, rises = pv.firmware.motion, 0
-    before = motion.counter_steps(0)
+    before = motion.axes[0].counter_steps
     motion.take_edges()
     for _ in range(2000):
         pv.wait(1)
@@ -218,4 +218,4 @@ def test_the_room_for_edges_follows_a_higher_limit(pv: BenchBoard) -> None:
             rises += len(motion.take_edges()[0].clk_counts) // 2
     rises += len(motion.take_edges()[0].clk_counts) // 2
     assert rises > 20_000
-    assert motion.counter_steps(0) - before == pytest.approx(rises, abs=2)
+    assert motion.axes[0].counter_steps - before == pytest.approx(rises, abs=2)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from steptwin.controller.motion.axis_motion import STOP_MAX_MS, AxisEvent, Refusal, stop_segments
 from steptwin.controller.motion.backend import Kernel, python_kernel
-from steptwin.controller.motion.board_motion import STOP_MAX_MS, AxisEvent, BoardMotion, Refusal, stop_segments
+from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.units import STEP
@@ -19,73 +20,73 @@ CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s
 def moving(kernel: Kernel, axes: int = 1, config: StepConfig = CONFIG) -> BoardMotion:
     motion = BoardMotion(kernel, axes)
     for axis in range(axes):
-        motion.configure(axis, config)
+        motion.axes[axis].configure(config)
     return motion
 
 
 def test_an_unconfigured_axis_refuses_motion(kernel: Kernel) -> None:
-    assert BoardMotion(kernel, 1).push(0, 1, 0, 1) is Refusal.TOO_FAST
+    assert BoardMotion(kernel, 1).axes[0].push(1, 0, 1) is Refusal.TOO_FAST
 
 
 def test_preset_keeps_the_fraction_of_a_step(kernel: Kernel) -> None:
     """The demand may lie between two steps; the counter is the nearest whole one."""
     motion = moving(kernel)
     for units, steps in ((511, 0), (512, 1), (-512, 0), (-513, -1), (1_000_000, 977)):
-        motion.preset(0, units)
-        assert motion.demand_units(0) == units
-        assert motion.counter_units(0) == steps * STEP
+        motion.axes[0].preset(units)
+        assert motion.axes[0].demand_units == units
+        assert motion.axes[0].counter_units == steps * STEP
 
 
 def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
     """After a motion the demand may be 9/16 step from the counter; the motor is at the counter."""
     motion = moving(kernel)
-    motion.push(0, 570, 0, 10)  # 0.557 step: no step yet
-    motion.start(0)
+    motion.axes[0].push(570, 0, 10)  # 0.557 step: no step yet
+    motion.axes[0].start()
     motion.advance(40)
     motion.take_events()
-    assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
-    motion.configure(0, StepConfig(16, 40_000, 40_000, 0, 0, STEP))
-    assert (motion.demand_units(0), motion.counter_units(0)) == (570, 0)
+    assert (motion.axes[0].demand_units, motion.axes[0].counter_units) == (570, 0)
+    motion.axes[0].configure(StepConfig(16, 40_000, 40_000, 0, 0, STEP))
+    assert (motion.axes[0].demand_units, motion.axes[0].counter_units) == (570, 0)
 
 
 @pytest.mark.parametrize(("microsteps", "counter_units"), [(1, 16_384), (2, 24_576), (8, 20_480)])
 def test_a_new_microstep_setting_keeps_the_place(kernel: Kernel, microsteps: int, counter_units: int) -> None:
     motion = moving(kernel)
-    motion.preset(0, 20 * STEP + 100)
-    motion.configure(0, StepConfig(microsteps, 33_000, 33_666, 0, 0, STEP))
-    assert (motion.demand_units(0), motion.counter_units(0)) == (20 * STEP, counter_units)
+    motion.axes[0].preset(20 * STEP + 100)
+    motion.axes[0].configure(StepConfig(microsteps, 33_000, 33_666, 0, 0, STEP))
+    assert (motion.axes[0].demand_units, motion.axes[0].counter_units) == (20 * STEP, counter_units)
 
 
 def test_stop_lasts_as_asked_and_ends_at_rest(kernel: Kernel) -> None:
     """From 8 kHz in 100 ms: 400 steps of stopping distance, the motor at most half a step from the demand."""
     motion = moving(kernel)
-    assert motion.push(0, 400 * STEP, 8 * 65_536, 100) is Refusal.ACCEPTED
-    assert motion.push(0, 2040 * STEP, 8 * 65_536, 255) is Refusal.ACCEPTED
-    motion.start(0)
+    assert motion.axes[0].push(400 * STEP, 8 * 65_536, 100) is Refusal.ACCEPTED
+    assert motion.axes[0].push(2040 * STEP, 8 * 65_536, 255) is Refusal.ACCEPTED
+    motion.axes[0].start()
     motion.advance(500)
-    before = motion.demand_units(0)
-    velocity = motion.velocity(0)
+    before = motion.axes[0].demand_units
+    velocity = motion.axes[0].velocity
     assert velocity == pytest.approx(8 * 65_536, abs=64)
-    motion.stop(0, 100)
+    motion.axes[0].stop(100)
     assert motion.advance(2000) == 900
     assert motion.take_events() == [(0, AxisEvent.FINISHED)]
-    assert not motion.running(0)
+    assert not motion.axes[0].running
     expected = velocity * 100 / 2 / 64
-    assert motion.demand_units(0) - before == pytest.approx(expected, abs=1)
-    assert abs(motion.demand_units(0) - motion.counter_units(0)) <= 0.5626 * STEP
+    assert motion.axes[0].demand_units - before == pytest.approx(expected, abs=1)
+    assert abs(motion.axes[0].demand_units - motion.axes[0].counter_units) <= 0.5626 * STEP
 
 
-@pytest.mark.parametrize("answer", [lambda motion: motion.flush(0), lambda motion: motion.stop(0, 10)])
+@pytest.mark.parametrize("answer", [lambda motion: motion.axes[0].flush(), lambda motion: motion.axes[0].stop(10)])
 def test_flush_and_stop_cancel_an_event_that_waits_for_its_tick(
     kernel: Kernel, answer: Callable[[BoardMotion], None]
 ) -> None:
     """The kernel is up to a tick ahead of the board's clock; until the event is taken the axis counts as running."""
     motion = moving(kernel)
-    motion.push(0, 4096, 800 * 64, 10)
-    motion.start(0)
+    motion.axes[0].push(4096, 800 * 64, 10)
+    motion.axes[0].start()
     assert motion.advance(100) == 40
     assert motion.events
-    assert motion.running(0)
+    assert motion.axes[0].running
     answer(motion)
     assert not motion.events
     assert motion.take_events() == []
@@ -93,23 +94,23 @@ def test_flush_and_stop_cancel_an_event_that_waits_for_its_tick(
 
 def test_a_stop_without_room_for_its_ramp_is_dead(kernel: Kernel) -> None:
     motion = moving(kernel)
-    motion.preset(0, 2**31 - 1 - 5000)
-    motion.push(0, 4000, 800 * 64, 10)
-    motion.start(0)
+    motion.axes[0].preset(2**31 - 1 - 5000)
+    motion.axes[0].push(4000, 800 * 64, 10)
+    motion.axes[0].start()
     motion.advance(40)
-    motion.stop(0, 100)
-    assert not motion.running(0)
-    assert motion.velocity(0) == 0
+    motion.axes[0].stop(100)
+    assert not motion.axes[0].running
+    assert motion.axes[0].velocity == 0
 
 
 def test_the_longest_stop_still_fits_the_queue(kernel: Kernel) -> None:
     motion = moving(kernel)
-    motion.push(0, 40 * STEP, 65_536, 80)
-    motion.push(0, 80 * STEP, 65_536, 80)
-    motion.start(0)
+    motion.axes[0].push(40 * STEP, 65_536, 80)
+    motion.axes[0].push(80 * STEP, 65_536, 80)
+    motion.axes[0].start()
     motion.advance(320)
-    motion.stop(0, STOP_MAX_MS)
-    while motion.running(0):
+    motion.axes[0].stop(STOP_MAX_MS)
+    while motion.axes[0].running:
         motion.advance(10**6)
         motion.take_edges()
         events = motion.take_events()
@@ -145,28 +146,28 @@ def test_a_stop_from_anywhere_keeps_position_and_ends(
 ) -> None:
     """For any segment stopped at any time: no jump, no speed above that at the stop, then rest."""
     motion = moving(python_kernel())
-    assume(motion.push(0, displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
-    motion.start(0)
+    assume(motion.axes[0].push(displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
+    motion.axes[0].start()
     motion.advance(min(at_tick, 4 * duration_ms - 1))
-    velocity, position = motion.velocity(0), motion.demand_units(0)
-    motion.stop(0, stop_ms)
+    velocity, position = motion.axes[0].velocity, motion.axes[0].demand_units
+    motion.axes[0].stop(stop_ms)
     end = motion.tick + 4 * stop_ms
     previous = position
     while motion.tick < end:
         motion.advance(min(motion.tick + 4, end))
-        here = motion.demand_units(0)
+        here = motion.axes[0].demand_units
         assert abs(here - previous) <= abs(velocity) / 64 + 2
         previous = here
     assert motion.take_events() == [(0, AxisEvent.FINISHED)]
-    assert abs(motion.demand_units(0) - position - velocity * stop_ms / 128) <= 1.5
+    assert abs(motion.axes[0].demand_units - position - velocity * stop_ms / 128) <= 1.5
 
 
 def test_advance_stops_for_draining_before_edges_can_overflow(kernel: Kernel) -> None:
     motion = moving(kernel)
     room = motion.room_ticks
     for i in range(40):
-        motion.push(0, (-1) ** i * 1_000_000, 0, 255)
-    motion.start(0)
+        motion.axes[0].push((-1) ** i * 1_000_000, 0, 255)
+    motion.axes[0].start()
     reached = motion.advance(10**6)
     assert reached == room
     assert motion.room_ticks == 0
@@ -181,7 +182,7 @@ def test_advance_stops_for_draining_before_edges_can_overflow(kernel: Kernel) ->
 def test_faster_pulses_leave_room_for_fewer_ticks(kernel: Kernel) -> None:
     motion = moving(kernel)
     slow = motion.room_ticks
-    motion.configure(0, StepConfig(16, 4_000, 4_000, 0, 0, 125_000 * STEP))
+    motion.axes[0].configure(StepConfig(16, 4_000, 4_000, 0, 0, 125_000 * STEP))
     assert motion.room_ticks == pytest.approx(slow * (15 // 4 + 2) / (125 // 4 + 2), rel=0.01)
 
 
@@ -202,28 +203,28 @@ def test_quiet_ticks_promise_fewer_steps(
     displacement: int, end_velocity: int, duration_ms: int, begun_ticks: int, steps: int
 ) -> None:
     motion = moving(python_kernel())
-    assume(motion.push(0, displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
+    assume(motion.axes[0].push(displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
     assume(begun_ticks < duration_ms * TICKS_PER_MS)
-    motion.start(0)
+    motion.axes[0].start()
     motion.advance(begun_ticks)
-    before, quiet_ticks = motion.counter_steps(0), motion.quiet_ticks(0, steps)
+    before, quiet_ticks = motion.axes[0].counter_steps, motion.axes[0].quiet_ticks(steps)
     assert motion.tick + quiet_ticks <= duration_ms * TICKS_PER_MS
     while quiet_ticks:
         quiet_ticks -= 1
         motion.advance(motion.tick + 1)
-        assert abs(motion.counter_steps(0) - before) < steps
+        assert abs(motion.axes[0].counter_steps - before) < steps
 
 
 def test_quiet_ticks_are_all_but_one_at_constant_speed() -> None:
     """One step takes 16 ms: the promise ends with the very tick that makes it, or one before, or with the segment."""
     motion = moving(python_kernel())
     for _ in range(2):
-        assert motion.push(0, STEP, STEP * 64 // 16, 16) is Refusal.ACCEPTED
-    motion.start(0)
+        assert motion.axes[0].push(STEP, STEP * 64 // 16, 16) is Refusal.ACCEPTED
+    motion.axes[0].start()
     motion.advance(16 * TICKS_PER_MS)
-    assert motion.quiet_ticks(0, 2) == 16 * TICKS_PER_MS  # the segment's end
-    counter, ticks = motion.counter_steps(0), motion.quiet_ticks(0, 1)
+    assert motion.axes[0].quiet_ticks(2) == 16 * TICKS_PER_MS  # the segment's end
+    counter, ticks = motion.axes[0].counter_steps, motion.axes[0].quiet_ticks(1)
     motion.advance(motion.tick + ticks)
-    assert motion.counter_steps(0) == counter
+    assert motion.axes[0].counter_steps == counter
     motion.advance(motion.tick + 2)
-    assert motion.counter_steps(0) == counter + 1
+    assert motion.axes[0].counter_steps == counter + 1

@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.axis_motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, Refusal
 from steptwin.controller.motion.backend import Kernel, compiled_kernel, python_kernel
-from steptwin.controller.motion.board_motion import (
-    STOP_MAX_MS,
-    TICKS_PER_SECOND,
-    AxisEvent,
-    BoardMotion,
-    Refusal,
-    ramp_group,
-)
+from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.motion.kernel_rig import KernelRig, Timing, pin_timing_faults
 from tests.controller.units import STEP
@@ -62,19 +56,19 @@ class GroupRun:
         self.events: list[tuple[int, int, AxisEvent]] = []
         self._unsent = [list(plan) for plan in self.PLAN]
         for axis in range(len(self.PLAN)):
-            self.motion.configure(axis, CONFIG)
+            self.motion.axes[axis].configure(CONFIG)
         self._feed()
         for axis in range(len(self.PLAN)):
-            assert self.motion.start(axis, in_group=group)
+            assert self.motion.axes[axis].start(in_group=group)
 
     def _feed(self) -> None:
         for axis, records in enumerate(self._unsent):
-            while records and self.motion.queued(axis) < k.QUEUE_DEPTH:
-                assert self.motion.push(axis, *records.pop(0)) is Refusal.ACCEPTED
+            while records and self.motion.axes[axis].queued < k.QUEUE_DEPTH:
+                assert self.motion.axes[axis].push(*records.pop(0)) is Refusal.ACCEPTED
 
     def hold(self, *, hold: bool) -> None:
         self.motion.group.hold(1, hold=hold)
-        ramp_group(self.motion, self.limits)
+        self.motion.ramp_group(self.limits)
 
     def pass_ticks(self, ticks: int) -> None:
         for _ in range(ticks):
@@ -82,7 +76,7 @@ class GroupRun:
 
     def finish(self) -> "GroupRun":
         """Run to the end of the motion, and collect its edges."""
-        while any(self.motion.running(axis) for axis in range(len(self.PLAN))):
+        while any(self.motion.axes[axis].running for axis in range(len(self.PLAN))):
             self._pass_tick()
         self._collect_edges()
         return self
@@ -91,7 +85,7 @@ class GroupRun:
         self.motion.advance(self.motion.tick + 1)
         self.events += [(self.motion.tick, *event) for event in self.motion.take_events()]
         self._feed()
-        self.demands.append([self.motion.demand_units(axis) for axis in range(len(self.PLAN))])
+        self.demands.append([self.motion.axes[axis].demand_units for axis in range(len(self.PLAN))])
         if self.motion.room_ticks < 2:
             self._collect_edges()
 
@@ -157,10 +151,10 @@ def test_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: Gr
     run = scripted(fast_kernel, SCRIPTS[name])
     assert run.demands[-1] == planned.demands[-1] == [sum(d for d, _, _ in plan) for plan in GroupRun.PLAN]
     for axis in range(3):
-        assert run.motion.counter_units(axis) == planned.motion.counter_units(axis)
+        assert run.motion.axes[axis].counter_units == planned.motion.axes[axis].counter_units
         directions = [(word >> 1, word & 1) for word in run.directions[axis]]
         assert pin_timing_faults(run.clk[axis][0::2], run.clk[axis][1::2], directions, Timing()) == []
-        assert run.motion.delayed_steps(axis) <= len(directions)  # the step that waits for DIR at a reversal
+        assert run.motion.axes[axis].delayed_steps <= len(directions)  # the step that waits for DIR at a reversal
     ends = [(tick, event) for tick, _, event in run.events if event is not AxisEvent.HALTED]
     assert len(ends) == 3
     assert {event for _, event in ends} == {AxisEvent.FINISHED}
@@ -211,58 +205,58 @@ def test_the_ramp_suits_the_faster_segments_that_follow(kernel: Kernel) -> None:
     """1 kHz now, 8 kHz from 10 ms on: the ramp lasts as long as 8 kHz needs, but only if it reaches that part."""
     for deceleration_hz_per_s, ticks in ((20_000, 1600), (200_000, 20)):
         motion = BoardMotion(kernel, 1)
-        motion.configure(0, CONFIG)
+        motion.axes[0].configure(CONFIG)
         for record in ((10 * STEP, KHZ, 20), (45 * STEP, 8 * KHZ, 10), (80 * STEP, 8 * KHZ, 10)):
-            assert motion.push(0, *record) is Refusal.ACCEPTED
-        motion.start(0, in_group=True)
+            assert motion.axes[0].push(*record) is Refusal.ACCEPTED
+        motion.axes[0].start(in_group=True)
         motion.advance(40)
         motion.group.hold(0, hold=True)
-        ramp_group(motion, [deceleration_hz_per_s * STEP])
+        motion.ramp_group([deceleration_hz_per_s * STEP])
         assert motion.group.rest_tick == 40 + ticks
 
 
 def test_the_ramp_lasts_at_most_as_long_as_a_stop(kernel: Kernel) -> None:
     motion = BoardMotion(kernel, 1)
-    motion.configure(0, CONFIG)
-    motion.push(0, 10 * STEP, KHZ, 20)
-    motion.start(0, in_group=True)
+    motion.axes[0].configure(CONFIG)
+    motion.axes[0].push(10 * STEP, KHZ, 20)
+    motion.axes[0].start(in_group=True)
     motion.advance(40)
     motion.group.hold(0, hold=True)
-    ramp_group(motion, [1])
+    motion.ramp_group([1])
     assert motion.group.rest_tick == 40 + STOP_MAX_MS * k.TICKS_PER_MS
 
 
 def test_a_queue_that_runs_out_while_slowing_down_is_an_underrun(kernel: Kernel) -> None:
     motion = BoardMotion(kernel, 1)
-    motion.configure(0, CONFIG)
-    motion.push(0, 40 * STEP, 4 * KHZ, 20)
-    motion.start(0, in_group=True)
+    motion.axes[0].configure(CONFIG)
+    motion.axes[0].push(40 * STEP, 4 * KHZ, 20)
+    motion.axes[0].start(in_group=True)
     motion.advance(60)
     motion.group.hold(0, hold=True)
-    ramp_group(motion, [DECELERATION])
+    motion.ramp_group([DECELERATION])
     motion.advance(1000)
     assert motion.take_events() == [(0, AxisEvent.UNDERRUN)]
-    assert 0 < motion.velocity(0) < 4 * KHZ  # the velocity from which a stop must start
+    assert 0 < motion.axes[0].velocity < 4 * KHZ  # the velocity from which a stop must start
 
 
 def test_velocity_is_scaled(kernel: Kernel) -> None:
     """Half way down the ramp of 400 ticks from 4 kHz the axis runs at 2 kHz, and then rests."""
     motion = BoardMotion(kernel, 1)
-    motion.configure(0, CONFIG)
+    motion.axes[0].configure(CONFIG)
     for record in ((40 * STEP, 4 * KHZ, 20), (1000 * STEP, 4 * KHZ, 250)):
-        motion.push(0, *record)
-    motion.start(0, in_group=True)
+        motion.axes[0].push(*record)
+    motion.axes[0].start(in_group=True)
     motion.advance(80)
     motion.group.hold(0, hold=True)
-    ramp_group(motion, [DECELERATION])
+    motion.ramp_group([DECELERATION])
     motion.advance(280)
-    assert motion.velocity(0) == pytest.approx(2 * KHZ, abs=2)
+    assert motion.axes[0].velocity == pytest.approx(2 * KHZ, abs=2)
     motion.advance(10_000)
     assert motion.tick == 480
     assert motion.take_events() == [(0, AxisEvent.HALTED)]
-    assert motion.velocity(0) == 0
-    assert motion.running(0)
-    assert motion.halted(0)
+    assert motion.axes[0].velocity == 0
+    assert motion.axes[0].running
+    assert motion.axes[0].halted
 
 
 RAMPS = st.lists(

@@ -98,7 +98,7 @@ def test_every_option_in_motion(
     assert states(pair) == [at_once] * 2
     pair.wait(3)
     assert states(pair) == [at_last] * 2
-    assert pair.firmware.motion.running(0) is (option is NO_ACTION)
+    assert pair.firmware.motion.axes[0].running is (option is NO_ACTION)
     assert known(pair) == [option is not DISABLE] * 2
     ways = [abs(now - then) / STEP for now, then in zip(demands(pair), began, strict=True)]
     ramp_steps = 4_000 * RAMP_MS / 2000
@@ -159,7 +159,7 @@ def test_every_error_behaviour_in_motion(
     CAUSES[cause].lose(pair)
     assert [node.nmt_state for node in pair.firmware.nodes] == [after] * 2
     pair.wait(200)
-    assert pair.firmware.motion.running(0) is (option is NO_ACTION)
+    assert pair.firmware.motion.axes[0].running is (option is NO_ACTION)
 
 
 def test_pre_operational_leaves_the_drive_alone(pair: BenchBoard) -> None:
@@ -168,7 +168,7 @@ def test_pre_operational_leaves_the_drive_alone(pair: BenchBoard) -> None:
     pair.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     pair.wait(100)
     assert states(pair) == [State.OPERATION_ENABLED] * 2
-    assert pair.firmware.motion.running(0)
+    assert pair.firmware.motion.axes[0].running
     assert pair.write(od.CONTROLWORD, 0x02) == 0
     pair.wait(RAMP_MS + 1)
     assert pair.state() is State.SWITCH_ON_DISABLED
@@ -266,11 +266,11 @@ class TestResetApplication:
             assert pair.sent == [], "the node is silent while its axis stops"
             assert [node.nmt_state for node in pair.firmware.nodes] == [NmtState.INITIALISING] * 2
             pair.wait(RAMP_MS - 2)
-            assert pair.firmware.motion.running(0)
+            assert pair.firmware.motion.axes[0].running
             assert pair.sent == []
             pair.wait(3)
         assert pair.frames(0x710) == pair.frames(0x711) == [b"\0"]
-        assert not pair.firmware.motion.running(0)
+        assert not pair.firmware.motion.axes[0].running
         assert states(pair) == [State.SWITCH_ON_DISABLED] * 2
         assert [node.nmt_state for node in pair.firmware.nodes] == [NmtState.PRE_OPERATIONAL] * 2
         assert known(pair) == [ramps] * 2, "an axis that was cut in motion does not know its position"

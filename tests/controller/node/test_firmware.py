@@ -203,7 +203,7 @@ class TestConfiguration:
     @pytest.mark.parametrize("microsteps", [1, 2, 8, 16])
     def test_microstep_settings_of_the_chip(self, board: BenchBoard, microsteps: int) -> None:
         assert board.write(od.MICROSTEPS, microsteps) == 0
-        assert board.firmware.motion.config(0).microsteps == microsteps
+        assert board.firmware.motion.axes[0].config.microsteps == microsteps
 
     @pytest.mark.parametrize("microsteps", [3, 4, 15])
     def test_settings_that_the_chip_does_not_have(self, board: BenchBoard, microsteps: int) -> None:

@@ -82,8 +82,8 @@ def check(board: BenchBoard) -> None:
     motion = board.firmware.motion
     for node in board.firmware.nodes:
         owed_units = abs(board.value(od.FOLLOWING_ERROR_ACTUAL, node.axis))
-        assert owed_units <= H_UNITS // motion.config(node.axis).microsteps + 1, "a step is owed"
-        assert node.drive.energised or not motion.running(node.axis), "a disabled axis moves"
+        assert owed_units <= H_UNITS // motion.axes[node.axis].config.microsteps + 1, "a step is owed"
+        assert node.drive.energised or not motion.axes[node.axis].running, "a disabled axis moves"
 
 
 def check_outputs(board: BenchBoard) -> None:
@@ -121,7 +121,7 @@ def test_invariants_hold_after_every_command(fast_kernel: Kernel, script: list[A
     board.wait(3000)
     check(board)
     check_outputs(board)
-    assert not any(board.firmware.motion.running(axis) for axis in range(AXES))
+    assert not any(board.firmware.motion.axes[axis].running for axis in range(AXES))
     for edges in board.firmware.motion.take_edges():
         clk = [int(counts) for counts in edges.clk_counts]
         directions = [(int(word) >> 1, int(word) & 1) for word in edges.direction]

@@ -115,7 +115,7 @@ def test_reactions(pair: BenchBoard, option: AbortConnection, at_once: State, at
     assert errors(pair, 0) == ["3081117f00000000"]
     pair.wait(200)
     assert states(pair) == [at_last] * 2
-    assert pair.firmware.motion.running(0) is (option is AbortConnection.NO_ACTION)
+    assert pair.firmware.motion.axes[0].running is (option is AbortConnection.NO_ACTION)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_a_halted_machine_whose_host_is_lost_ends_in_fault(pair: BenchBoard) -> 
     assert states(pair) == [State.OPERATION_ENABLED] * 2
     pair.wait(250)
     assert states(pair) == [State.FAULT] * 2
-    assert not pair.firmware.motion.running(0)
+    assert not pair.firmware.motion.axes[0].running
 
 
 @pytest.mark.parametrize("option", [AbortConnection.FAULT_SIGNAL, AbortConnection.QUICK_STOP])
@@ -205,4 +205,4 @@ def test_a_jogging_axis_stops_too(pair: BenchBoard, option: AbortConnection) -> 
     assert pair.value(od.VELOCITY_ACTUAL) > 0
     pair.wait(200)
     assert states(pair)[0] is (State.FAULT if option is AbortConnection.FAULT_SIGNAL else State.SWITCH_ON_DISABLED)
-    assert not pair.firmware.motion.running(0)
+    assert not pair.firmware.motion.axes[0].running

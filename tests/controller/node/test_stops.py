@@ -295,7 +295,7 @@ class TestStopsOfAStream:
         board.write(od.CONTROLWORD, 0x0F)
         board.wait(110)
         assert board.state() is State.OPERATION_ENABLED
-        assert not board.firmware.motion.running(0)
+        assert not board.firmware.motion.axes[0].running
         assert not board.flags() & PvtFlag.RUNNING
 
     @pytest.mark.parametrize("words", [(0x02, 0x0F, 0x1F), (0x0F, 0x1F), (0x11F, 0x0F, 0x1F)])
@@ -309,7 +309,7 @@ class TestStopsOfAStream:
             board.wait(0.25)
             assert abs(board.value(od.POSITION_DEMAND) - previous) <= STEP + 1
             previous = board.value(od.POSITION_DEMAND)
-        assert not board.firmware.motion.running(0)
+        assert not board.firmware.motion.axes[0].running
         assert board.state() is State.OPERATION_ENABLED
 
     def test_homing_waits_for_standstill(self, board: BenchBoard) -> None:
@@ -332,7 +332,7 @@ class TestStopsOfAStream:
         for sequence in range(8, 30):
             board.record(80 * STEP, 4 * STEP * 64, 20, sequence)
             board.wait(10)
-        assert not board.firmware.motion.running(0)
+        assert not board.firmware.motion.axes[0].running
         assert (board.value(od.PVT_NEXT_SEQUENCE), board.value(od.PVT_FREE_RECORDS)) == (8, 0)
         assert board.flags() & PvtFlag.OVERFLOW
         assert board.write(od.BUFFER_CLEAR, 0) == 0
@@ -441,9 +441,9 @@ class TestStopsOfAStream:
         for word in words:
             board.write(od.CONTROLWORD, word)
             board.wait(2)
-        assert board.firmware.motion.running(0)
+        assert board.firmware.motion.axes[0].running
         board.wait(110)
-        assert not board.firmware.motion.running(0)
+        assert not board.firmware.motion.axes[0].running
         assert board.state() is target
 
     def test_a_command_repeated_during_its_ramp_changes_nothing(self, board: BenchBoard) -> None:

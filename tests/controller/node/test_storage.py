@@ -105,7 +105,7 @@ def test_stored_services_are_at_work_after_boot(pair: BenchBoard) -> None:
     pair.nmt(RESET_NODE, node=0x10)
     pair.wait(250)
     assert [data[0] for data in pair.frames(0x710)] == [0, 127, 127, 127]
-    assert pair.firmware.motion.config(0).microsteps == 8
+    assert pair.firmware.motion.axes[0].config.microsteps == 8
     pair.send(0x77F, b"\5")
     pair.nmt(1)
     pair.send(0x510, b"")

@@ -374,7 +374,7 @@ class TestPositionWindow:
         board.write(od.TARGET_POSITION, 100 * STEP + STEP // 2)
         board.write(od.CONTROLWORD, 0x1F)
         board.write(od.CONTROLWORD, 0x0F)
-        while board.firmware.motion.running(0):
+        while board.firmware.motion.axes[0].running:
             board.wait(1)
 
     @pytest.mark.parametrize(("window_units", "reached"), [(STEP // 2, True), (STEP // 2 - 1, False)])

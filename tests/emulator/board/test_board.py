@@ -144,7 +144,7 @@ class TestPower:
             trace = simulation.boards[0].trace(0)
             assert trace.position_steps == pytest.approx(10 * round_, abs=round_)
             assert not trace.violations.counts.size
-            assert simulation.boards[0].firmware.motion.demand_units(0) == 0
+            assert simulation.boards[0].firmware.motion.axes[0].demand_units == 0
 
     @pytest.mark.parametrize("drivers", PROFILES)
     @pytest.mark.parametrize("off_ms", [40, 50.3, 70.7])
@@ -261,7 +261,7 @@ class TestDrivers:
         undrained = []
         for axis in (1, 0):
             assert board.firmware.nodes[axis].dictionary.get(od.ROTOR_POSITION_STEPS) == (10 if axis == 0 else 0)
-            undrained.append(board.firmware.motion.undrained_pulses(0))
+            undrained.append(board.firmware.motion.axes[0].undrained_pulses)
         assert undrained == [10, 0]
         assert board.position_steps(0) == 10
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -169,7 +169,7 @@ class TestEdges:
         simulation.send(Frame(0x610, bytes.fromhex("23012003") + (255_000).to_bytes(4, "little")))
         run(simulation, {0x10: records_through([(4, 40), (-5, 44), (4, 38), (-4, 43), (5, 41), (0, 60)])}, 400)
         assert states(board) == [State.OPERATION_ENABLED]
-        assert board.firmware.motion.delayed_steps(0) > 3
+        assert board.firmware.motion.axes[0].delayed_steps > 3
         assert len(seen) >= 3
         assert seen == expected(board, simulation.now_counts)
 
@@ -280,24 +280,25 @@ class TestEdges:
         assert asked[0] == asked[1]
 
 
+class Rotor(NamedTuple):
+    """One rotor's motion as inputs ask for it."""
+
+    running: bool
+    quiet: int
+    undrained_pulses: int
+
+    def quiet_ticks(self, steps: int) -> int:
+        assert steps >= 1
+        return self.quiet
+
+
 class Rotors:
     """A motion as inputs ask for it: of each rotor, its quiet ticks, None while it stands, and its pulses ahead."""
 
     tick, starts = 100, 1
 
     def __init__(self, quiet_ticks: Sequence[int | None], pulses: int = 0) -> None:
-        self._quiet_ticks = quiet_ticks
-        self._pulses = pulses
-
-    def running(self, rotor: int) -> bool:
-        return self._quiet_ticks[rotor] is not None
-
-    def quiet_ticks(self, rotor: int, steps: int) -> int:
-        assert steps >= 1
-        return self._quiet_ticks[rotor] or 0
-
-    def undrained_pulses(self, rotor: int) -> int:
-        return self._pulses * (rotor + 1)
+        self.axes = [Rotor(each is not None, each or 0, pulses * (i + 1)) for i, each in enumerate(quiet_ticks)]
 
 
 @on_sources_only

@@ -157,7 +157,7 @@ def test_without_step_the_driver_counts_nothing_until_the_repair(rig: Rig, condi
     assert counted == trace.clk_rise_counts.size == trace.position_steps
     assert counted + missing == 50
     assert 8 <= missing <= 18
-    assert rig.board.firmware.motion.demand_units(0) == 50 * STEP
+    assert rig.board.firmware.motion.axes[0].demand_units == 50 * STEP
     assert not trace.violations.counts.size
 
 
@@ -256,7 +256,7 @@ class TestNoise:
         assert 0 < closed_after < 40
         assert rig.monitor == (-25, 25)
         assert not rig.board.moving
-        assert rig.board.firmware.motion.counter_steps(0) == 0
+        assert rig.board.firmware.motion.axes[0].counter_steps == 0
 
     def test_on_step_too_short_for_the_chip_is_a_violation(self, rig: Rig) -> None:
         rig.wire(Wire.STEP, Noise(rate_hz=1_000, width_ns=29_000, count=7))

@@ -6,8 +6,8 @@ What must hold is stated by the messages of `BrokenInvariantError`. The pins are
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from steptwin.controller.motion.axis_motion import AxisMotion, PinEdges
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import PinEdges
 from steptwin.controller.motion.step_config import StepConfig
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
@@ -124,25 +124,16 @@ class Machine:
 
     def _observe(self) -> None:
         """Put observers to a firmware that has just got its power."""
-        motion = self.board.firmware.motion
-        take_edges = motion.take_axis_edges
-        watches = list(enumerate(self.axes))
-
-        def taken(axis: int) -> PinEdges:
-            edges = take_edges(axis)
-            self.axes[axis].pins.see(edges, motion.config(axis))
-            return edges
-
-        observers: dict[str, Callable[..., object]] = {
-            "take_axis_edges": taken,
-            "preset": self._shifting(motion.preset),
-            "renumber": self._shifting(motion.renumber),
-            "configure": self._drained(motion.configure),
-        }
-        for name, observer in observers.items():
-            setattr(motion, name, observer)
-        for axis, watch in watches:
-            watch.shift = motion.counter_steps(axis)
+        for axis, (motion, watch) in enumerate(zip(self.board.firmware.motion.axes, self.axes, strict=True)):
+            observers: dict[str, Callable[..., object]] = {
+                "take_edges": self._seen(motion, watch),
+                "preset": self._shifting(motion.preset, motion, watch),
+                "renumber": self._shifting(motion.renumber, motion, watch),
+                "configure": self._drained(motion.configure),
+            }
+            for name, observer in observers.items():
+                setattr(motion, name, observer)
+            watch.shift = motion.counter_steps
             if self._watched:
                 self._watch_targets(axis)
         if self._watched:
@@ -157,23 +148,35 @@ class Machine:
 
             self.board.can.receive = received
 
-    def _drained(self, configure: Callable[[int, StepConfig], None]) -> Callable[[int, StepConfig], None]:
+    @staticmethod
+    def _seen(motion: AxisMotion, watch: _AxisWatch) -> Callable[[], PinEdges]:
+        """Show an axis' edges to the watch when they are taken."""
+        take_edges = motion.take_edges
+
+        def taken() -> PinEdges:
+            edges = take_edges()
+            watch.pins.see(edges, motion.config)
+            return edges
+
+        return taken
+
+    def _drained(self, configure: Callable[[StepConfig], None]) -> Callable[[StepConfig], None]:
         """Drain what has been made with a configuration before it changes, as at the end of a reset."""
 
-        def configured(axis: int, config: StepConfig) -> None:
+        def configured(config: StepConfig) -> None:
             self.board.drain()
-            configure(axis, config)
+            configure(config)
 
         return configured
 
-    def _shifting(self, count: Callable[..., None]) -> Callable[..., None]:
+    @staticmethod
+    def _shifting(count: Callable[..., None], motion: AxisMotion, watch: _AxisWatch) -> Callable[..., None]:
         """Note by how much a new position shifts the step counter, which makes no step."""
-        motion = self.board.firmware.motion
 
-        def counted(axis: int, *arguments: int) -> None:
-            before = motion.counter_steps(axis)
-            count(axis, *arguments)
-            self.axes[axis].shift += motion.counter_steps(axis) - before
+        def counted(*arguments: int) -> None:
+            before = motion.counter_steps
+            count(*arguments)
+            watch.shift += motion.counter_steps - before
 
         return counted
 
@@ -201,17 +204,16 @@ class Machine:
     @contextmanager
     def _without_silent_cut(self) -> Iterator[None]:
         """Check that an axis whose motion ends at once gives up its position reference."""
-        motion = self.board.firmware.motion
-        moving = [axis for axis in range(motion.axis_count) if motion.running(axis) and motion.velocity(axis)]
+        moving = [item for item in enumerate(self.board.firmware.motion.axes) if item[1].running and item[1].velocity]
         yield
-        for axis in moving:
-            if not motion.running(axis) and not motion.velocity(axis) and self._has(axis, Status.POSITION_KNOWN):
+        for axis, motion in moving:
+            if not motion.running and not motion.velocity and self._has(axis, Status.POSITION_KNOWN):
                 raise BrokenInvariantError(f"axis {axis} was cut in motion and says that it knows its position")
 
     def _note_timing(self) -> None:
         motion = self.board.firmware.motion
         for axis in range(motion.axis_count):
-            config = motion.config(axis)
+            config = motion.axes[axis].config
             high, low = counts_of_ns(config.steplen_ns), counts_of_ns(config.stepspace_ns)
             self._slow_enough &= high >= _CLK_WIDTH_COUNTS and high + low >= PERIOD
 
@@ -225,9 +227,9 @@ class Machine:
         motion = self.board.firmware.motion
         dt_ticks, self._tick = motion.tick - self._tick, motion.tick
         for axis, watch in enumerate(self.axes):
-            made, rested = motion.counter_steps(axis) - watch.shift, not motion.running(axis)
-            speed_max = motion.config(axis).velocity_max_units_per_s
-            watch.speed_max = speed_max if rested and not motion.queued(axis) else max(speed_max, watch.speed_max)
+            made, rested = motion.axes[axis].counter_steps - watch.shift, not motion.axes[axis].running
+            speed_max = motion.axes[axis].config.velocity_max_units_per_s
+            watch.speed_max = speed_max if rested and not motion.axes[axis].queued else max(speed_max, watch.speed_max)
             if made != watch.made and watch.rested and not watch.given:
                 raise BrokenInvariantError(f"axis {axis} sets off without a target of this enabling")
             if not (rested and watch.rested):
@@ -239,13 +241,13 @@ class Machine:
 
     def _look_at_motion(self, axis: int, watch: _AxisWatch, dt_ticks: int) -> None:
         motion, drive = self.board.firmware.motion, self.board.firmware.nodes[axis].drive
-        if motion.running(axis) and not drive.energised:
+        if motion.axes[axis].running and not drive.energised:
             raise BrokenInvariantError(f"axis {axis} moves in {drive.state.name}")
-        before, velocity = watch.velocity, motion.velocity(axis) * 1000 // 64
+        before, velocity = watch.velocity, motion.axes[axis].velocity * 1000 // 64
         watch.velocity = velocity
         if abs(velocity) > watch.speed_max + VELOCITY_ROUNDING:
             raise BrokenInvariantError(f"axis {axis} moves with {velocity} units/s")
-        cut = not motion.running(axis) and not self._has(axis, Status.POSITION_KNOWN)
+        cut = not motion.axes[axis].running and not self._has(axis, Status.POSITION_KNOWN)
         if self.setup.steady_ramps and not cut and drive.mode_number not in _STREAMED:
             most = ACCELERATION * dt_ticks // _TICKS_PER_S + VELOCITY_ROUNDING
             if abs(velocity - before) > most:
@@ -259,11 +261,11 @@ class Machine:
         self.board.drain()
         motion = self.board.firmware.motion
         for axis, watch in enumerate(self.axes):
-            made = motion.counter_steps(axis) - watch.shift
+            made = motion.axes[axis].counter_steps - watch.shift
             if watch.pins.steps != made:
                 raise BrokenInvariantError(f"axis {axis} has made {watch.pins.steps} steps and counted {made}")
-            owed_units = abs(motion.demand_units(axis) - motion.counter_units(axis))
-            if owed_units > 16_384 * 9 // 16 // motion.config(axis).microsteps + 1:
+            owed_units = abs(motion.axes[axis].demand_units - motion.axes[axis].counter_units)
+            if owed_units > 16_384 * 9 // 16 // motion.axes[axis].config.microsteps + 1:
                 raise BrokenInvariantError(f"axis {axis} is {owed_units} units behind its demand")
             node = self.board.firmware.nodes[axis]
             if State.of(node.dictionary.get(od.STATUSWORD)) is not node.drive.state:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.controller.motion.board_motion import PinEdges
+from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.step_config import StepConfig
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.protocol.timer import counts_of_ns

@@ -6,6 +6,7 @@ from enum import Enum
 from itertools import islice
 from types import ModuleType
 
+from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_controller import FIFO_DEPTH, MAILBOXES
@@ -16,7 +17,7 @@ QUEUE_PLACES_MAX = 160
 """No list, deque or set of a board with eight nodes holds more: these are the queues."""
 TABLE_ENTRIES_MAX = 512
 """No table is larger; the largest are those of the object dictionary."""
-_WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, BoardMotion, Entry)
+_WHOLE = (int, str, bytes, float, type(None), Enum, type, ModuleType, BoardMotion, AxisMotion, Entry)
 """Kinds without parts that grow. The motion's storage is of fixed size, and `overfull` asks for what waits in it."""
 
 
@@ -25,7 +26,7 @@ def overfull(board: Board) -> Iterator[str]:
     if len(board.can.mailboxes) > MAILBOXES:
         yield f"{len(board.can.mailboxes)} frames in {MAILBOXES} mailboxes"
     for node in board.firmware.nodes:
-        queued = board.firmware.motion.queued(node.axis)
+        queued = board.firmware.motion.axes[node.axis].queued
         if queued > QUEUE_DEPTH:
             yield f"axis {node.axis}: {queued} segments in a queue of {QUEUE_DEPTH}"
 

@@ -7,8 +7,8 @@ import pytest
 
 from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.motion import kernel as k
+from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.backend import Kernel
-from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.protocol import od
@@ -61,7 +61,7 @@ class TestSight:
 
     @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
     def test_enable_falls_within_a_pulse(self, case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(BoardMotion, "last_fall_counts", lambda _motion, _axis: k.NEVER_COUNTS)
+        monkeypatch.setattr(AxisMotion, "last_fall_counts", k.NEVER_COUNTS)
         assert "ENABLE becomes 0" in fault_of(Session.load(case))
 
     def test_an_old_target_moves_an_axis(self, monkeypatch: pytest.MonkeyPatch) -> None:
