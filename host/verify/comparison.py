@@ -21,7 +21,7 @@ from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 
 @dataclass(frozen=True, slots=True)
-class AxisMotion:
+class AxisTrajectory:
     """A trajectory in axis positions instead of joint positions; implements Trajectory.
 
     Attributes:
@@ -129,7 +129,7 @@ class Expectation:
     @property
     def axis_motion(self) -> Trajectory:
         """The planned motion of the axes."""
-        return AxisMotion(self.trajectory, self.coupling) if self.coupling.matrix else self.trajectory
+        return AxisTrajectory(self.trajectory, self.coupling) if self.coupling.matrix else self.trajectory
 
     def axis_steps(self, joints: FloatArray) -> FloatArray:
         """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""
