@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol
 
 from nicegui import ui
@@ -49,19 +50,32 @@ def stack(classes: str = "") -> ui.element:
     return ui.element("div").classes(f"stack {classes}")
 
 
-def act(text: str, on_click: Handler, icon: str | None = None) -> ui.button:
-    """Return the button of a view's main action."""
-    return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("act")
+def act(text: str, on_click: Handler, icon: str | None = None, *, moves: bool = False) -> ui.button:
+    """Return the button of a view's main action; arguments as `plain`."""
+    return _button("act", text, on_click, icon, "", moves)
 
 
-def plain(text: str, on_click: Handler | None, icon: str | None = None) -> ui.button:
-    """Return a button of lesser weight."""
-    return ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes("plain")
+def plain(
+    text: str, on_click: Handler | None, icon: str | None = None, *, label: str = "", moves: bool = False
+) -> ui.button:
+    """Return a button of lesser weight.
+
+    Args:
+        text: what is on it.
+        on_click: called when it is clicked.
+        icon: name of its picture.
+        label: its name for those who cannot see what it stands beside; its text by default.
+        moves: True if it moves the machine or changes it: it is dead while the page does not see the machine.
+    """
+    return _button("plain", text, on_click, icon, label, moves)
 
 
-def moving(button: ui.button) -> ui.button:
-    """Return a button that moves the machine or changes it: it is dead while the page does not see the machine."""
-    button.props["data-moves"] = ""
+def _button(kind: str, text: str, on_click: Handler | None, icon: str | None, label: str, moves: bool) -> ui.button:
+    button = ui.button(text, on_click=on_click, icon=icon, color=None).props("unelevated no-caps").classes(kind)
+    if label:
+        button.props["aria-label"] = label
+    if moves:
+        button.props["data-moves"] = ""
     return button
 
 
@@ -132,40 +146,91 @@ class NumberField(ui.number):
         return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else None
 
 
-def number_field(
-    label: str,
-    value: float | None,
-    allowed: OptionRange,
-    on_change: Callable[[], Any] | None = None,
-    *,
-    whole: bool = False,
-) -> NumberField:
-    """Return a field for a number, which says its range and unit."""
-    wrong = f"{allowed.lower:g} to {allowed.upper:g} {allowed.unit}".rstrip()
+@dataclass(frozen=True, slots=True)
+class FormField:
+    """A field of a form.
 
-    def fits(given: float | None) -> bool:
-        return given is not None and allowed.lower <= given <= allowed.upper and not (whole and given % 1)
+    Attributes:
+        name: its name in the form's values.
+        title: what is written on it.
+        value: what is in it at first; None for an empty field for a number.
+        allowed: the range and unit of a number; None for a text and for a choice.
+        whole: True for a whole number.
+        choices: the texts to choose from, or the values with their texts; empty for a number and for a text.
+        hint: whether the range of a number is written below it.
+    """
 
-    field = NumberField(
-        label,
-        value=value,
-        format="%d" if whole else None,
-        suffix=allowed.unit or None,
-        validation={wrong: fits},
-        on_change=None if on_change is None else lambda _: on_change(),
-    )
-    field.props["hint"] = wrong
-    return field.props("outlined dense").classes("w-field")
+    name: str
+    title: str
+    value: float | str | None
+    allowed: OptionRange | None = None
+    whole: bool = False
+    choices: Sequence[str] | Mapping[float, str] = ()
+    hint: bool = True
 
 
-def wrong_field(fields: Iterable[ui.element]) -> str | None:
-    """Return what is wrong in the first field that has no number, or one outside its range; None if all are right."""
-    wrong = [field for field in fields if isinstance(field, ui.number) and not field.validate()]
-    if not wrong:
-        return None
-    first = wrong[0]
-    given = "there is no number" if first.value is None else f"{first.value:.12g} does not fit"
-    return f"{first.props['label']}: {given}; it takes {first.error}"
+Input = ui.number | ui.select | ui.input
+
+
+def make_input(given: FormField, changed: Handler = lambda: None) -> Input:
+    """Return the input of a field; `changed` is called when something else is in it. A number says its range and unit.
+
+    A number that is missing or out of range is marked, and `wrong` tells of it.
+    """
+    made: Input
+    if given.choices:
+        options = dict(given.choices) if isinstance(given.choices, Mapping) else list(given.choices)
+        made = ui.select(options, value=given.value, label=given.title, on_change=lambda _: changed())
+    elif given.allowed is None:
+        made = ui.input(given.title, value=str(given.value), on_change=lambda _: changed())
+    else:
+        allowed = given.allowed
+        limits = f"{allowed.lower:g} to {allowed.upper:g} {allowed.unit}".rstrip()
+
+        def fits(value: float | None) -> bool:
+            return value is not None and allowed.lower <= value <= allowed.upper and not (given.whole and value % 1)
+
+        made = NumberField(
+            given.title,
+            value=given.value,
+            format="%d" if given.whole else None,
+            suffix=allowed.unit or None,
+            validation={limits: fits},
+            on_change=lambda _: changed(),
+        )
+        made.props["hint"] = limits if given.hint else ""
+    return made.props("outlined dense").classes("w-field")
+
+
+def wrong(inputs: Iterable[ui.element]) -> str | None:
+    """Return what is wrong in the first input that has no number, or one outside its range; None if all are right."""
+    for each in inputs:
+        if isinstance(each, ui.number) and not each.validate():
+            given = "there is no number" if each.value is None else f"{each.value:.12g} does not fit"
+            return f"{each.props['label']}: {given}; it takes {each.error}"
+    return None
+
+
+class Form:
+    """Inputs side by side, one for each field; `changed` is called when something else is in one of them."""
+
+    def __init__(self, fields: Iterable[FormField], changed: Handler = lambda: None) -> None:
+        with ui.element("div").classes("form-grid"):
+            self._inputs = {given.name: make_input(given, changed) for given in fields}
+
+    def wrong(self) -> str | None:
+        """Return what is wrong in the first input that is; None if all are right."""
+        return wrong(self._inputs.values())
+
+    def values(self) -> dict[str, Any]:
+        """Return what is in the inputs; None for one without a number."""
+        return {name: each.value for name, each in self._inputs.items()}
+
+    def fill(self, values: Mapping[str, Any]) -> None:
+        """Write into the inputs; a value without one is left out."""
+        for name, value in values.items():
+            if name in self._inputs:
+                self._inputs[name].set_value(value)
 
 
 def table(headings: Iterable[tuple[str, str]]) -> ui.element:
@@ -179,9 +244,12 @@ def table(headings: Iterable[tuple[str, str]]) -> ui.element:
         return ui.element("tbody")
 
 
-def cell(classes: str = "") -> ui.element:
-    """Return a cell in a row of a table."""
-    return ui.element("td").classes(classes)
+def cell(text: str = "", classes: str = "") -> ui.element:
+    """Return a cell in a row of a table, with a text or a place for other things."""
+    with ui.element("td").classes(classes) as made:
+        if text:
+            ui.label(text)
+    return made
 
 
 def call(function: str, *arguments: object) -> str:

@@ -75,19 +75,16 @@ class HardwareTab:
         if not self._chips:
             with self._body:
                 self._build(state)
-        self._chip("estop").show(*_pressed(state.estop))
-        self._chip("supply").show(f"{state.supply_v:g} V")
-        self._chip("temperature").show(f"{state.temperature_degc:g} °C")
+        self._chips["estop"].show(*_pressed(state.estop))
+        self._chips["supply"].show(f"{state.supply_v:g} V")
+        self._chips["temperature"].show(f"{state.temperature_degc:g} °C")
         for joint, pin in state.protect.items():
-            self._chip(f"protect {joint}").show(*_protect(low=pin.low, held=pin.held))
+            self._chips[f"protect {joint}"].show(*_protect(low=pin.low, held=pin.held))
         for name, on in state.inputs.items():
-            self._chip(f"input {name}").show("on" if on else "off", "good" if on else "")
+            self._chips[f"input {name}"].show("on" if on else "off", "good" if on else "")
         for joint, switches in state.switches.items():
             for name, switch in switches.items():
-                self._chip(f"switch {joint} {name}").show(*_switch(switch))
-
-    def _chip(self, key: str) -> Chip:
-        return self._chips[key]
+                self._chips[f"switch {joint} {name}"].show(*_switch(switch))
 
     def _build(self, state: ControlState) -> None:
         control = self._control
@@ -125,8 +122,7 @@ class HardwareTab:
     def _row(self, key: str, text: str) -> ui.element:
         """Make a row with a text and the present state; return the place for its buttons."""
         with ui.element("tr"):
-            with cell():
-                ui.label(text)
+            cell(text)
             with cell():
                 self._chips[key] = Chip()
             with cell():
@@ -139,9 +135,8 @@ class HardwareTab:
             self._button("Set", lambda: ask(_given(field, text)), text)
 
     def _button(self, text: str, request: Request, of: str = "", *, stops: bool = False) -> None:
-        button = plain(text, partial(self._do, f"{of} {text}".strip(), request, stops=stops)).classes("small-button")
-        if of:
-            button.props["aria-label"] = f"{of}: {text}"
+        do = partial(self._do, f"{of} {text}".strip(), request, stops=stops)
+        plain(text, do, label=f"{of}: {text}" if of else "").classes("small-button")
 
 
 def _given(field: NumberField, text: str) -> float:

@@ -10,7 +10,7 @@ from steptwin.host.client.words import STOP_PRESSED
 from steptwin.host.panel.desk.commands import HomeAll, ResetFaults
 from steptwin.host.panel.desk.history import Event, Severity
 from steptwin.host.panel.desk.state import Activity, Snapshot
-from steptwin.host.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, moving, plain
+from steptwin.host.panel.page.elements import Chip, Tone, card, choice, heading, icon_button, line, plain
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
 
 
@@ -36,7 +36,7 @@ class PageHead:
             ui.element("div").classes("panel-spring")
             with line("tight"):
                 self._pause = plain("Pause", lambda: visitor.attempt(lambda: desk.pause(visitor.name)), "pause")
-                self._resume = moving(plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow"))
+                self._resume = plain("Resume", lambda: visitor.attempt(self._go_on), "play_arrow", moves=True)
                 halt = plain("Stop", None, "stop")  # the panel's script sends stops, in more ways than one
                 halt.props["data-stop"] = "stop"
             with line("tight said"):
@@ -123,8 +123,8 @@ class Banner:
             ui.element("div").classes("banner").props("role=status") as self._line,
         ):
             self._text = ui.label()
-            self._reset = moving(plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt"))
-            self._home = moving(plain("Home all", lambda: visitor.ask(HomeAll()), "home"))
+            self._reset = plain("Reset", lambda: visitor.ask(ResetFaults()), "restart_alt", moves=True)
+            self._home = plain("Home all", lambda: visitor.ask(HomeAll()), "home", moves=True)
         self._tone: Tone = ""
 
     def refresh(self, snapshot: Snapshot) -> None:

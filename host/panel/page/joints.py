@@ -16,7 +16,6 @@ from steptwin.host.panel.page.elements import (
     heading,
     line,
     live,
-    moving,
     note,
     plain,
     table,
@@ -45,8 +44,7 @@ class OutputsTab:
             with table([("input", ""), ("is", "")]):
                 for name in robot.inputs:
                     with ui.element("tr"):
-                        with cell():
-                            ui.label(name)
+                        cell(name)
                         with cell():
                             self._inputs[name] = Chip("off")
         else:
@@ -62,19 +60,14 @@ class OutputsTab:
 
 def _output_row(visitor: Visitor, name: str) -> Chip:
     with ui.element("tr"):
-        with cell():
-            ui.label(name)
+        cell(name)
         with cell():
             chip = Chip("unknown")
         with cell(), line("tight"):
             for text, on in (("on", True), ("off", False)):
-                button = moving(plain(text, partial(_switch, visitor, name, on=on)))
-                button.props["aria-label"] = f"switch {name} {text}"
+                switch = partial(visitor.ask, SwitchOutput(output=name, on=on))
+                plain(text, switch, label=f"switch {name} {text}", moves=True)
     return chip
-
-
-def _switch(visitor: Visitor, name: str, *, on: bool) -> None:
-    visitor.ask(SwitchOutput(output=name, on=on))
 
 
 _ON, _OFF = state_words(State.OPERATION_ENABLED), state_words(State.SWITCH_ON_DISABLED)
@@ -89,9 +82,9 @@ class Joints:
             with line("between"):
                 heading("Joints")
                 with line("tight"):
-                    self._on = moving(act("Switch on", lambda: visitor.ask(Enable()), "power_settings_new"))
-                    self._off = moving(plain("Switch off", lambda: visitor.ask(Disable())))
-                    moving(plain("Home all", lambda: visitor.ask(HomeAll()), "home"))
+                    self._on = act("Switch on", lambda: visitor.ask(Enable()), "power_settings_new", moves=True)
+                    self._off = plain("Switch off", lambda: visitor.ask(Disable()), moves=True)
+                    plain("Home all", lambda: visitor.ask(HomeAll()), "home", moves=True)
             with ui.element("div").classes("scroll-x"):
                 headings = [
                     ("joint", ""),
@@ -124,22 +117,19 @@ class Joints:
 class _JointRow:
     def __init__(self, visitor: Visitor, i: int, name: str, unit: str) -> None:
         with ui.element("tr"):
-            with cell():
-                ui.label(name).classes("joint-name")
-            with cell("number big"):
+            cell(name)
+            with cell(classes="number big"):
                 self._position = live(f"q{i}")
-            with cell("muted"):
-                ui.label(unit)
-            with cell("number spare muted"):
-                live(f"v{i}")
-            with cell("number spare muted"):
-                live(f"e{i}")
+            cell(unit, "muted")
+            for value in (f"v{i}", f"e{i}"):
+                with cell(classes="number spare muted"):
+                    live(value)
             with cell():
                 self._state = Chip()
             with cell(), line("tight nowrap"):
                 self._homed = Chip()
-                self._home = moving(plain("Home", lambda: visitor.ask(HomeJoint(joint=name))).classes("small-button"))
-                self._home.props["aria-label"] = f"home {name}"
+                home = plain("Home", lambda: visitor.ask(HomeJoint(joint=name)), label=f"home {name}", moves=True)
+                home.classes("small-button")
 
     def refresh(self, joint: JointView) -> None:
         self._state.show(*_state(joint))

@@ -1,7 +1,8 @@
 """The Move tab: go to joint positions, to a pose of the tool on a chosen branch, or to a saved position."""
 
 from collections.abc import Callable, Mapping
-from math import isnan, nan
+from functools import partial
+from math import nan
 from pathlib import Path
 from typing import Final
 
@@ -10,20 +11,23 @@ from nicegui import ui
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.panel.desk.commands import DeclareHere, MoveJoints, MoveTool
+from steptwin.host.panel.desk.requests import Command
 from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.desk.words import STANDS_THERE
 from steptwin.host.panel.page.elements import (
+    Form,
+    FormField,
     act,
     cell,
     choice,
     heading,
     line,
-    moving,
+    make_input,
     note,
-    number_field,
     plain,
+    stack,
     table,
-    wrong_field,
+    wrong,
 )
 from steptwin.host.panel.page.scene import ArmScene, links_at
 from steptwin.host.panel.page.visitor import Visitor
@@ -38,13 +42,16 @@ from steptwin.host.planning.programs.positions import (
 )
 from steptwin.host.robots.kinematics import Branch, make_kinematics
 
+Go = Callable[[Callable[[float], Command]], None]
+"""Ask for a move, which is made for the part of the highest speeds in percent."""
+
 
 class SavedPositions:
     """A row for each position in the file."""
 
-    def __init__(self, visitor: Visitor, scene: ArmScene, path: str, percent: Callable[[], float | None]) -> None:
-        self._visitor, self._scene, self._path, self._percent = visitor, scene, path, percent
-        with ui.element("div").classes("stack") as self.root:
+    def __init__(self, visitor: Visitor, scene: ArmScene, path: str, go: Go) -> None:
+        self._visitor, self._scene, self._path, self._go = visitor, scene, path, go
+        with stack() as self.root:
             with line():
                 self._name = ui.input("name").props("outlined dense").classes("w-field")
                 plain("Save present position", self._save, "bookmark_add")
@@ -69,31 +76,19 @@ class SavedPositions:
 
     def _row(self, name: str, position: Position) -> None:
         with ui.element("tr"):
-            with cell():
-                ui.label(name).classes("joint-name")
-            with cell("muted small"):
-                ui.label(position_words(position))
+            cell(name)
+            cell(position_words(position), "muted small")
             with cell(), line("tight nowrap"):
-                go = moving(plain("Go", lambda: self._go(position)))
-                go.props["aria-label"] = f"go to {name}"
+                go = plain("Go", lambda: self._go(partial(_to, position)), label=f"go to {name}", moves=True)
                 go.on("mouseenter", lambda: self._show_ghost(position))
                 go.on("mouseleave", lambda: self._scene.clear_shape("ghost"))
-                plain("Delete", lambda: self._delete(name)).props["aria-label"] = f"delete {name}"
+                plain("Delete", lambda: self._delete(name), label=f"delete {name}")
 
     def _show_ghost(self, position: Position) -> None:
         joints = self._visitor.desk.snapshot.joints
         if isinstance(position, JointPosition) and joints:
             goal = [position.joints.get(joint.name, joint.position) for joint in joints]
             self._scene.show_arm("ghost", links_at(self._visitor.desk.robot, goal))
-
-    def _go(self, position: Position) -> None:
-        percent = self._percent()
-        if percent is None:
-            return
-        if isinstance(position, JointPosition):
-            self._visitor.ask(MoveJoints(joints=position.joints, speed_percent=percent))
-        else:
-            self._visitor.ask(MoveTool(position=position, speed_percent=percent))
 
     def _save(self) -> None:
         name = str(self._name.value or "").strip()
@@ -117,6 +112,13 @@ class SavedPositions:
         self.show()
 
 
+def _to(position: Position, speed_percent: float) -> Command:
+    """Return the command to go to a saved position."""
+    if isinstance(position, JointPosition):
+        return MoveJoints(joints=position.joints, speed_percent=speed_percent)
+    return MoveTool(position=position, speed_percent=speed_percent)
+
+
 def position_words(position: Position) -> str:
     """Return a position in one line."""
     if isinstance(position, JointPosition):
@@ -135,31 +137,31 @@ class MoveTab:
     """Three ways to say where to go, and one speed."""
 
     def __init__(self, visitor: Visitor, scene: ArmScene, positions_file: str) -> None:
-        self._visitor = visitor
+        self._visitor, self._scene = visitor, scene
         with line("between"):
             choice("kind of move", _KINDS, "joints", self._choose)
-            self.speed = number_field("speed", 30.0, OptionRange(1.0, 100.0, "%")).classes("w-narrow")
-        self._joints = JointsForm(visitor, scene, self._percent)
-        self._tool = ToolForm(visitor, scene, self._percent)
-        self._saved = SavedPositions(visitor, scene, positions_file, self._percent)
-        self._forms = {"joints": self._joints.root, "tool": self._tool.root, "saved": self._saved.root}
-        self._scene = scene
+            self._speed = make_input(FormField("speed", "speed", 30.0, OptionRange(1.0, 100.0, "%"))).classes(
+                "w-narrow"
+            )
+        self._joints = JointsForm(visitor, scene, self._go)
+        self._tool = ToolForm(visitor, scene, self._go)
+        saved = SavedPositions(visitor, scene, positions_file, self._go)
+        self._forms = {"joints": self._joints.root, "tool": self._tool.root, "saved": saved.root}
         self._choose("joints")
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Fill the fields when the position is known for the first time; let the machine move while it does nothing."""
-        self._joints.fill_once(snapshot)
-        self._tool.fill_once(snapshot)
         for form in (self._joints, self._tool):
+            form.fill_once(snapshot)
             form.button.set_enabled(snapshot.activity is None)
 
-    def _percent(self) -> float | None:
-        """Return the speed; None, with a message, unless its field has one."""
-        wrong = wrong_field([self.speed])
-        if wrong is not None:
-            self._visitor.tell(wrong)
-            return None
-        return float(self.speed.value)
+    def _go(self, command: Callable[[float], Command]) -> None:
+        """Ask for a move, made for the part of the highest speeds in percent; say so if its field has none."""
+        no_speed = wrong([self._speed])
+        if no_speed is not None:
+            self._visitor.tell(no_speed)
+        elif self._visitor.ask(command(float(self._speed.value))):
+            self._scene.clear_shape("ghost")
 
     def _choose(self, name: str) -> None:
         for kind, form in self._forms.items():
@@ -170,25 +172,22 @@ class MoveTab:
 class JointsForm:
     """A field for each joint."""
 
-    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float | None]) -> None:
-        self._visitor, self._scene, self._percent = visitor, scene, percent
+    def __init__(self, visitor: Visitor, scene: ArmScene, go: Go) -> None:
+        self._visitor, self._scene, self._go = visitor, scene, go
         self._filled = self._known = False
         robot = visitor.desk.robot
         self._kinematics = make_kinematics(robot)
-        with ui.element("div").classes("stack") as self.root:
-            with ui.element("div").classes("form-grid"):
-                self._fields = {
-                    joint.name: number_field(
-                        joint.name, None, OptionRange(joint.lower, joint.upper, str(joint.unit)), self._show_ghost
-                    )
-                    for joint in robot.joints
-                }
+        with stack() as self.root:
+            ranges = {joint.name: OptionRange(joint.lower, joint.upper, str(joint.unit)) for joint in robot.joints}
+            fields = (FormField(name, name, None, allowed) for name, allowed in ranges.items())
+            self._form = Form(fields, self._show_ghost)
             self._tool = note("")
             with line():
-                self.button = moving(act("Move", self._move, "arrow_forward"))
-                moving(plain(STANDS_THERE, self._declare, "push_pin")).tooltip(_DECLARE)
+                self.button = act("Move", self._move, "arrow_forward", moves=True)
+                plain(STANDS_THERE, self._declare, "push_pin", moves=True).tooltip(_DECLARE)
                 plain("Fill in present position", self.fill)
-                plain("Home position", lambda: self._set(dict(zip(robot.joint_names, robot.home, strict=True))))
+                home = dict(zip(robot.joint_names, robot.home, strict=True))
+                plain("Home position", lambda: self._form.fill(home))
 
     def fill_once(self, snapshot: Snapshot) -> None:
         """Show where the machine stands when that becomes known: with the first snapshot, and by homing."""
@@ -201,22 +200,12 @@ class JointsForm:
         """Show where the machine stands; nothing for a joint whose position is unknown."""
         joints = self._visitor.desk.snapshot.joints
         self._filled = bool(joints)
-        self._set({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
+        self._form.fill({joint.name: round(joint.position, 3) if joint.homed else None for joint in joints})
         self._scene.clear_shape("ghost")
-
-    def _set(self, positions: Mapping[str, float | None]) -> None:
-        for name, position in positions.items():
-            self._fields[name].set_value(position)
 
     def _goal(self) -> dict[str, float] | None:
         """Return the positions in the fields; None while one of them is missing or wrong."""
-        if wrong_field(self._fields.values()) is not None:
-            return None
-        return {name: float(field.value) for name, field in self._fields.items()}
-
-    def _why_no_goal(self) -> str:
-        wrong = wrong_field(self._fields.values())
-        return wrong if wrong is not None and self._visitor.desk.snapshot.homed else _UNKNOWN
+        return self._form.values() if self._form.wrong() is None else None
 
     def _show_ghost(self) -> None:
         goal = self._goal()
@@ -238,44 +227,42 @@ class JointsForm:
     def _declare(self) -> None:
         goal = self._goal()
         if goal is None:
-            self._visitor.tell(wrong_field(self._fields.values()) or "")
+            self._visitor.tell(self._form.wrong() or "")
         else:
             self._visitor.ask(DeclareHere(joints=tuple(goal.values())))
 
     def _move(self) -> None:
         goal = self._goal()
-        percent = self._percent()
         if goal is None:
-            self._visitor.tell(self._why_no_goal())
-        elif percent is not None and self._visitor.ask(MoveJoints(joints=goal, speed_percent=percent)):
-            self._scene.clear_shape("ghost")
+            homed = self._visitor.desk.snapshot.homed
+            self._visitor.tell((self._form.wrong() if homed else None) or _UNKNOWN)
+        else:
+            self._go(lambda percent: MoveJoints(joints=goal, speed_percent=percent))
 
 
 class ToolForm:
     """Fields for the tool's pose, and every branch of the arm that reaches it, or why it does not."""
 
-    def __init__(self, visitor: Visitor, scene: ArmScene, percent: Callable[[], float | None]) -> None:
-        self._visitor, self._scene, self._percent = visitor, scene, percent
+    def __init__(self, visitor: Visitor, scene: ArmScene, go: Go) -> None:
+        self._visitor, self._scene, self._go = visitor, scene, go
         self._kinematics = make_kinematics(visitor.desk.robot)
         self._filled = False
         self._branch: str | None = None
         self._task = self._kinematics.task
         follows = self._kinematics.attitude_follows
-        with ui.element("div").classes("stack") as self.root:
-            with ui.element("div").classes("form-grid"):
-                self._fields = {
-                    name: number_field(name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), self._look_for_branches).props(
-                        'hint=""'
-                    )
-                    for name, unit in self._task.coordinates.items()
-                    if not (follows and name == "phi")
-                }
+        fields = [
+            FormField(name, name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), hint=False)
+            for name, unit in self._task.coordinates.items()
+            if not (follows and name == "phi")
+        ]
+        with stack() as self.root:
+            self._form = Form(fields, self._look_for_branches)
             if follows:
                 note("The tool's attitude follows from the arm.")
             heading("Ways to get there")
             self._branches = ui.element("div").classes("stack tight").props('role=radiogroup aria-label="branches"')
             with line():
-                self.button = moving(act("Move", self._move, "arrow_forward"))
+                self.button = act("Move", self._move, "arrow_forward", moves=True)
                 plain("Fill in present position", self.fill)
 
     def fill_once(self, snapshot: Snapshot) -> None:
@@ -289,24 +276,18 @@ class ToolForm:
         if pose is None:
             return
         self._filled = True
-        values = dict(zip(self._task.coordinates, pose.values(), strict=True))
-        for name, field in self._fields.items():
-            field.set_value(round(values[name], 3))
+        figures = [round(figure, 3) for figure in pose.values()]
+        self._form.fill(dict(zip(self._task.coordinates, figures, strict=True)))
         self._look_for_branches()
         self._scene.clear_shape("ghost")
 
-    def _figures(self) -> list[float]:
-        """Return the coordinates; NaN for a field that is empty and for an attitude that follows."""
-        values = {name: field.value for name, field in self._fields.items()}
-        return [nan if values.get(name) is None else float(values[name]) for name in self._task.coordinates]
-
     def _look_for_branches(self) -> None:
-        figures = self._figures()
+        values = self._form.values()
         self._branches.clear()
         self._scene.clear_shape("ghost")
-        named = zip(figures, self._task.coordinates, strict=True)
-        if any(isnan(value) for value, name in named if name in self._fields):
+        if None in values.values():
             return
+        figures = [values.get(name, nan) for name in self._task.coordinates]  # an attitude that follows has no field
         standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
             self._visitor.desk.robot.home
         )
@@ -346,10 +327,9 @@ class ToolForm:
 
     def _move(self) -> None:
         if self._branch is None:
-            self._visitor.tell(wrong_field(self._fields.values()) or "no way to get there: change the pose")
+            self._visitor.tell(self._form.wrong() or "no way to get there: change the pose")
             return
-        values = {name: float(field.value) for name, field in self._fields.items() if field.value is not None}
+        values = {name: float(value) for name, value in self._form.values().items() if value is not None}
         coordinates, orientation = self._task.told(values)
-        position, percent = ToolPosition(coordinates, self._branch, orientation), self._percent()
-        if percent is not None and self._visitor.ask(MoveTool(position=position, speed_percent=percent)):
-            self._scene.clear_shape("ghost")
+        position = ToolPosition(coordinates, self._branch, orientation)
+        self._go(lambda percent: MoveTool(position=position, speed_percent=percent))

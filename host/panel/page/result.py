@@ -57,15 +57,12 @@ class ResultTab:
 
     def _row(self, result: Result) -> None:
         with ui.element("tr"):
-            with cell("muted"):
-                ui.label(time.strftime("%H:%M:%S", time.localtime(result.wall_s)))
-            with cell():
-                ui.label(result.name)
+            cell(time.strftime("%H:%M:%S", time.localtime(result.wall_s)), "muted")
+            cell(result.name)
             with cell():
                 _verdict_chip(result)
             with cell():
-                show = plain("Show", lambda: self._show(result))
-                show.props["aria-label"] = f"show run {result.number}"
+                plain("Show", lambda: self._show(result), label=f"show run {result.number}")
 
     def _show(self, result: Result) -> None:
         self._detail.clear()
@@ -99,14 +96,10 @@ def _ends_table(outcome: LiveOutcome) -> None:
     ):
         for axis, joint, end in zip(outcome.axes, outcome.plan.robot.joints, outcome.end, strict=True):
             with ui.element("tr"):
-                with cell():
-                    ui.label(axis.name)
-                with cell("number"):
-                    ui.label(f"{end:.4f}")
-                with cell("muted"):
-                    ui.label(str(joint.unit))
-                with cell("number"):
-                    ui.label(f"{axis.error_steps:.4f}")
+                cell(axis.name)
+                cell(f"{end:.4f}", "number")
+                cell(str(joint.unit), "muted")
+                cell(f"{axis.error_steps:.4f}", "number")
 
 
 def _pictures(result: Result, outcome: LiveOutcome) -> None:

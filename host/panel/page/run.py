@@ -13,16 +13,17 @@ from steptwin.host.panel.desk.commands import RunMotion
 from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
 from steptwin.host.panel.page.elements import (
+    Form,
+    FormField,
     act,
     choice,
     icon_button,
     line,
-    moving,
+    make_input,
     note,
-    number_field,
     plain,
     stack,
-    wrong_field,
+    wrong,
 )
 from steptwin.host.panel.page.guard import BODY_BYTES_MAX
 from steptwin.host.panel.page.motions import (
@@ -139,13 +140,13 @@ class RunTab:
         """True if the plan was run: then its path stays until the next preview."""
         visitor.page.on_delete(self._end_planning)
         jobs = job_names(visitor.desk.robot)
-        self._form: OptionForm | None = None
+        self._form: Form | None = None
         with line("top"):
             titles = {name: name for name in jobs} | {_FILE: _FILE}
             self._choice = ui.select(titles, value=jobs[0] if jobs else _FILE, label="motion").props("outlined dense")
             self._choice.classes("w-motion").on_value_change(self._choose)
             self._preview = plain("Preview", self._look, "visibility")
-            self._start = moving(act("Run", self._run, "play_arrow"))
+            self._start = act("Run", self._run, "play_arrow", moves=True)
         self._figures = ui.element("div").classes("stack tight")
         with line("tight"):
             ui.label("Speed").classes("muted")
@@ -157,9 +158,8 @@ class RunTab:
             ui.label("Its units").classes("muted")
             self._units = choice("units of a trajectory file", UNITS, USUAL_UNITS, lambda _: self._outdate())
         with line():
-            self._repeat = number_field("repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True).classes(
-                "w-narrow"
-            )
+            repeat = FormField("repeat", "repetitions", 1, OptionRange(1, _REPETITIONS_MAX, ""), whole=True)
+            self._repeat = make_input(repeat).classes("w-narrow")
             self._approach = ui.switch(f"{MOVE_TO_START}, straight in the joints", value=True)
         self._choose()
 
@@ -205,7 +205,7 @@ class RunTab:
             else:
                 robot = self._visitor.desk.robot
                 self._summary.set_text(job_summary(robot, name))
-                self._form = OptionForm(job_fields(robot, name), self._outdate)
+                self._form = Form(map(_form_field, job_fields(robot, name)), self._outdate)
 
     async def _other_file(self) -> None:
         self._outdate()
@@ -285,18 +285,20 @@ class RunTab:
             self._name = upload[0]
             units = str(self._units.value)
             return lambda: plan_apart(robot, *upload, stretch, units)
-        wrong = self._form.wrong() if self._form else None
-        if wrong is not None:
-            self._visitor.tell(wrong)
+        if self._form is None:
             return None
-        texts = self._form.texts() if self._form else {}
+        missing = self._form.wrong()
+        if missing is not None:
+            self._visitor.tell(missing)
+            return None
+        texts = {option: _text(value) for option, value in self._form.values().items()}
         self._name = name
         return lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
 
     def _run(self) -> None:
-        wrong = wrong_field([self._repeat])
-        if self._plan is None or wrong is not None:
-            self._visitor.tell(wrong or "look at the preview first")
+        missing = wrong([self._repeat])
+        if self._plan is None or missing is not None:
+            self._visitor.tell(missing or "look at the preview first")
             return
         command = RunMotion(
             plan=self._plan, name=self._name, repeat=int(self._repeat.value), approach=bool(self._approach.value)
@@ -308,42 +310,12 @@ class RunTab:
             self._scene.clear_shape("ghost")
 
 
-class OptionForm:
-    """A field for each of a job's options, with the job's own defaults and ranges."""
-
-    def __init__(self, fields: tuple[OptionField, ...], changed: Callable[[], None]) -> None:
-        self._fields: dict[str, ui.number | ui.select | ui.input] = {}
-        with ui.element("div").classes("form-grid"):
-            for field in fields:
-                self._fields[field.name] = _form_field(field, changed)
-
-    def wrong(self) -> str | None:
-        """Return which option is missing or out of range; None if all are right."""
-        return wrong_field(self._fields.values())
-
-    def texts(self) -> dict[str, str]:
-        """Return the options as texts, as on the command line."""
-        return {name: _text(field.value) for name, field in self._fields.items()}
-
-    def values(self) -> dict[str, Any]:
-        """Return what is in the fields."""
-        return {name: field.value for name, field in self._fields.items()}
-
-    def fill(self, values: Mapping[str, Any]) -> None:
-        """Write into the fields."""
-        for name, value in values.items():
-            self._fields[name].set_value(value)
-
-
-def _form_field(field: OptionField, changed: Callable[[], None]) -> ui.number | ui.select | ui.input:
-    label = option_title(field)
-    if field.form:
-        text = ui.input(f"{label} ({field.form})", value=str(field.default), on_change=lambda _: changed())
-        return text.props("outlined dense").classes("w-field")
-    if field.allowed is None:
-        select = ui.select(list(field.choices), value=field.default, label=label, on_change=lambda _: changed())
-        return select.props("outlined dense").classes("w-field")
-    return number_field(label, round(float(field.default), 6), field.allowed, changed, whole=field.whole)
+def _form_field(option: OptionField) -> FormField:
+    title = option_title(option)
+    if option.form:
+        return FormField(option.name, f"{title} ({option.form})", option.default)
+    default = option.default if option.allowed is None else round(float(option.default), 6)
+    return FormField(option.name, title, default, option.allowed, option.whole, option.choices)
 
 
 def _text(value: Any) -> str:

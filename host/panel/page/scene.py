@@ -188,7 +188,7 @@ class SceneCard:
         with card(classes="flush place-scene"):
             with line("tight scene-bar"):
                 camera_buttons(lambda: self.scene)
-                plain("Path", self._look_at_path).props["aria-label"] = "look at the path"
+                plain("Path", lambda: self.scene.look("path"), label="look at the path")
                 plain("Clear trace", drawing.clear_trace)
                 drawing_switch(lambda: self.scene)
             with ui.element("div").classes("scene-place"):
@@ -210,9 +210,6 @@ class SceneCard:
         """Draw everything in a browser that has just opened the page."""
         self._drawn = None
 
-    def _look_at_path(self) -> None:
-        self.scene.look("path")
-
 
 def camera_buttons(scene: Callable[[], ArmScene]) -> None:
     """Make a button for each direction of the camera; the scene may be made later."""
@@ -221,8 +218,7 @@ def camera_buttons(scene: Callable[[], ArmScene]) -> None:
         scene().look(view)
 
     for view, text in _VIEWS.items():
-        button = plain(text, partial(look, view))
-        button.props["aria-label"] = f"look from: {text}"
+        plain(text, partial(look, view), label=f"look from: {text}")
 
 
 def drawing_switch(scene: Callable[[], ArmScene]) -> None:

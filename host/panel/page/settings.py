@@ -1,27 +1,25 @@
 """The Settings tab: speeds, limits and currents with their units; some are the board's, some this panel's alone."""
 
-from collections.abc import Callable
-
 from nicegui import ui
 
 from steptwin.host.panel.desk.commands import WriteSettings
 from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.state import Snapshot
-from steptwin.host.panel.page.elements import act, heading, line, moving, note, number_field, plain, wrong_field
+from steptwin.host.panel.page.elements import Form, FormField, act, heading, line, note, plain
 from steptwin.host.panel.page.visitor import Visitor
 from steptwin.host.planning.jobs.options import OptionRange
 
 
 class SettingsTab:
-    """A field for each setting, by joint."""
+    """A form for each joint, and one for the machine."""
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         self._shown: tuple[Setting, ...] = ()
-        self._fields: dict[str, ui.number | ui.select] = {}
+        self._forms: dict[str | None, Form] = {}
         self._list = ui.element("div").classes("stack")
         with line():
-            self._save = moving(act("Write what has changed", self._write, "save"))
+            self._save = act("Write what has changed", self._write, "save", moves=True)
             self._save.set_enabled(False)
             plain("Show the present values", lambda: self._show(visitor.desk.settings))
         note("A setting with * is kept by the board; the others hold for this panel until it ends.")
@@ -37,21 +35,19 @@ class SettingsTab:
     def _show(self, settings: tuple[Setting, ...]) -> None:
         self._shown = settings
         self._list.clear()
-        self._fields = {}
+        self._forms = {}
         with self._list:
             if not settings:
                 note("The settings are read when the machine is connected.")
             for joint in dict.fromkeys(setting.joint for setting in settings):
                 heading(joint or "Machine")
-                with ui.element("div").classes("form-grid"):
-                    for setting in settings:
-                        if setting.joint == joint:
-                            self._fields[setting.key] = _field(setting, self._compare)
+                fields = [_field(setting) for setting in settings if setting.joint == joint]
+                self._forms[joint] = Form(fields, self._compare)
         self._save.set_enabled(False)
 
     def _write(self) -> None:
-        for joint in dict.fromkeys(setting.joint for setting in self._shown):
-            wrong = wrong_field(self._fields[setting.key] for setting in self._shown if setting.joint == joint)
+        for joint, form in self._forms.items():
+            wrong = form.wrong()
             if wrong is not None:
                 self._visitor.tell(wrong if joint is None else f"{joint}: {wrong}")
                 return
@@ -59,7 +55,7 @@ class SettingsTab:
 
     def _changed(self) -> dict[str, float]:
         """Return the values that differ from the present ones; a field without a number counts as changed."""
-        values = {setting.key: self._fields[setting.key].value for setting in self._shown}
+        values = {key: value for form in self._forms.values() for key, value in form.values().items()}
         return {setting.key: values[setting.key] for setting in self._shown if values[setting.key] != setting.value}
 
     def _compare(self) -> None:
@@ -70,10 +66,8 @@ def _figure(value: float | str | bool) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _field(setting: Setting, changed: Callable[[], None]) -> ui.number | ui.select:
-    label = f"{'* ' if setting.stored else ''}{setting.title}"
-    if setting.choices:
-        texts = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
-        select = ui.select(texts, value=setting.value, label=label, on_change=lambda _: changed())
-        return select.props("outlined dense").classes("w-field")
-    return number_field(label, setting.value, OptionRange(setting.lower, setting.upper, setting.unit), changed)
+def _field(setting: Setting) -> FormField:
+    title = f"{'* ' if setting.stored else ''}{setting.title}"
+    choices = {choice: f"{choice:g} {setting.unit}".rstrip() for choice in setting.choices}
+    allowed = OptionRange(setting.lower, setting.upper, setting.unit)
+    return FormField(setting.key, title, setting.value, allowed, choices=choices)
