@@ -58,7 +58,7 @@ class JogTab:
     def _row(self, name: str, unit: str, position: str) -> None:
         with ui.element("div").classes("jog-row"):
             with ui.element("div"):
-                ui.label(f"{name}, {unit}").classes("joint-name")
+                ui.label(f"{name}, {unit}")
                 live(position, "number muted small")
             self._button(name, -1, "−")
             self._button(name, +1, "+")

@@ -305,7 +305,7 @@ class ToolForm:
         with ui.element("div").classes("branch" if reason is None else "branch off") as row:
             mark = ui.icon("radio_button_checked" if chosen else "radio_button_unchecked")
             mark.props('aria-hidden="true"')
-            ui.label(branch.name).classes("joint-name")
+            ui.label(branch.name)
             if reason is None:
                 values = (branch.joints[0].round(2) + 0.0).tolist()  # -0.0 is written 0
                 parts = zip(robot.joints, values, strict=True)

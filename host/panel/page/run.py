@@ -65,7 +65,7 @@ class Upload:
             )
             self._field.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
             with line() as self._row:
-                self._name = ui.label().classes("joint-name")
+                self._name = ui.label()
                 icon_button("close", "take the file away", self._take_away)
         self.show(None)
 
