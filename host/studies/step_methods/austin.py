@@ -12,13 +12,15 @@ Atmel application note AVR446, "Linear speed control of stepper motor", 2006.
 """
 
 from math import floor, sqrt
+from typing import NamedTuple
 
-from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.host.studies.step_methods.pulses import (
     THRESHOLD_Q16,
     PinTimes,
     PlacedPulses,
+    PlannedAxis,
     compiled,
     counter_at,
     place_axes,
@@ -34,40 +36,38 @@ LAST_DIVISOR = -3
 
 def austin(motion: PlannedMotion) -> PlacedPulses:
     """Place a motion as ramps of constant acceleration."""
-    points_q16, velocities_hz = motion.points_q16, motion.velocities_hz
     pins = PinTimes.of(motion.board)
 
-    def place(axis: int, start: int, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
-        return _run(motion.times_ms, points_q16[axis], velocities_hz[axis], start, pins, rises, direction)
+    def place(axis: PlannedAxis, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
+        return _run(axis, pins, rises, direction)
 
     return place_axes(place, motion)
 
 
-@compiled
-def ramp(
-    rises: Int64Array,
-    first: int,
-    steps: int,
-    begin_counts: int,
-    end_counts: int,
-    earliest_counts: int,
-    pulse_counts: int,
-    way: float,
-    velocity_hz: float,
-    acceleration: float,
-) -> int:
-    """Place the steps of one ramp, the first `way` steps ahead; return the earliest instant of the next rise.
+class AustinRamp(NamedTuple):
+    """A ramp of constant acceleration: its time, and `way` steps from its begin to its first step.
 
-    Velocity and acceleration count along the motion, in steps/s and steps/s^2.
+    Velocity at the begin and acceleration count along the motion, in steps/s and steps/s^2.
     """
-    at_first_hz = sqrt(max(velocity_hz**2 + 2 * acceleration * way, 0.0))
-    mean_hz = (velocity_hz + at_first_hz) / 2
-    due = end_counts if mean_hz <= 0 else begin_counts + min(way / mean_hz * COUNTS_PER_SECOND, 1e15)
+
+    begin_counts: int
+    end_counts: int
+    way: float
+    velocity_hz: float
+    acceleration: float
+
+
+@compiled
+def place_ramp(ramp: AustinRamp, rises: Int64Array, earliest_counts: int, pulse_counts: int) -> int:
+    """Place a ramp's steps, one in each of `rises`; return the earliest instant of the next rise."""
+    at_first_hz = sqrt(max(ramp.velocity_hz**2 + 2 * ramp.acceleration * ramp.way, 0.0))
+    mean_hz = (ramp.velocity_hz + at_first_hz) / 2
+    due = ramp.end_counts if mean_hz <= 0 else ramp.begin_counts + min(ramp.way / mean_hz * COUNTS_PER_SECOND, 1e15)
     due_counts = int(due)
-    interval, divisor = _first_interval(at_first_hz, acceleration, end_counts - begin_counts)
+    interval, divisor = _first_interval(at_first_hz, ramp.acceleration, ramp.end_counts - ramp.begin_counts)
     rest = 0
-    for k in range(first, first + steps):
-        rise = max(min(due_counts, end_counts), earliest_counts)
+    for k in range(len(rises)):
+        rise = max(min(due_counts, ramp.end_counts), earliest_counts)
         rises[k] = rise
         earliest_counts = rise + pulse_counts
         due_counts += interval
@@ -96,16 +96,9 @@ def _first_interval(rate_hz: float, acceleration: float, longest_counts: int) ->
 
 
 @compiled
-def _run(
-    times_ms: Int64Array,
-    points_q16: Int64Array,
-    velocities_hz: FloatArray,
-    counter: int,
-    pins: PinTimes,
-    rises: Int64Array,
-    direction: Int64Array,
-) -> tuple[int, int]:
+def _run(axis: PlannedAxis, pins: PinTimes, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
     """Place one axis; return its number of steps and of DIR edges."""
+    times_ms, points_q16, velocities_hz, counter = axis
     made = turns = level = 0
     earliest = 0
     for record in range(len(times_ms) - 1):
@@ -138,10 +131,8 @@ def _run(
                     earliest = max(earliest, edge + pins.dirsetup)
                 way = ((counter << 16) * sign + THRESHOLD_Q16 - begin_q16 * sign) / 65_536
                 steps = abs(goal - counter)
-                earliest = ramp(
-                    rises, made, steps, begin, until, earliest, pins.pulse, max(way, 0.0), max(begin_hz * sign, 0.0),
-                    acceleration * sign,
-                )  # fmt: skip
+                ramp = AustinRamp(begin, until, max(way, 0.0), max(begin_hz * sign, 0.0), acceleration * sign)
+                earliest = place_ramp(ramp, rises[made : made + steps], earliest, pins.pulse)
                 made += steps
                 counter = goal
             begin, begin_q16, begin_hz = until, goal_q16, 0.0

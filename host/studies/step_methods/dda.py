@@ -11,9 +11,16 @@ Source: LinuxCNC, src/hal/components/stepgen.c and its manual page (position mod
 
 from math import floor
 
-from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import THRESHOLD_Q16, PinTimes, PlacedPulses, compiled, place_axes
+from steptwin.host.studies.step_methods.pulses import (
+    THRESHOLD_Q16,
+    PinTimes,
+    PlacedPulses,
+    PlannedAxis,
+    compiled,
+    place_axes,
+)
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 Q32 = 1 << 32
@@ -23,12 +30,10 @@ THRESHOLD_Q32 = THRESHOLD_Q16 << 16
 def dda(base_hz: int, motion: PlannedMotion) -> PlacedPulses:
     """Place a motion with a base thread of `base_hz`, which must divide 72 MHz."""
     period_counts = COUNTS_PER_SECOND // base_hz
-    positions, velocities = motion.points_q16 / 65_536, motion.velocities_hz / 1000
     pins = PinTimes.of(motion.board)
 
-    def place(axis: int, start: int, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
-        own = (motion.times_ms, positions[axis], velocities[axis])
-        return _run(*own, start, period_counts, pins, rises, direction)
+    def place(axis: PlannedAxis, rises: Int64Array, direction: Int64Array) -> tuple[int, int]:
+        return _run(axis, period_counts, pins, rises, direction)
 
     return place_axes(place, motion)
 
@@ -43,16 +48,11 @@ def hermite(p0: float, v0: float, p1: float, v1: float, duration_ms: float, t_ms
 
 @compiled
 def _run(
-    times_ms: Int64Array,
-    positions: FloatArray,
-    velocities: FloatArray,
-    counter: int,
-    period_counts: int,
-    pins: PinTimes,
-    rises: Int64Array,
-    direction: Int64Array,
+    axis: PlannedAxis, period_counts: int, pins: PinTimes, rises: Int64Array, direction: Int64Array
 ) -> tuple[int, int]:
     """Place one axis; return its number of steps and of DIR edges."""
+    times_ms, counter = axis.times_ms, axis.start_steps
+    positions, velocities = axis.points_q16 / 65_536, axis.velocities_hz / 1000
     steps = turns = level = 0
     periods = COUNTS_PER_MS // period_counts
     accumulator = floor(positions[0] * Q32)

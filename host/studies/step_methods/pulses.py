@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from steptwin.host.common.arrays import Int8Array, Int64Array
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import counts_of_ns
@@ -129,13 +129,24 @@ def place_with(place: Place, motion: PlannedMotion) -> PlacedPulses:
     )
 
 
+class PlannedAxis(NamedTuple):
+    """One axis of a motion: instants in ms, positions in Q16 steps and velocities in steps/s there, and its counter."""
+
+    times_ms: Int64Array
+    points_q16: Int64Array
+    velocities_hz: FloatArray
+    start_steps: int
+
+
 def place_axes(
-    place: Callable[[int, int, Int64Array, Int64Array], tuple[int, int]], motion: PlannedMotion
+    place: Callable[[PlannedAxis, Int64Array, Int64Array], tuple[int, int]], motion: PlannedMotion
 ) -> PlacedPulses:
-    """Let a method that places one axis after the other do so: from its number and its counter, into its rows."""
+    """Let a method that places one axis after the other do so, into the axis' rows."""
+    rows = zip(motion.points_q16, motion.velocities_hz, motion.start_steps, strict=True)
+    planned = [PlannedAxis(motion.times_ms, *row) for row in rows]
 
     def place_all(rises: Int64Array, direction: Int64Array, made: Int64Array) -> None:
-        for axis, start in enumerate(motion.start_steps):
-            made[axis] = place(axis, start, rises[axis], direction[axis])
+        for axis, own in enumerate(planned):
+            made[axis] = place(own, rises[axis], direction[axis])
 
     return place_with(place_all, motion)

@@ -6,7 +6,7 @@ import pytest
 from steptwin.bench.kernel_speed import run_length
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.step_methods.austin import ramp
+from steptwin.host.studies.step_methods.austin import AustinRamp, place_ramp
 from steptwin.host.studies.step_methods.evaluation import ideal_of, step_errors
 from steptwin.host.studies.step_methods.motions import PlannedMotion, Sines, motion_of_job, sines
 from steptwin.host.studies.step_methods.pulses import Method
@@ -76,7 +76,7 @@ def test_austins_intervals_are_those_of_constant_acceleration() -> None:
     """Step n of a ramp from rest with 1000 steps/s^2 is at sqrt(2 n / a); the recurrence is 1.4 % off at n = 2."""
     steps = 200
     rises = np.zeros(steps, np.int64)
-    ramp(rises, 0, steps, 0, 10**9, 0, 4800, 1.0, 0.0, 1000.0)
+    place_ramp(AustinRamp(0, 10**9, 1.0, 0.0, 1000.0), rises, 0, 4800)
     exact = 72e6 * np.sqrt(2 * np.arange(1, steps + 1) / 1000)
     assert rises[0] == int(exact[0])
     assert rises[1] == pytest.approx(exact[1], abs=2)
@@ -88,7 +88,7 @@ def test_austins_intervals_are_those_of_constant_acceleration() -> None:
 def test_austins_deceleration_ends_where_the_speed_does() -> None:
     """From 400 steps/s with -1000 steps/s^2: 80 steps in 0.4 s; c (1 + 2/3) is the last interval, n = -1."""
     rises = np.zeros(80, np.int64)
-    ramp(rises, 0, 80, 0, 28_800_000, 0, 4800, 1.0, 400.0, -1000.0)
+    place_ramp(AustinRamp(0, 28_800_000, 1.0, 400.0, -1000.0), rises, 0, 4800)
     exact = 72e6 * (0.4 - np.sqrt(2 * np.arange(79, -1, -1) / 1000))
     assert rises[:-1] == pytest.approx(exact[:-1], abs=72_000 * 3)
     assert 3 * (rises[-1] - rises[-2]) == pytest.approx(5 * (rises[-2] - rises[-3]), abs=6)
