@@ -58,13 +58,12 @@ def _print_page(page: "EvaluatedPaper") -> None:
     }
     print_rows(values, [one for one in page.values if one.value.expected is not None], text_columns=3)
     formulas: Columns = {
-        "misprint": "{0[0].erratum.place}",
-        "computed": "{0[1].formula.what}",
-        "as printed": lambda of: number_text(of[1].printed, of[1].formula.decimals),
-        "corrected": lambda of: number_text(of[1].corrected, of[1].formula.decimals),
-        "has to be": lambda of: number_text(of[1].truth, of[1].formula.decimals),
-        "unit": "{0[1].formula.unit}",
+        "misprint": "{0.erratum.place}",
+        "computed": "{0.formula.what}",
+        "as printed": lambda one: number_text(one.numbers.printed, one.formula.decimals),
+        "corrected": lambda one: number_text(one.numbers.corrected, one.formula.decimals),
+        "has to be": lambda one: number_text(one.numbers.truth, one.formula.decimals),
+        "unit": "{0.formula.unit}",
     }
-    errata = [(erratum, one) for item in page.items for erratum in item.errata for one in erratum.formulas]
-    print_rows(formulas, errata, text_columns=2)
+    print_rows(formulas, page.proofs, text_columns=2)
     say(*summary(page))

@@ -1,19 +1,20 @@
 """Compute a paper: call every function of its items once and judge each number."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
-from steptwin.host.studies.papers.paper import Basis, Erratum, Formula, Gap, Item, Paper, Value
+from steptwin.host.studies.papers.paper import Basis, Computed, Erratum, Formula, Item, Paper, Rows, Value
 from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Study
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
     """A value with ours computed; `agrees` is None if it stands alone."""
 
-    value: Value[Any]
+    value: Value
     ours: float
 
     @property
@@ -28,45 +29,37 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class Computed:
-    """A misprinted formula with its three numbers."""
+class Proof:
+    """A misprinted formula with its numbers."""
 
-    formula: Formula[Any]
-    printed: float
-    corrected: float
-    truth: float
+    erratum: Erratum
+    formula: Formula
+    numbers: Computed
 
     @property
     def proven(self) -> bool:
         """Whether the corrected formula gives what it has to, and the printed one does not."""
+        printed, corrected, truth = self.numbers
         within = self.formula.tolerance
-        return abs(self.corrected - self.truth) <= within and not abs(self.printed - self.truth) <= within
-
-
-@dataclass(frozen=True, slots=True)
-class EvaluatedErratum:
-    """A mistake with its formulas computed."""
-
-    erratum: Erratum[Any]
-    formulas: tuple[Computed, ...]
+        return abs(corrected - truth) <= within and not abs(printed - truth) <= within
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedItem:
     """An item with everything computed but its pictures; `listings` holds the rows of each table."""
 
-    item: Item[Any]
+    item: Item
     values: tuple[Compared, ...]
-    errata: tuple[EvaluatedErratum, ...]
-    listings: tuple[list[list[str]], ...]
+    proofs: tuple[Proof, ...]
+    listings: tuple[Rows, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedPaper:
     """A paper with its items computed, and the study that its pictures are drawn from."""
 
-    paper: Paper[Any]
-    study: Any
+    paper: Paper
+    study: Study
     items: tuple[EvaluatedItem, ...]
 
     @property
@@ -75,31 +68,30 @@ class EvaluatedPaper:
         return tuple(value for item in self.items for value in item.values)
 
     @property
-    def formulas(self) -> tuple[Computed, ...]:
+    def proofs(self) -> tuple[Proof, ...]:
         """The computed formulas of all mistakes."""
-        return tuple(formula for item in self.items for erratum in item.errata for formula in erratum.formulas)
+        return tuple(proof for item in self.items for proof in item.proofs)
 
     @property
     def agrees(self) -> bool:
         """Whether every number that can be compared agrees, and every computed mistake is proven to be one."""
-        return all(value.agrees is not False for value in self.values) and all(one.proven for one in self.formulas)
+        return not any(self.disagreements)
 
     @property
     def disagreements(self) -> Iterator[str]:
         """A line for each number that does not agree and for each mistake that is not proven."""
         for item in self.items:
-            for value in item.values:
-                if value.agrees is False:
-                    what = f"{item.item.place}: {value.value.what}"
-                    has = "has to be" if value.value.kind is Basis.CHECK else "the paper has"
-                    yield f"{what}: {value.ours:.9g}, {has} {value.value.expected:g}"
-            for erratum in item.errata:
-                for one in erratum.formulas:
-                    if not one.proven:
-                        yield (
-                            f"{erratum.erratum.place}: {one.formula.what}: {one.printed:.9g} as printed,"
-                            f" {one.corrected:.9g} as corrected, {one.truth:.9g} is right"
-                        )
+            for one in item.values:
+                if one.agrees is False:
+                    has = "has to be" if one.value.kind is Basis.CHECK else "the paper has"
+                    yield f"{item.item.place}: {one.value.what}: {one.ours:.9g}, {has} {one.value.expected:g}"
+            for proof in item.proofs:
+                if not proof.proven:
+                    printed, corrected, truth = proof.numbers
+                    yield (
+                        f"{proof.erratum.place}: {proof.formula.what}: {printed:.9g} as printed,"
+                        f" {corrected:.9g} as corrected, {truth:.9g} is right"
+                    )
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `steptwin paper --json` prints; a number that does not exist is None."""
@@ -111,76 +103,63 @@ class EvaluatedPaper:
         }
 
 
-def evaluated(paper: Paper[Any], runs: Runs) -> EvaluatedPaper:
+def evaluated(paper: Paper, runs: Runs) -> EvaluatedPaper:
     """Compute a paper; the runs that it needs are made, unless they have been before."""
     study = paper.study(runs)
     return EvaluatedPaper(paper, study, tuple(_item(item, study) for item in paper.items))
 
 
-def _item(item: Item[Any], study: Any) -> EvaluatedItem:
+def _item(item: Item, study: Study) -> EvaluatedItem:
     return EvaluatedItem(
         item,
         tuple(Compared(value, float(value.ours(study))) for value in item.values),
-        tuple(_erratum(erratum, study) for erratum in item.errata),
+        tuple(
+            Proof(erratum, formula, Computed(*map(float, formula.compute(study))))
+            for erratum in item.errata
+            for formula in erratum.formulas
+        ),
         tuple(listing.rows(study) for listing in item.listings),
     )
 
 
-def _erratum(erratum: Erratum[Any], study: Any) -> EvaluatedErratum:
-    computed = (
-        Computed(formula, *(float(compute(study)) for compute in (formula.printed, formula.corrected, formula.truth)))
-        for formula in erratum.formulas
-    )
-    return EvaluatedErratum(erratum, tuple(computed))
-
-
 def _item_document(item: EvaluatedItem) -> dict[str, Any]:
+    told = item.item
     return {
-        "place": item.item.place,
-        "title": item.item.title,
-        "parts": [
-            {"place": part.place, "what": part.what, "how": part.how, "answer": part.answer, "why": part.why or None}
-            for part in item.item.parts
-        ],
-        "values": [
-            {
-                "kind": one.value.kind,
-                "what": one.value.what,
-                "unit": one.value.unit,
-                "place": one.value.place or None,
-                "paper": one.value.expected if one.value.place else None,
-                "expected": one.value.expected,
-                "source": one.value.source or None,
-                "ours": _finite(one.ours),
-                "difference": _finite(one.difference),
-                "tolerance": one.value.tolerance,
-                "agrees": one.agrees,
-            }
-            for one in item.values
-        ],
+        "place": told.place,
+        "title": told.title,
+        "parts": [{**asdict(part), "why": part.why or None} for part in told.parts],
+        "values": [_value_document(one) for one in item.values],
         "errata": [
             {
-                "place": one.erratum.place,
-                "printed": one.erratum.printed,
-                "right": one.erratum.right,
-                "found": one.erratum.found,
-                "formulas": [_formula_document(formula) for formula in one.formulas],
+                **{key: getattr(erratum, key) for key in ("place", "printed", "right", "found")},
+                "formulas": [_proof_document(proof) for proof in item.proofs if proof.erratum is erratum],
             }
-            for one in item.errata
+            for erratum in told.errata
         ],
-        "left_open": [_gap_document(gap) for gap in item.item.left_open],
-        "lost": [_gap_document(gap) for gap in item.item.lost],
+        "left_open": [asdict(gap) for gap in told.left_open],
+        "lost": [asdict(gap) for gap in told.lost],
     }
 
 
-def _gap_document(gap: Gap) -> dict[str, str]:
-    return {"place": gap.place, "what": gap.what, "instead": gap.instead}
+def _value_document(one: Compared) -> dict[str, Any]:
+    value = one.value
+    return {
+        **{key: getattr(value, key) for key in ("kind", "what", "unit")},
+        "place": value.place or None,
+        "paper": value.expected if value.place else None,
+        "expected": value.expected,
+        "source": value.source,
+        "ours": _finite(one.ours),
+        "difference": _finite(one.difference),
+        "tolerance": value.tolerance,
+        "agrees": one.agrees,
+    }
 
 
-def _formula_document(one: Computed) -> dict[str, Any]:
-    numbers = {"printed": one.printed, "corrected": one.corrected, "truth": one.truth}
-    about = {"what": one.formula.what, "unit": one.formula.unit, "truth_from": one.formula.truth_from}
-    return about | {name: _finite(number) for name, number in numbers.items()} | {"proven": one.proven}
+def _proof_document(proof: Proof) -> dict[str, Any]:
+    about = {key: getattr(proof.formula, key) for key in ("what", "unit", "truth_from")}
+    numbers = {name: _finite(number) for name, number in proof.numbers._asdict().items()}
+    return {**about, **numbers, "proven": proof.proven}
 
 
 def _finite(number: float | None) -> float | None:

@@ -1,27 +1,34 @@
-"""A paper as data: its figures, tables and equations, each with the paper's values and the functions that compute ours.
+"""A paper as data: its figures, tables and equations, each with the paper's values and what the twin has beside them.
 
-Nothing is computed here. Every function takes the paper's study, S, which holds what its items share; `evaluated` calls
-them.
+The data of each paper is in its TOML file, read by `paper_file`. Nothing is computed here: what is ours is a function
+of the paper's study, which holds what the items share; `evaluated` calls it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.studies.papers.runs import Runs
-from steptwin.host.twin.embedded.outcome import Outcome
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from steptwin.host.studies.papers.runs import Runs
+    from steptwin.host.studies.papers.study import Study
 
-S = TypeVar("S")
+Look = Callable[[Any], Any]
+"""A function of a study that returns a number, the rows of a table, a picture's panels or a figure."""
+Rows = list[list[str]]
+"""The rows of a table of the page."""
+Figures = Mapping[str, float]
+"""Numbers of a study by name, which carries the unit."""
 
-READ_OFF: Final = "read off"
-STATED: Final = "stated"
-FOLLOWS: Final = "follows"
-"""How a number of the paper is known: stated in it, following from what it states, or read off a figure."""
+
+class Source(StrEnum):
+    """How a number of the paper is known: stated in it, following from what it states, or read off a figure."""
+
+    STATED = "stated"
+    FOLLOWS = "follows"
+    READ_OFF = "read off"
 
 
 class Basis(StrEnum):
@@ -34,8 +41,8 @@ class Basis(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Value(Generic[S]):
-    """A number of ours, and what it has to be; made by `dimension`, `result`, `self_check` and `alone`.
+class Value:
+    """A number of ours, and what it has to be.
 
     Attributes:
         kind: a dimension that the robot's file takes over from the paper, a result of the paper beside the twin's, a
@@ -47,79 +54,58 @@ class Value(Generic[S]):
         tolerance: largest difference with which the two agree.
         decimals: digits behind the point that are shown; the tolerance is not below their last one.
         place: where the paper has its number; empty for self-checks and numbers that stand alone.
-        source: how the paper's number is known: STATED, FOLLOWS or READ_OFF; empty as `place` is.
+        source: how the paper's number is known; None as `place` is empty.
     """
 
     kind: Basis
     what: str
-    unit: str
-    expected: float | None
-    ours: Callable[[S], float]
+    ours: Look
+    unit: str = ""
+    expected: float | None = None
     tolerance: float = 0.0
     decimals: int = 0
     place: str = ""
-    source: str = ""
+    source: Source | None = None
 
 
-def dimension(place: str, what: str, unit: str, paper: float, ours: Callable[[S], float]) -> Value[S]:
-    """Return a number that the robot's file takes over from the paper, which has to be the same."""
-    return Value(Basis.DIMENSION, what, unit, paper, ours, place=place, source=STATED)
+class Computed(NamedTuple):
+    """A misprinted formula as printed, NaN where it has no value; as corrected; and what it has to be, without it."""
 
-
-def result(
-    place: str, what: str, unit: str, paper: float, ours: Callable[[S], float], tolerance: float = 0.0,
-    decimals: int = 0, source: str = STATED,
-) -> Value[S]:  # fmt: skip
-    """Return a result of the paper beside the twin's own; never computed by us on the paper's side."""
-    return Value(Basis.RESULT, what, unit, paper, ours, tolerance, decimals, place, source)
-
-
-def self_check(
-    what: str, unit: str, expected: float, ours: Callable[[S], float], tolerance: float = 0.0, decimals: int = 0
-) -> Value[S]:
-    """Return a number of ours with what it has to be, of which the paper says nothing: a round trip, an identity."""
-    return Value(Basis.CHECK, what, unit, expected, ours, tolerance, decimals)
-
-
-def alone(what: str, unit: str, ours: Callable[[S], float], decimals: int = 0) -> Value[S]:
-    """Return a number of ours with nothing to compare it with."""
-    return Value(Basis.ALONE, what, unit, None, ours, decimals=decimals)
+    printed: float
+    corrected: float
+    truth: float
 
 
 @dataclass(frozen=True, slots=True)
-class Formula(Generic[S]):
-    """A misprinted formula, computed as printed and as corrected.
+class Formula:
+    """A misprinted formula, to be computed as printed and as corrected.
 
     Attributes:
         what: quantity that it computes, and where.
-        unit: its unit; empty for a plain number.
-        printed: function that computes the formula as printed; NaN where it has no value.
-        corrected: function that computes it as corrected.
-        truth: function that computes what it has to be, without the formula.
+        compute: function that returns it as `Computed`.
         truth_from: where the truth is from.
+        unit: its unit; empty for a plain number.
         decimals: digits behind the point that are shown.
         tolerance: largest difference from the truth that the corrected formula may have, and the printed one has not.
     """
 
     what: str
-    unit: str
-    printed: Callable[[S], float]
-    corrected: Callable[[S], float]
-    truth: Callable[[S], float]
+    compute: Look
     truth_from: str
+    unit: str = ""
     decimals: int = 3
     tolerance: float = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Erratum(Generic[S]):
+class Erratum:
     """A misprint or a contradiction: its place, what is printed, what is right, how it was found, and both computed."""
 
     place: str
     printed: str
     right: str
     found: str
-    formulas: tuple[Formula[S], ...] = ()
+    formulas: tuple[Formula, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,18 +148,18 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Listing(Generic[S]):
+class Listing:
     """A table of ours, such as the paper prints one or should: the first `text_columns` columns are texts."""
 
     title: str
     columns: tuple[str, ...]
-    rows: Callable[[S], list[list[str]]]
+    rows: Look
     text_columns: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A line in a panel: its name in the legend, and x and y, of shape (n,); `dotted` marks points, `broken` lines."""
+    """A line in a panel: its name in the legend, and x and y, of shape (n,); `broken` and `broad` are styles of it."""
 
     name: str
     x: FloatArray
@@ -192,72 +178,42 @@ class Panel:
     true_to_scale: bool = False
 
 
+class PictureKind(StrEnum):
+    """What draws a picture: curves, a figure of the study's own, a run's or the workspace's as other commands draw."""
+
+    PLOT = "plot"
+    SKETCH = "sketch"
+    RUN = "run"
+    WORKSPACE = "workspace"
+
+
 @dataclass(frozen=True, slots=True)
-class Plot(Generic[S]):
-    """A picture of curves that the paper's figure shows.
+class Picture:
+    """A picture that answers a figure of the paper.
 
     Attributes:
         place: the paper's figure, or section, with its number: it begins the picture's title.
         name: last part of its file's name.
         caption: what it shows.
-        panels: function that computes its panels, drawn in rows of `columns`.
-        columns: number of panels in a row.
+        kind: what draws it.
+        look: function that returns a plot's panels or a sketch's figure.
+        job: job of a run's picture.
+        view: which picture of a run, as `steptwin plot` names it, or of a workspace: `cloud` or `sections`.
+        columns: number of panels of a plot in a row.
     """
 
     place: str
     name: str
     caption: str
-    panels: Callable[[S], tuple[Panel, ...]]
+    kind: PictureKind
+    look: Look | None = None
+    job: str = ""
+    view: str = ""
     columns: int = 2
 
 
 @dataclass(frozen=True, slots=True)
-class RunPicture:
-    """A picture of a job's run, as `steptwin plot` draws it: the paper's place, the job, the kind, the caption."""
-
-    place: str
-    job: str
-    kind: str
-    caption: str
-
-    @property
-    def name(self) -> str:
-        """Last part of its file's name."""
-        return f"{self.job}-{self.kind}"
-
-
-@dataclass(frozen=True, slots=True)
-class WorkspacePicture:
-    """A picture of the robot's workspace, as `steptwin workspace` draws it: in sections, or as a cloud in space."""
-
-    place: str
-    name: str
-    caption: str
-    in_space: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Sketch(Generic[S]):
-    """A picture that is drawn by a function of the study, from the robot's own frames and bodies.
-
-    Attributes:
-        place: the paper's figure with its number: it begins the picture's title.
-        name: last part of its file's name.
-        caption: what it shows.
-        draw: function that draws it, given the study; its figure has no title of its own.
-    """
-
-    place: str
-    name: str
-    caption: str
-    draw: Callable[[S], "Figure"]
-
-
-Picture = Plot[S] | RunPicture | WorkspacePicture | Sketch[S]
-
-
-@dataclass(frozen=True, slots=True)
-class Item(Generic[S]):
+class Item:
     """A section of the page: parts of the paper that belong together.
 
     Attributes:
@@ -277,16 +233,16 @@ class Item(Generic[S]):
     title: str
     text: str = ""
     parts: tuple[Part, ...] = ()
-    values: tuple[Value[S], ...] = ()
-    errata: tuple[Erratum[S], ...] = ()
+    values: tuple[Value, ...] = ()
+    errata: tuple[Erratum, ...] = ()
     left_open: tuple[Gap, ...] = ()
     lost: tuple[Gap, ...] = ()
-    listings: tuple[Listing[S], ...] = ()
-    pictures: tuple[Picture[S], ...] = ()
+    listings: tuple[Listing, ...] = ()
+    pictures: tuple[Picture, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Paper(Generic[S]):
+class Paper:
     """A paper and its robot.
 
     Attributes:
@@ -298,11 +254,11 @@ class Paper(Generic[S]):
 
     robot: str
     citation: str
-    study: Callable[[Runs], S]
-    items: tuple[Item[S], ...]
+    study: "Callable[[Runs], Study]"
+    items: tuple[Item, ...]
 
     @property
-    def errata(self) -> tuple[Erratum[S], ...]:
+    def errata(self) -> tuple[Erratum, ...]:
         """The misprints and contradictions of all items."""
         return tuple(erratum for item in self.items for erratum in item.errata)
 
@@ -320,39 +276,3 @@ class Paper(Generic[S]):
     def lost(self) -> tuple[Gap, ...]:
         """What our copy lacks."""
         return tuple(gap for item in self.items for gap in item.lost)
-
-
-def run_listing(job: str, outcome: Callable[[S], Outcome]) -> Listing[S]:
-    """Return the table of a run: a row for each axis, then the tool and the verdict."""
-    return Listing(
-        f"The run of `{job}` on the emulated board",
-        ("axis", "steps at start", "at end", "pulses", "peak steps/s", "error max, steps"),
-        lambda study: _rows(outcome(study)),
-    )
-
-
-def tool_values(outcome: Callable[[S], Outcome]) -> tuple[Value[S], ...]:
-    """Return the largest error of the tool by the driver's counts, and the verdict; no paper has them."""
-    return (
-        alone(
-            "tool off the plan by the counted steps, max",
-            "mm",
-            lambda study: outcome(study).report.tool.position_error_mm_max,
-            4,
-        ),
-        self_check("checks of the run that failed", "", 0.0, lambda study: len(outcome(study).report.reasons)),
-    )
-
-
-def _rows(outcome: Outcome) -> list[list[str]]:
-    return [
-        [
-            axis.name,
-            str(axis.steps_start),
-            str(axis.steps_end),
-            str(axis.pulses),
-            f"{axis.peak_rate_hz:.1f}" if axis.pulses else "-",
-            f"{axis.position_error_steps_max:.4f}" if axis.pulses else "-",
-        ]
-        for axis in outcome.report.axes
-    ]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
@@ -72,7 +72,7 @@ def _without_notice(markdown: str) -> str:
     return page if notice.startswith("<!--") else markdown
 
 
-def paper_files(paper: Paper[Any]) -> list[str]:
+def paper_files(paper: Paper) -> list[str]:
     """Return the names of all files of a paper's folder."""
     robot, pictures = paper.robot, [picture for item in paper.items for picture in item.pictures]
     return [page_name(robot), html_name(robot), *(picture_name(robot, picture) for picture in pictures)]

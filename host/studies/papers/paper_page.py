@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from math import isfinite, nan
-from typing import Any, Final
+from typing import Final
 
-from steptwin.host.studies.papers.evaluation import Compared, Computed, EvaluatedErratum, EvaluatedItem, EvaluatedPaper
-from steptwin.host.studies.papers.paper import STATED, Basis, Coverage, Erratum, Gap, Item, Paper, Picture
+from steptwin.host.studies.papers.evaluation import Compared, EvaluatedItem, EvaluatedPaper, Proof
+from steptwin.host.studies.papers.paper import Basis, Coverage, Erratum, Gap, Item, Paper, Picture, Source
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, text_columns: int = 1) -> str:
@@ -31,9 +31,16 @@ _HOW_TO_READ: Final = (
     " the twin against itself."
 )
 
-_DIMENSIONS: Final = ("dimension taken over", "place", "paper", "ours", "agrees")
-_RESULTS: Final = ("result", "place", "paper", "ours", "difference", "tolerance", "agrees")
-_CHECKS: Final = ("self-check", "has to be", "ours", "tolerance", "holds")
+_COLUMNS: Final = {
+    Basis.DIMENSION: {"dimension taken over": "what", "place": "place", "paper": "has", "ours": "ours",
+                      "agrees": "agrees"},
+    Basis.RESULT: {"result": "what", "place": "place", "paper": "has", "ours": "ours", "difference": "difference",
+                   "tolerance": "tolerance", "agrees": "agrees"},
+    Basis.CHECK: {"self-check": "what", "has to be": "has", "ours": "ours", "tolerance": "tolerance",
+                  "holds": "agrees"},
+    Basis.ALONE: {"quantity without a number in the paper": "what", "ours": "ours"},
+}  # fmt: skip
+"""The columns of a table for each kind of value, each with the name of its cells."""
 
 
 def page_name(robot: str) -> str:
@@ -46,7 +53,7 @@ def html_name(robot: str) -> str:
     return f"{robot}.html"
 
 
-def picture_name(robot: str, picture: "Picture[Any]") -> str:
+def picture_name(robot: str, picture: Picture) -> str:
     """Return the name of a picture's file; all of a robot's begin with its name, so that papers can share a folder."""
     return f"{robot}-{picture.name}.png"
 
@@ -69,7 +76,7 @@ def render_page(paper: EvaluatedPaper, *, with_pictures: bool = True) -> str:
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
-def contents_table(paper: Paper[Any]) -> str:
+def contents_table(paper: Paper) -> str:
     """Return the list of the paper's parts, each with the section of the page that has it, and the answer."""
     rows = [
         [part.place, part.what, f"[{item.place}](#{anchor(heading(item))}): {part.how}", part.answer, part.why]
@@ -79,7 +86,7 @@ def contents_table(paper: Paper[Any]) -> str:
     return table(["the paper's", "what", "here", "is it here", "what is missing, and why"], rows, text_columns=5)
 
 
-def heading(item: Item[Any]) -> str:
+def heading(item: Item) -> str:
     """Return the title of an item's section."""
     return f"{item.place}: {item.title}"
 
@@ -97,12 +104,12 @@ def _gaps(title: str, what: str, instead: str, gaps: tuple[Gap, ...]) -> Iterato
         yield table(["place", what, instead], rows, text_columns=3)
 
 
-def errata_table(paper: Paper[Any]) -> str:
+def errata_table(paper: Paper) -> str:
     """Return a table of a paper's misprints and contradictions in words."""
     return _errata_table(paper.errata)
 
 
-def _errata_table(errata: tuple[Erratum[Any], ...]) -> str:
+def _errata_table(errata: tuple[Erratum, ...]) -> str:
     rows = [[erratum.place, erratum.printed, erratum.right, erratum.found] for erratum in errata]
     return table(["place", "printed", "right", "how it was found"], rows, text_columns=4)
 
@@ -112,14 +119,14 @@ def summary(paper: EvaluatedPaper) -> tuple[str, ...]:
     parts = paper.paper.parts
     answers = ", ".join(f"{sum(part.answer is answer for part in parts)} {answer}" for answer in Coverage)
     counts = {kind: [one.agrees for one in paper.values if one.value.kind is kind] for kind in Basis}
-    proven = sum(formula.proven for formula in paper.formulas)
+    proven = sum(proof.proven for proof in paper.proofs)
     return (
         f"Items of the paper: {len(parts)}; found here: {answers}.",
         f"Results of the paper that the twin reproduces: {sum(map(bool, counts[Basis.RESULT]))} of"
         f" {len(counts[Basis.RESULT])}. Dimensions taken over: {len(counts[Basis.DIMENSION])}. Self-checks that hold:"
         f" {sum(map(bool, counts[Basis.CHECK]))} of {len(counts[Basis.CHECK])}.",
         f"Misprints and contradictions of the paper: {len(paper.paper.errata)}; quantities computed as printed and as"
-        f" corrected: {len(paper.formulas)}; where only the corrected one is right: {proven}. Left open by the paper:"
+        f" corrected: {len(paper.proofs)}; where only the corrected one is right: {proven}. Left open by the paper:"
         f" {len(paper.paper.left_open)}. Lost in our copy: {len(paper.paper.lost)}.",
     )
 
@@ -131,10 +138,12 @@ def _item(item: EvaluatedItem, robot: str, *, with_pictures: bool) -> Iterator[s
     for listing, rows in zip(item.item.listings, item.listings, strict=True):
         yield f"{listing.title}:"
         yield table(listing.columns, rows, text_columns=listing.text_columns)
-    if item.errata:
+    if item.item.errata:
         yield "Misprints and contradictions of the paper here:"
         yield _errata_table(item.item.errata)
-        yield from _formulas(item.errata)
+    if item.proofs:
+        columns = ["computed", "compared with", "as printed", "as corrected", "has to be"]
+        yield table(columns, [_proof(proof) for proof in item.proofs], text_columns=2)
     if with_pictures:
         for picture in item.item.pictures:
             yield f"![{picture.place}: {picture.caption}]({picture_name(robot, picture)})"
@@ -142,56 +151,37 @@ def _item(item: EvaluatedItem, robot: str, *, with_pictures: bool) -> Iterator[s
 
 def _values(item: EvaluatedItem) -> Iterator[str]:
     """Yield a table for each kind of value that the item has."""
-    of_kind = {kind: [one for one in item.values if one.value.kind is kind] for kind in Basis}
-    if found := of_kind[Basis.DIMENSION]:
-        rows = [[one.value.what, one.value.place, _expected(one), _ours(one), _agrees(one)] for one in found]
-        yield table(_DIMENSIONS, rows, text_columns=2)
-    if found := of_kind[Basis.RESULT]:
-        yield table(_RESULTS, [_result(one) for one in found], text_columns=2)
-    if found := of_kind[Basis.CHECK]:
-        rows = [[one.value.what, _expected(one), _ours(one), f"{one.value.tolerance:g}", _agrees(one)] for one in found]
-        yield table(_CHECKS, rows)
-    if found := of_kind[Basis.ALONE]:
-        yield table(["quantity without a number in the paper", "ours"], [[one.value.what, _ours(one)] for one in found])
+    for kind, columns in _COLUMNS.items():
+        found = [_cells(one) for one in item.values if one.value.kind is kind]
+        if found:
+            rows = [[cells[name] for name in columns.values()] for cells in found]
+            yield table(list(columns), rows, text_columns=2 if "place" in columns else 1)
 
 
-def _result(one: Compared) -> list[str]:
-    value = one.value
-    place = value.place if value.source == STATED else f"{value.place} ({value.source})"
-    difference = number_text(nan if one.difference is None else one.difference, value.decimals)
-    return [value.what, place, _expected(one), _ours(one), difference, f"{value.tolerance:g}", _agrees(one)]
-
-
-def _expected(one: Compared) -> str:
-    return f"{nan if one.value.expected is None else one.value.expected:.12g}{_unit(one.value.unit)}"
-
-
-def _agrees(one: Compared) -> str:
-    return "yes" if one.agrees else "NO"
-
-
-def _ours(one: Compared) -> str:
-    return f"{number_text(one.ours, one.value.decimals)}{_unit(one.value.unit)}"
+def _cells(one: Compared) -> dict[str, str]:
+    value, unit = one.value, _unit(one.value.unit)
+    return {
+        "what": value.what,
+        "place": value.place if value.source is Source.STATED else f"{value.place} ({value.source})",
+        "has": f"{nan if value.expected is None else value.expected:.12g}{unit}",
+        "ours": f"{number_text(one.ours, value.decimals)}{unit}",
+        "difference": number_text(nan if one.difference is None else one.difference, value.decimals),
+        "tolerance": f"{value.tolerance:g}",
+        "agrees": "yes" if one.agrees else "NO",
+    }
 
 
 def _unit(unit: str) -> str:
     return f" {unit}" if unit else ""
 
 
-def _formulas(errata: tuple[EvaluatedErratum, ...]) -> Iterator[str]:
-    rows = [_formula(one.erratum.place, formula) for one in errata for formula in one.formulas]
-    if rows:
-        columns = ["computed", "compared with", "as printed", "as corrected", "has to be"]
-        yield table(columns, rows, text_columns=2)
-
-
-def _formula(place: str, one: Computed) -> list[str]:
-    formula = one.formula
+def _proof(proof: Proof) -> list[str]:
+    formula = proof.formula
     numbers = [
         f"{number_text(number, formula.decimals)}{_unit(formula.unit) if isfinite(number) else ''}"
-        for number in (one.printed, one.corrected, one.truth)
+        for number in proof.numbers
     ]
-    return [f"{place}: {formula.what}", formula.truth_from, *numbers]
+    return [f"{proof.erratum.place}: {formula.what}", formula.truth_from, *numbers]
 
 
 def number_text(number: float, decimals: int) -> str:

@@ -1,18 +1,20 @@
-"""What the items of one paper share; each value is computed when an item first asks for it."""
+"""What the items of every paper share; each value is computed when an item first asks for it, by name."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
-from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.robots.kinematics.base import tool_frames
+from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.kinematics.base import link_frames, tool_frames
+from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
-from steptwin.host.studies.papers.paper import Curve, Panel
+from steptwin.host.studies.papers.paper import Curve, Panel, Rows
 from steptwin.host.studies.papers.runs import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
 
@@ -20,32 +22,89 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def whole_steps(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return the nearest whole steps, half a step rounded up, of joints of shape (n, joints)."""
-    return np.asarray(np.floor(robot.to_steps(joints) + 0.5))
+@dataclass(frozen=True, slots=True)
+class JobRun:
+    """A job's run, as pages show it."""
+
+    outcome: Outcome
+
+    @property
+    def duration_s(self) -> float:
+        """How long the motion lasted."""
+        return self.outcome.report.run.duration_s
+
+    @property
+    def tool_off_mm(self) -> float:
+        """The tool's largest error by the drivers' counts."""
+        return self.outcome.report.tool.position_error_mm_max
+
+    @property
+    def failed(self) -> int:
+        """Number of checks that failed."""
+        return len(self.outcome.report.reasons)
+
+    @property
+    def rows(self) -> Rows:
+        """A row for each axis: steps, pulses, peak rate, largest error."""
+        return [
+            [
+                axis.name,
+                str(axis.steps_start),
+                str(axis.steps_end),
+                str(axis.pulses),
+                f"{axis.peak_rate_hz:.1f}" if axis.pulses else "-",
+                f"{axis.position_error_steps_max:.4f}" if axis.pulses else "-",
+            ]
+            for axis in self.outcome.report.axes
+        ]
 
 
-def in_whole_steps(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return joints of shape (n, joints) with each at its nearest whole step."""
-    return robot.from_steps(whole_steps(robot, joints))
+class _JobRuns(dict[str, JobRun]):
+    """The runs of one robot's jobs, each made when it is first asked for."""
+
+    def __init__(self, robot_name: str, runs: Runs) -> None:
+        super().__init__()
+        self._robot_name, self._runs = robot_name, runs
+
+    def __missing__(self, job: str) -> JobRun:
+        self[job] = JobRun(self._runs.outcome(self._robot_name, job))
+        return self[job]
 
 
-def pulses(robot: Robot, joints: FloatArray) -> list[int]:
-    """Return each axis' pulses if every sample of the joints, of shape (n, joints), is rounded to whole steps."""
-    moved: FloatArray = np.abs(np.diff(whole_steps(robot, joints), axis=0)).sum(axis=0)
-    return [int(count) for count in moved]
+_DH_COLUMNS: Final = {
+    Convention.MODIFIED: ("i", "alpha_i-1 deg", "a_i-1 mm", "d_i mm", "theta_i deg"),
+    Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),
+}
+"""The columns of a DH table, in the usual order of each convention."""
 
 
-def tool_off_mm(robot: Robot, joints: FloatArray, others: FloatArray) -> FloatArray:
-    """Return the distances, of shape (n,), between the tool's positions for two sets of joints."""
-    kinematics = make_kinematics(robot)
-    offsets_mm = kinematics.forward(joints)[:, :3] - kinematics.forward(others)[:, :3]
-    return np.asarray(np.linalg.norm(offsets_mm, axis=1))
+def dh_columns(robot_name: str) -> tuple[str, tuple[str, ...]]:
+    """Return the convention of a robot's DH table, in a word, and the columns of its rows."""
+    convention = make_kinematics(load_robot(robot_name)).dh.convention
+    return convention.value, _DH_COLUMNS[convention]
 
 
-def transforms(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return the tool's transforms, of shape (n, 4, 4), as the product of the DH table's links."""
-    return tool_frames(make_kinematics(robot), joints)
+def dh_rows(kinematics: Kinematics) -> Rows:
+    """Return the rows of a DH table as the kinematics has it, in the columns of its convention."""
+    dh, rows = kinematics.dh, []
+    for i, row in enumerate(dh.rows, start=1):
+        cells = [f"{row.alpha_deg:g}", f"{row.a_mm:g}", str(row.d_mm), str(row.theta_deg)]
+        rows.append([str(i), *(cells if dh.convention is Convention.MODIFIED else reversed(cells))])
+    return rows
+
+
+def matrix_rows(matrices: Mapping[str, FloatArray]) -> Rows:
+    """Return a row of texts for each row of each 4 by 4 matrix but the last one, which is always 0 0 0 1."""
+    return [
+        [f"{name}, {axis}", *(f"{element:z.6f}" for element in row[:3]), f"{row[3]:z.3f}"]
+        for name, matrix in matrices.items()
+        for axis, row in zip("xyz", matrix[:3].tolist(), strict=True)
+    ]
+
+
+def texts(values: Iterable[float], decimals: int = 6) -> list[str]:
+    """Return numbers with so many digits behind the point, without signs of zeros."""
+    return [f"{value:z.{decimals}f}" for value in values]
 
 
 def panels_over(
@@ -60,9 +119,19 @@ def panels_over(
 
 @dataclass(frozen=True)
 class Study:
-    """A robot and the runs of its jobs; each paper adds what it computes with them."""
+    """A robot and the runs of its jobs; each paper adds what it computes with them.
+
+    Attributes:
+        robot_name: name of the robot.
+        at: joint position where formulas are computed.
+        shown: joint position at which frames can be told apart in a picture.
+        branch: the branch of the inverse that leads back to `at`.
+    """
 
     robot_name: ClassVar[str]
+    at: ClassVar[tuple[float, ...]]
+    shown: ClassVar[tuple[float, ...]]
+    branch: ClassVar[str] = "right"
     runs: Runs
 
     @cached_property
@@ -70,24 +139,93 @@ class Study:
         """The robot."""
         return load_robot(self.robot_name)
 
-    def run_of(self, job: str) -> Outcome:
-        """Return the outcome of one of its jobs, run with the job's default options."""
-        return self.runs.outcome(self.robot_name, job)
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Its kinematics."""
+        return make_kinematics(self.robot)
 
+    @property
+    def joint(self) -> dict[str, Joint]:
+        """Its joints by name."""
+        return {joint.name: joint for joint in self.robot.joints}
 
-def arm_picture(study: Study) -> "Figure":
-    """Draw the arm at home in space."""
-    from steptwin.host.record.plots.in_space import draw_arm_in_space
+    @cached_property
+    def run(self) -> dict[str, JobRun]:
+        """The runs of its jobs with default options, by the job's name."""
+        return _JobRuns(self.robot_name, self.runs)
 
-    return draw_arm_in_space(study.robot)
+    @cached_property
+    def joints(self) -> FloatArray:
+        """The joints at the paper's samples, of shape (n, joints)."""
+        raise NotImplementedError
 
+    @cached_property
+    def pose(self) -> FloatArray:
+        """The tool's pose at `at`, of shape (4,)."""
+        return np.asarray(self.kinematics.forward(np.array([self.at]))[0])
 
-def frames_picture(joints: tuple[float, ...]) -> "Callable[[Study], Figure]":
-    """Return the function that draws the frames of a study's DH table at a joint position."""
+    @property
+    def solved(self) -> FloatArray:
+        """The joints that the inverse finds for that pose, of shape (joints,)."""
+        return np.asarray(self.kinematics.solve(self.pose[np.newaxis], self.branch).joints[0])
 
-    def draw(study: Study) -> "Figure":
+    def transforms(self, joints: FloatArray) -> FloatArray:
+        """Return the tool's transforms, of shape (n, 4, 4), as the product of the DH table's links."""
+        return tool_frames(self.kinematics, joints)
+
+    @cached_property
+    def product(self) -> FloatArray:
+        """The tool's transform at `at`."""
+        return np.asarray(self.transforms(np.array([self.at]))[0])
+
+    @property
+    def dh_rows(self) -> Rows:
+        """The rows of the DH table."""
+        return dh_rows(self.kinematics)
+
+    @property
+    def link_rows(self) -> Rows:
+        """Rows of every link's transform at `at`, T1, T2 ..., and of their product."""
+        links = [link[0] for link in link_frames(self.kinematics, np.array([self.at]))]
+        named = {f"T{i}": link for i, link in enumerate(links, start=1)}
+        return matrix_rows({**named, f"0T{len(links)}": self.product})
+
+    @property
+    def whole_steps(self) -> FloatArray:
+        """The nearest whole steps, half a step rounded up, of the joints at the samples."""
+        return np.asarray(np.floor(self.robot.to_steps(self.joints) + 0.5))
+
+    @cached_property
+    def stepped(self) -> FloatArray:
+        """The joints at the samples, each at its nearest whole step."""
+        return self.robot.from_steps(self.whole_steps)
+
+    @property
+    def pulses(self) -> dict[str, int]:
+        """Each axis' pulses if every sample of the joints is rounded to whole steps."""
+        moved: FloatArray = np.abs(np.diff(self.whole_steps, axis=0)).sum(axis=0)
+        return dict(zip(self.robot.joint_names, map(int, moved), strict=True))
+
+    def apart_mm(self, joints: FloatArray, others: FloatArray) -> FloatArray:
+        """Return the distances, of shape (n,), between the tool's positions for two sets of joints."""
+        offsets_mm = self.kinematics.forward(joints)[:, :3] - self.kinematics.forward(others)[:, :3]
+        return np.asarray(np.linalg.norm(offsets_mm, axis=1))
+
+    @property
+    def stepped_off_mm(self) -> float:
+        """The tool's largest distance from the samples with the joints in whole steps."""
+        return float(self.apart_mm(self.stepped, self.joints).max())
+
+    @property
+    def arm_picture(self) -> "Figure":
+        """The arm at home in space."""
+        from steptwin.host.record.plots.in_space import draw_arm_in_space
+
+        return draw_arm_in_space(self.robot)
+
+    @property
+    def frames_picture(self) -> "Figure":
+        """The frames of the DH table at `shown`."""
         from steptwin.host.record.plots.in_space import draw_link_frames
 
-        return draw_link_frames(study.robot, joints)
-
-    return draw
+        return draw_link_frames(self.robot, self.shown)

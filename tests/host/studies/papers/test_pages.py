@@ -1,8 +1,8 @@
 """A page from a paper of two items: Markdown, HTML, verdict; and what every paper's data has to keep."""
 
 import ast
-import inspect
 import re
+from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
 
@@ -10,73 +10,122 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import job_names
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.studies.papers import PAPERS, EvaluatedPaper, Runs, evaluated
 from steptwin.host.studies.papers import paper_folder as writing
-from steptwin.host.studies.papers.paper import (
-    READ_OFF,
-    Basis,
-    Coverage,
-    Curve,
-    Erratum,
-    Formula,
-    Gap,
-    Item,
-    Listing,
-    Panel,
-    Paper,
-    Part,
-    Plot,
-    RunPicture,
-    alone,
-    dimension,
-    result,
-    self_check,
-)
+from steptwin.host.studies.papers.paper import Basis, Computed, Coverage, Curve, Panel, Paper, PictureKind, Rows
+from steptwin.host.studies.papers.paper_file import read_paper
 from steptwin.host.studies.papers.paper_folder import to_html
 from steptwin.host.studies.papers.paper_page import errata_table, render_page
+from steptwin.host.studies.papers.study import Study
 from tests.end_to_end.command_line import refusal, run_json
 
+TEXT = """
+citation = 'A. Author, "A length"'
 
-def made(ours_mm: float = 10.25, printed_mm: float = 20.0) -> Paper[float]:
-    """Return a paper whose study is one length."""
+[[items]]
+place = "Fig. 1"
+title = "a length"
+text = "Some text with <b>a tag</b> in it."
+parts = [
+    ["fig. 1", "a line", "picture below"],
+    ["fig. 3", "a circle", "nowhere", "no", "nobody drew it"],
+]
+left_open = [["fig. 1", "its scale", "1 : 1"]]
+lost = [["fig. 1", "its colour", "black"], ["fig. 2", "all of it", "nothing"]]
+listings = [{ title = "Squares", columns = ["name", "mm2"], rows = "squares" }]
+pictures = [{ place = "fig. 1", plot = "line", name = "line", caption = "A line" }]
 
-    def line(length_mm: float) -> tuple[Panel, ...]:
-        ends_mm = np.array([0.0, length_mm])
+[[items.values]]
+result = "length"
+place = "fig. 1"
+source = "read off"
+paper = 10.00
+unit = "mm"
+ours = "lengths.0"
+tolerance = 0.25
+decimals = 3
+
+[[items.values]]
+alone = "twice the length"
+unit = "mm"
+ours = "twice"
+decimals = 1
+
+[[items.values]]
+dimension = "ten"
+place = "table 1"
+paper = 10.0
+unit = "mm"
+ours = "figures.ten"
+
+[[items.values]]
+check = "none"
+expected = 0.0
+ours = "figures.none"
+tolerance = 1e-9
+decimals = 1
+
+[[items]]
+place = "Eq. 2"
+title = "its half"
+
+[[items.errata]]
+place = "eq. 2"
+printed = "2 x"
+right = "x / 2"
+found = "a ruler"
+formulas = [{ what = "half", unit = "mm", compute = "half", truth_from = "a ruler", decimals = 2 }]
+
+[[items.errata]]
+place = "eq. 3"
+printed = "a"
+right = "b"
+found = "the text"
+"""
+
+
+@dataclass(frozen=True)
+class LengthStudy(Study):
+    """A length."""
+
+    robot_name = "lab-scara"
+    at = shown = (0.0, 0.0, 0.0, 0.0)
+    ours_mm: float = 10.25
+    printed_mm: float = 20.0
+
+    @property
+    def lengths(self) -> list[float]:
+        return [self.ours_mm]
+
+    @property
+    def twice(self) -> float:
+        return 2 * self.ours_mm
+
+    @property
+    def figures(self) -> dict[str, float]:
+        return {"ten": 10.0, "none": 0.0}
+
+    @property
+    def half(self) -> Computed:
+        return Computed(self.printed_mm, self.ours_mm / 2, self.ours_mm / 2)
+
+    @property
+    def squares(self) -> Rows:
+        return [["a | b", f"{self.ours_mm**2:.2f}"]]
+
+    @property
+    def line(self) -> tuple[Panel, ...]:
+        ends_mm = np.array([0.0, self.ours_mm])
         return (Panel("", "x [mm]", "y [mm]", (Curve("a", ends_mm, ends_mm),)),)
 
-    item: Item[float] = Item(
-        "Fig. 1",
-        "a length",
-        "Some text with <b>a tag</b> in it.",
-        parts=(
-            Part("fig. 1", "a line", "picture below"),
-            Part("fig. 3", "a circle", "nowhere", Coverage.NO, "nobody drew it"),
-        ),
-        values=(
-            result("fig. 1", "length", "mm", 10.0, lambda length_mm: length_mm, 0.25, 3, READ_OFF),
-            alone("twice the length", "mm", lambda length_mm: 2 * length_mm, 1),
-            dimension("table 1", "ten", "mm", 10.0, lambda _: 10.0),
-            self_check("none", "", 0.0, lambda _: 0.0, 1e-9, 1),
-        ),
-        left_open=(Gap("fig. 1", "its scale", "1 : 1"),),
-        lost=(Gap("fig. 1", "its colour", "black"), Gap("fig. 2", "all of it", "nothing")),
-        listings=(Listing("Squares", ("name", "mm2"), lambda length_mm: [["a | b", f"{length_mm**2:.2f}"]]),),
-        pictures=(Plot("fig. 1", "line", "A line", line),),
-    )
-    mistakes: Item[float] = Item(
-        "Eq. 2",
-        "its half",
-        errata=(
-            Erratum("eq. 2", "2 x", "x / 2", "a ruler", (
-                Formula("half", "mm", lambda _: printed_mm, lambda length_mm: length_mm / 2,
-                        lambda _: ours_mm / 2, "a ruler", 2),
-            )),
-            Erratum("eq. 3", "a", "b", "the text"),
-        ),
-    )  # fmt: skip
-    return Paper("lab-scara", 'A. Author, "A length"', lambda _: ours_mm, (item, mistakes))
+
+def made(ours_mm: float = 10.25, printed_mm: float = 20.0) -> Paper:
+    """Return a paper of two items, whose study is one length."""
+    paper = read_paper(TEXT, LengthStudy)
+    return replace(paper, study=lambda runs: LengthStudy(runs, ours_mm, printed_mm))
 
 
 def page(**numbers: float) -> EvaluatedPaper:
@@ -223,29 +272,55 @@ def test_the_data_of_every_paper(robot: str) -> None:
     pictures = [picture for item in paper.items for picture in item.pictures]
     assert len({picture.name for picture in pictures}) == len(pictures)
     for picture in pictures:
-        assert not isinstance(picture, RunPicture) or picture.job in job_names(load_robot(robot))
+        assert picture.kind is not PictureKind.RUN or picture.job in job_names(load_robot(robot))
     for item in paper.items:
-        stated = [one.place for one in (*item.parts, *item.errata, *item.left_open, *item.lost, *item.pictures)]
+        stated = [part.place for part in item.parts] + [erratum.place for erratum in item.errata]
+        stated += [gap.place for gap in (*item.left_open, *item.lost)] + [picture.place for picture in item.pictures]
         stated += [one.place for one in item.values if one.kind in {Basis.DIMENSION, Basis.RESULT}]
         for place in (*stated, item.place.lower()):
             assert PLACE.match(place), (item.place, place)
         for one in item.values:
-            assert bool(one.place) is bool(one.source) is (one.kind in {Basis.DIMENSION, Basis.RESULT}), one.what
+            assert bool(one.place) is (one.source is not None) is (one.kind in {Basis.DIMENSION, Basis.RESULT}), (
+                one.what
+            )
         assert all(part.why for part in item.parts if part.answer is not Coverage.YES)
 
 
-@pytest.mark.parametrize("robot", PAPERS)
-def test_each_number_of_a_paper_is_a_literal(robot: str) -> None:
-    """What stands on the paper's side is written down, not computed: a number, or a parameter that is given one."""
-    tree = ast.parse(Path(inspect.getfile(PAPERS[robot].study)).read_text(encoding="utf-8"))
-    found = 0
-    for call in ast.walk(tree):
-        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in {"dimension", "result"}:
-            paper = call.args[3]
-            number = paper.operand if isinstance(paper, ast.UnaryOp) else paper
-            assert isinstance(number, ast.Constant) or (isinstance(number, ast.Name) and number.id == "paper")
-            found += 1
-    assert found
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("paper = 10.00", 'paper = "reach_mm"', "values[0]: paper: 'reach_mm' is not a number"),
+        ('place = "table 1"', "", "values[2]: place: is missing"),
+        ('place = "table 1"', 'place = ""', "values[2]: place: '' is not a text"),
+        ('dimension = "ten"', 'length = "ten"', "values[2]: one of dimension, result, check, alone, run is missing"),
+        ("expected = 0.0", "paper = 0.0", "values[3]: paper: key 'paper' is unknown: there are check, ours, "),
+        ('"read off"', '"guessed"', "values[0]: source: 'guessed' is not one of stated, follows, read off"),
+        ('"A line"', "3", "pictures[0]: caption: 3 is not a text"),
+        ("plot = ", "drawing = ", "pictures[0]: one of plot, sketch, run, workspace is missing"),
+        ('"no", "nobody', '"never", "nobody', "parts[1]: 'never' is not one of yes, partly, no"),
+        ('"picture below"', '"a", "yes", "", ""', "parts[0]: has 6 texts, but takes from 3 to 5"),
+        ('[["fig. 1", "its scale", "1 : 1"]]', "[[1, 2, 3]]", "left_open[0]: is not a list of texts"),
+        ('"its scale", "1 : 1"', '"its scale"', "left_open[0]: has 2 texts, but takes 3"),
+    ],
+)
+def test_a_file_that_says_less_or_else(old: str, new: str, complaint: str) -> None:
+    """What stands on the paper's side is a number in its file, with its place: no name of ours can stand there."""
+    assert TEXT.count(old) == 1
+    with pytest.raises(InputError) as error:
+        read_paper(TEXT.replace(old, new), LengthStudy)
+    assert str(error.value).startswith(f"items[0]: {complaint}")
+
+
+def test_only_the_reader_of_the_files_makes_values() -> None:
+    """So no study of ours, which computes, can put a number on the paper's side."""
+    folder = Path(writing.__file__).parent
+    makers = {
+        path.name
+        for path in folder.glob("*.py")
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Value"
+    }
+    assert makers == {"paper_file.py"}
 
 
 def test_the_items_of_the_papers_are_counted() -> None:
