@@ -12,8 +12,7 @@ from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.setting_up import restore_decelerations
-from steptwin.host.planning.laws import Trapezoid
-from steptwin.host.planning.motions.joint_move import limits_along
+from steptwin.host.planning.motions.joint_move import fastest_law, limits_along
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.positions import ToolPosition
 from steptwin.host.robots.kinematics import make_kinematics
@@ -179,13 +178,6 @@ def move_within(
     return planned_s
 
 
-def together(robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float = 100.0) -> Trapezoid:
-    """Return the law, with a distance of 1, of all axes that make their ways together; one axis at least has one."""
-    speed, acceleration = limits_along(robot, robot.to_positions(np.subtract(goal_units, start_units)))
-    part = speed_percent / 100
-    return Trapezoid.fastest(1.0, speed * part, acceleration * part)
-
-
 def synchronised(
     robot: Robot, start_units: list[int], goal_units: list[int], speed_percent: float
 ) -> tuple[dict[int, ProfileMove], float]:
@@ -194,9 +186,9 @@ def synchronised(
     At least one axis must have a way. `speed_percent` is the part of the joints' speed and acceleration limits to use.
     Return the move of each of these axes, and the duration in seconds.
     """
-    law = together(robot, start_units, goal_units, speed_percent)
-    moves = {}
-    for axis, way in ways(start_units, goal_units).items():
+    moves, ways_units = {}, ways(start_units, goal_units)
+    law = fastest_law(robot, robot.to_positions(np.subtract(goal_units, start_units)), speed_percent / 100)
+    for axis, way in ways_units.items():
         velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
         moves[axis] = ProfileMove(way, goal_units[axis], velocity, ceil(velocity / law.ramp_s))
     return moves, law.duration_s

@@ -11,9 +11,9 @@ from steptwin.host.client import Machine, Progress
 from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_motion, waits_document, waits_made
-from steptwin.host.operate.moving import move_within, together
-from steptwin.host.operate.session import MachineAtRest, MachineCharge, Session
-from steptwin.host.planning.clearance import first_contact, ways_around
+from steptwin.host.operate.moving import move_within
+from steptwin.host.operate.session import MachineCharge, Session
+from steptwin.host.planning.clearance import check_way
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
@@ -110,38 +110,15 @@ def execute_live(
     """
     check_repeatable(plan, repeat)
     with session.charge("run") as charge:
-        if approach:
-            _check_way(charge.start, plan)
-        else:
-            _check_start(plan, charge.start.joints)
+        try:
+            if approach:
+                check_way(plan.robot, charge.start.joints, plan.start_joints)
+            else:
+                plan.check_start(charge.start.joints)
+        except InputError as error:
+            says = f"approach=True: {error}" if approach else f"{error}; approach=True moves it there first"
+            raise InputError(says).plainly(str(error) if approach else says) from error
         return run_plan(charge, plan, job, repeat=repeat, progress=progress, begun=begun)
-
-
-def _check_start(plan: Plan, joints: list[float]) -> None:
-    try:
-        plan.check_start(joints)
-    except InputError as error:
-        raise InputError(f"{error}; approach=True moves it there first") from error
-
-
-def _check_way(start: MachineAtRest, plan: Plan) -> None:
-    """Raise InputError if the way to the plan's start passes too near to the robot's shelf."""
-    robot = plan.robot
-    contact = first_contact(robot, start.joints, plan.start_joints)
-    if contact is None:
-        return
-    at_s = 0.0
-    if contact.part_of_way:
-        at_s = together(robot, start.units, plan.start_units).time_of(contact.part_of_way)
-    x_mm, y_mm, z_mm = contact.at_mm
-    unit = robot.joint(contact.joint).unit
-    first = ways_around(robot, start.joints, plan.start_joints)
-    clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
-    said = (
-        f"{contact.joint} at {contact.position:.4f} {unit}, {at_s:.3f} s on the way to the start, brings"
-        f" the {contact.link} to {contact.box}, at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm; {clear}"
-    )
-    raise InputError(f"approach=True: {said}").plainly(said)
 
 
 def run_plan(
@@ -169,7 +146,7 @@ def run_plan(
         repetitions += 1
     end = session.positions([axis.end_units for axis in axes])
     holds_ms, wall_s = machine.holds_ms, time.perf_counter() - started_s
-    made, waits = plan_made(plan, holds_ms), waits_made(plan, holds_ms)
+    waits, made = waits_made(plan, holds_ms), plan_made(plan, holds_ms)
     return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.motions.joint_move import fastest_law
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
 from steptwin.host.robots.kinematics.links import solid_parts
@@ -36,7 +37,8 @@ class TooNear:
     Attributes:
         part_of_way: from 0 at the start to 1 at the goal.
         joint: name of the joint that moves the arm there most; at the start itself as well.
-        position: position of that joint, in its unit.
+        position: position of that joint.
+        unit: its unit.
         link: the arm's part.
         box: name of the box.
         at_mm: the point of the part's middle line that is nearest to the box, x, y and z.
@@ -45,6 +47,7 @@ class TooNear:
     part_of_way: float
     joint: str
     position: float
+    unit: str
     link: str
     box: str
     at_mm: tuple[float, float, float]
@@ -88,6 +91,22 @@ def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -
         if part >= 1.0 or part * reach_mm + nearest.free_mm > reach_mm + MARGIN_MM:
             return None
         part = min(part + (nearest.free_mm - MARGIN_MM / 2) / reach_mm, 1.0)
+
+
+def check_way(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> None:
+    """Raise InputError, with place, instant and what is clear, if a way as of `first_contact` is not; raises as it."""
+    contact = first_contact(robot, start, goal)
+    if contact is None:
+        return
+    first = ways_around(robot, start, goal)
+    clear = f"moving {first} first, then the others, is clear" if first else "move the arm away from the shelf first"
+    x_mm, y_mm, z_mm = contact.at_mm
+    part = contact.part_of_way
+    at_s = fastest_law(robot, np.subtract(goal, start)).time_of(part) if part else 0.0
+    raise InputError(
+        f"{contact.joint} at {contact.position:.4f} {contact.unit}, {at_s:.3f} s on the way to the start, brings"
+        f" the {contact.link} to {contact.box}, at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm; {clear}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +155,10 @@ class _Arm:
             float(np.linalg.norm(self._point_mm(joints + _NUDGE * way * one, nearest) - at_mm))
             for one in np.eye(len(joints))
         ]
-        joint = int(np.argmax(moved_mm))
+        moves_most = int(np.argmax(moved_mm))
+        joint, position = robot.joints[moves_most], float(joints[moves_most])
         x_mm, y_mm, z_mm = at_mm.tolist()
-        return TooNear(
-            part, robot.joint_names[joint], float(joints[joint]), nearest.link, nearest.box, (x_mm, y_mm, z_mm)
-        )
+        return TooNear(part, joint.name, position, str(joint.unit), nearest.link, nearest.box, (x_mm, y_mm, z_mm))
 
     def _point_mm(self, joints: FloatArray, nearest: _Nearest) -> FloatArray:
         points_mm = dict(self._pieces_mm(joints))[nearest.link]

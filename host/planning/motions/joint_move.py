@@ -7,7 +7,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.laws import Law
+from steptwin.host.planning.laws import Law, Trapezoid
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.robot import Robot
 
@@ -84,3 +84,12 @@ def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
         speeds = np.minimum(speeds, robot.axis_speeds_max / axis_sizes)
         accelerations = np.minimum(accelerations, robot.axis_accelerations_max / axis_sizes)
     return float(speeds.min()), float(accelerations.min())
+
+
+def fastest_law(robot: Robot, way: FloatArray, part: float = 1.0) -> Trapezoid:
+    """Return the fastest law, with a distance of 1, of all joints that make their ways together.
+
+    `way` is as of `limits_along`, and not 0 for all joints; `part` is that of the speed and acceleration limits to use.
+    """
+    speed, acceleration = limits_along(robot, way)
+    return Trapezoid.fastest(1.0, speed * part, acceleration * part)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
-from steptwin.host.operate.moving import move, together
+from steptwin.host.operate.moving import move
 from steptwin.host.operate.recovering import axis_states, emergency_stop, reset, stop
 from steptwin.host.operate.running import check_repeatable, execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import MachineStatus, read_status
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.joint_move import fastest_law
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import read_trajectory
@@ -263,8 +264,7 @@ def test_an_approach_through_the_shelf_is_refused(board: EmbeddedBoard, session:
     sx_mm, at_s, x_mm, z_mm = (float(found[i]) for i in (1, 2, 4, 5))
     assert x_mm == pytest.approx(sx_mm + 275.0, abs=0.1)
     assert z_mm == pytest.approx(60.0 + 100.0 * sx_mm / 1900.0, abs=0.1)
-    start, goal = session.units(list(ROBOT.home)), session.units(motion.start_joints)
-    law = together(ROBOT, start, goal)
+    law = fastest_law(ROBOT, np.subtract(motion.start_joints, ROBOT.home))
     assert law.position(np.array([at_s]))[0] == pytest.approx(sx_mm / 1900.0, abs=1e-4)
     assert board.driver_positions() == before
 
