@@ -241,26 +241,10 @@ class Guard:
             await self._pass_on(scope, receive, send)
 
     async def _pass_on(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let the page answer; refuse a body that is too large, and one of its socket's that holds no packets."""
         if scope["type"] == "websocket":
             await self.app(scope, only_packets(receive), send)
             return
-        if scope.get("method") == "POST" and scope["path"].startswith(SOCKET_PATH):
-            await self._poll(scope, receive, send)
-            return
-        await self._answer_http(scope, receive, send)
-
-    async def _poll(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            receive_packets = await packets_of(_limited(receive))
-        except _TooLargeError:
-            await _answer(send, 413, f"more than {BODY_BYTES_MAX} bytes")
-            return
-        if receive_packets is None:
-            await _answer(send, 400, "this is not what a page sends")
-        else:
-            await self._answer_http(scope, receive_packets, send)
-
-    async def _answer_http(self, scope: Scope, receive: Receive, send: Send) -> None:
         answered = False
 
         async def marked(message: Message) -> None:
@@ -270,8 +254,14 @@ class Guard:
                 message = {**message, "headers": [*message.get("headers", ()), *_HEADERS]}
             await send(message)
 
+        body: Receive | None = _limited(receive)
         try:
-            await self.app(scope, _limited(receive), marked)
+            if scope.get("method") == "POST" and scope["path"].startswith(SOCKET_PATH):
+                body = await packets_of(_limited(receive))
+            if body is None:
+                await _answer(send, 400, "this is not what a page sends")
+            else:
+                await self.app(scope, body, marked)
         except _TooLargeError:
             if not answered:
                 await _answer(send, 413, f"more than {BODY_BYTES_MAX} bytes")

@@ -104,6 +104,25 @@ _PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "au
 _REPETITIONS_MAX: Final = 1000
 
 
+@dataclass(slots=True, eq=False)
+class Preview:
+    """A motion that was looked at, and may be run.
+
+    Attributes:
+        name: its name.
+        plan: its plan.
+        path_mm: the tool's path, shape (n, 3).
+        doubted: what is to be asked about its file's units; None if nothing is.
+        ran: True if it was run: then its path stays until the next preview.
+    """
+
+    name: str
+    plan: Plan
+    path_mm: FloatArray
+    doubted: str | None
+    ran: bool = False
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
     """The contents of a Run tab.
@@ -112,18 +131,13 @@ class Shown:
         fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
         options: values of the job's options.
         file: the file of the user's.
-        name, plan, path_mm, doubted: the preview, and what is to be asked about its file's units; None without one.
-        ran: True if the plan was run.
+        preview: what may be run; None without one.
     """
 
     fields: tuple[Any, ...]
     options: Mapping[str, Any]
     file: tuple[str, bytes] | None
-    name: str
-    plan: Plan | None
-    path_mm: FloatArray | None
-    doubted: str | None
-    ran: bool
+    preview: Preview | None
 
 
 class RunTab:
@@ -131,13 +145,8 @@ class RunTab:
 
     def __init__(self, visitor: Visitor, scene: ArmScene) -> None:
         self._visitor, self._scene = visitor, scene
-        self._plan: Plan | None = None
-        self._path_mm: FloatArray | None = None
-        self._doubted: str | None = None
-        self._name = ""
+        self._shown: Preview | None = None
         self._planning: asyncio.Task[Planned] | None = None
-        self._ran = False
-        """True if the plan was run: then its path stays until the next preview."""
         visitor.page.on_delete(self._end_planning)
         jobs = job_names(visitor.desk.robot)
         self._form: Form | None = None
@@ -165,15 +174,13 @@ class RunTab:
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Let a motion be run while the machine does nothing; the head shows the progress."""
-        self._start.set_enabled(self._plan is not None and snapshot.activity is None)
+        self._start.set_enabled(self._shown is not None and snapshot.activity is None)
 
     def shown(self) -> "Shown":
         """Return what the tab shows now, for the same tab when it is loaded again."""
         fields = tuple(each.value for each in self._fields())
         options = self._form.values() if self._form else {}
-        return Shown(
-            fields, options, self._upload.file, self._name, self._plan, self._path_mm, self._doubted, self._ran
-        )
+        return Shown(fields, options, self._upload.file, self._shown)
 
     def go_on(self, shown: "Shown") -> None:
         """Show what the tab has shown before it was loaded again."""
@@ -182,10 +189,8 @@ class RunTab:
             field.set_value(value)
         if self._form:
             self._form.fill(shown.options)
-        if shown.plan is not None and shown.path_mm is not None:
-            self._name = shown.name
-            self._show(shown.plan, shown.path_mm, shown.doubted)
-            self._ran = shown.ran
+        if shown.preview is not None:
+            self._show(shown.preview)
 
     def _fields(self) -> tuple[ValueElement[Any], ...]:
         """Return what keeps its value when the tab is loaded again, beside a job's options."""
@@ -215,16 +220,15 @@ class RunTab:
     def _outdate(self) -> None:
         """Forget the preview, since something has changed: only what was seen can be run."""
         self._end_planning()
-        if self._plan is not None and not self._ran:
+        if self._shown is not None and not self._shown.ran:
             self._show_path(None)
-        self._plan = self._path_mm = None
-        self._ran = False
+        self._shown = None
         self._figures.clear()
         self._start.set_enabled(False)
 
     async def _look(self) -> None:
         """Plan the motion and show its path and figures."""
-        make = self._maker()
+        name, make = self._maker()
         if make is None:
             return
         self._outdate()
@@ -232,8 +236,9 @@ class RunTab:
         try:
             with self._visitor.explained(message=False) as failed:
                 plan, doubted = await self._planned(make)
-                self._show(plan, await asyncio.to_thread(path_mm, plan), doubted)
-                self._show_path(self._path_mm)
+                path = await asyncio.to_thread(path_mm, plan)
+                self._show(Preview(name, plan, path, doubted))
+                self._show_path(path)
                 self._scene.show_arm("ghost", links_at(plan.robot, plan.start_joints))
         finally:
             self._preview.set_enabled(True)
@@ -252,13 +257,13 @@ class RunTab:
         if self._planning is not None:
             self._planning.cancel()
 
-    def _show(self, plan: Plan, path: FloatArray, doubted: str | None) -> None:
-        """Show a plan, which may be run from now on, and what is to be asked about its file's units."""
-        self._plan, self._path_mm, self._doubted = plan, path, doubted
+    def _show(self, preview: Preview) -> None:
+        """Show a plan, which may be run from now on."""
+        self._shown = preview
         with self._figures:
-            show_figures(plan)
-            if doubted:
-                note(f"Look again: {doubted}", "warn")
+            show_figures(preview.plan)
+            if preview.doubted:
+                note(f"Look again: {preview.doubted}", "warn")
         self.refresh(self._visitor.desk.snapshot)
 
     def _show_path(self, path: FloatArray | None) -> None:
@@ -271,41 +276,36 @@ class RunTab:
         else:
             drawing.show_path(path)
 
-    def _maker(self) -> Callable[[], Coroutine[Any, Any, Planned]] | None:
-        """Return the function that plans what is chosen; None, with a message, if something is missing or wrong."""
-        robot = self._visitor.desk.robot
-        pace = str(self._pace.value)
-        stretch = None if pace == "auto" else float(pace)
-        name = str(self._choice.value)
-        if name == _FILE:
-            if self._upload.file is None:
+    def _maker(self) -> tuple[str, Callable[[], Coroutine[Any, Any, Planned]] | None]:
+        """Return the name of what is chosen, and the function that plans it.
+
+        If something is missing or wrong there is no function, but a message.
+        """
+        robot, name = self._visitor.desk.robot, str(self._choice.value)
+        stretch = None if self._pace.value == "auto" else float(self._pace.value)
+        upload, form = self._upload.file, self._form
+        if form is None:
+            if upload is None:
                 self._visitor.tell("choose a file first")
-                return None
-            upload = self._upload.file
-            self._name = upload[0]
+                return name, None
             units = str(self._units.value)
-            return lambda: plan_apart(robot, *upload, stretch, units)
-        if self._form is None:
-            return None
-        missing = self._form.wrong()
+            return upload[0], lambda: plan_apart(robot, *upload, stretch, units)
+        missing = form.wrong()
         if missing is not None:
             self._visitor.tell(missing)
-            return None
-        texts = {option: _text(value) for option, value in self._form.values().items()}
-        self._name = name
-        return lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
+            return name, None
+        texts = {option: _text(value) for option, value in form.values().items()}
+        return name, lambda: asyncio.to_thread(lambda: (plan_job(robot, name, texts, stretch), None))
 
     def _run(self) -> None:
-        missing = wrong([self._repeat])
-        if self._plan is None or missing is not None:
+        missing, shown = wrong([self._repeat]), self._shown
+        if shown is None or missing is not None:
             self._visitor.tell(missing or "look at the preview first")
             return
-        command = RunMotion(
-            plan=self._plan, name=self._name, repeat=int(self._repeat.value), approach=bool(self._approach.value)
-        )
-        if self._visitor.ask(command):
-            self._ran = True
-            self._show_path(self._path_mm)
+        repeat, approach = int(self._repeat.value), bool(self._approach.value)
+        if self._visitor.ask(RunMotion(shown.plan, shown.name, repeat, approach)):
+            shown.ran = True
+            self._show_path(shown.path_mm)
             self._visitor.desk.drawing.clear_trace()
             self._scene.clear_shape("ghost")
 

@@ -107,7 +107,6 @@ class JointRow:
         counted: position at the drivers' counts.
         steps: the count of the joint's own driver.
         error_steps: that count minus the planned position of the axis, in steps.
-        rate: planned speed, per second.
     """
 
     name: str
@@ -116,7 +115,6 @@ class JointRow:
     counted: float
     steps: int
     error_steps: float
-    rate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,28 +123,22 @@ class Instant:
 
     Attributes:
         counts: the instant.
-        t_s: the same in the motion's time.
         joints: every joint.
         task: task of the tool, which says what the coordinates of its poses are.
         planned_pose: the tool's coordinates as planned.
         counted_pose: the same at the drivers' counts.
         tool_error_mm: distance of the two.
-        levels: level of every pin, by axis and pin.
-        currents_ma: currents of phases A and B to which each driver regulates, by axis.
         before: the last edge of any pin before the instant; None before the first.
         after: the first edge after it; None after the last.
         has_plan: False if only counts are known: then what is planned is what was counted.
     """
 
     counts: int
-    t_s: float
     joints: tuple[JointRow, ...]
     task: Task
     planned_pose: tuple[float, ...]
     counted_pose: tuple[float, ...]
     tool_error_mm: float
-    levels: dict[str, dict[str, int]]
-    currents_ma: dict[str, tuple[int, int]]
     before: Edge | None
     after: Edge | None
     has_plan: bool = True
@@ -203,15 +195,12 @@ class Replay:
         planned_pose, counted_pose = (task.figures(kinematics.forward(joints))[0] for joints in (planned, counted))
         return Instant(
             counts=counts,
-            t_s=float(t_s[0]),
             joints=self._joints(t_s, planned[0], counted[0]),
             task=task,
             planned_pose=tuple(planned_pose.tolist()),
             counted_pose=tuple(counted_pose.tolist()),
             tool_error_mm=float(np.linalg.norm(counted_pose[:3] - planned_pose[:3])),
-            levels=self._levels(counts),
             has_plan=self.run.no_plan is None,
-            currents_ma=self._currents_ma(counts),
             before=self.edge_before(counts),
             after=self.edge_after(counts),
         )
@@ -255,29 +244,16 @@ class Replay:
         return extent_mm(self.machine.links(times_s), shown_boxes(self.machine, times_s), self.path, self.path.gain)
 
     def _joints(self, t_s: FloatArray, planned: FloatArray, counted: FloatArray) -> tuple[JointRow, ...]:
-        comparison = self.run.comparison
-        expected, duration_s = comparison.expected, self.run.duration_s
+        expected = self.run.comparison.expected
         counts = self.machine.counts(t_s)[0]
         errors = counts - expected.axis_steps(planned)
-        moving = 0.0 <= t_s[0] <= duration_s
-        rates = expected.trajectory.velocities(np.clip(t_s, 0.0, duration_s))[0] * moving
-        columns = (counted.tolist(), counts.tolist(), errors.tolist(), rates.tolist())
+        columns = zip(planned.tolist(), counted.tolist(), counts.tolist(), errors.tolist(), strict=True)
         return tuple(
-            JointRow(name, unit, at, at_counts, round(steps), error, rate)
-            for name, unit, at, at_counts, steps, error, rate in zip(
-                comparison.joint_names, expected.joint_units, planned.tolist(), *columns, strict=True
+            JointRow(name, unit, at, at_counts, round(steps), error)
+            for name, unit, (at, at_counts, steps, error) in zip(
+                self.run.comparison.joint_names, expected.joint_units, columns, strict=True
             )
         )
-
-    def _levels(self, counts: int) -> dict[str, dict[str, int]]:
-        levels: dict[str, dict[str, int]] = {}
-        for signal in self._pins:
-            levels.setdefault(signal.axis, {})[signal.quantity] = int(signal.changes.at(counts))
-        return levels
-
-    def _currents_ma(self, counts: int) -> dict[str, tuple[int, int]]:
-        pairs = {axis: [int(signal.changes.at(counts)) for signal in both] for axis, both in self._currents.items()}
-        return {axis: (first, second) for axis, (first, second) in pairs.items()}
 
     def _nearest(self, axis: str | None, instant: Callable[[Changes], int | None]) -> list[Edge]:
         """Return each pin's edge at an instant of its changes, of one axis or of any, where that is not None."""
@@ -310,11 +286,6 @@ class Course:
 
     t_s: FloatArray
     tool_mm: FloatArray
-
-    @property
-    def largest_at_s(self) -> float:
-        """Time when the tools are furthest apart."""
-        return float(self.t_s[self.tool_mm.argmax()])
 
 
 class RunPair:

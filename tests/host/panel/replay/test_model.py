@@ -13,10 +13,12 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
+from steptwin.host.panel.replay import model
 from steptwin.host.panel.replay.marks import MarkKind
 from steptwin.host.panel.replay.model import POINTS_MAX, Edge, Replay, Span
 from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder.edges_file import PINS
+from steptwin.host.record.waveforms import pins
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 SOME_PINS = ("step", "dir", "enable", "m1")
@@ -78,8 +80,9 @@ def test_joints_and_counts(replay: Replay, arrays: dict[str, Any], instants: Int
     robot = replay.run.robot
     for counts in instants.tolist():
         shown = replay.at(counts)
-        assert shown.t_s == (counts - arrays["start_counts"]) / COUNTS_PER_SECOND
-        planned = replay.run.comparison.expected.trajectory.positions(np.clip([shown.t_s], 0.0, 1.0))[0]
+        t_s = replay.time_s(counts)
+        assert t_s == (counts - arrays["start_counts"]) / COUNTS_PER_SECOND
+        planned = replay.run.comparison.expected.trajectory.positions(np.clip([t_s], 0.0, 1.0))[0]
         for row, joint, at in zip(shown.joints, robot.joints, planned, strict=True):
             before = np.searchsorted(arrays[f"{row.name}_step_counts"], counts, side="right")
             steps = arrays[f"{row.name}_start_steps"] + arrays[f"{row.name}_step_signs"][:before].sum()
@@ -90,28 +93,21 @@ def test_joints_and_counts(replay: Replay, arrays: dict[str, Any], instants: Int
         assert shown.tool_error_mm == pytest.approx(np.linalg.norm(tool_mm[1] - tool_mm[0]))
 
 
-def test_rates_are_those_of_the_plan_and_zero_outside_it(replay: Replay) -> None:
-    def rates(t_s: float) -> list[float]:
-        return [row.rate for row in replay.at(replay.counts_at(t_s)).joints]
-
-    assert rates(0.5) == pytest.approx([-44.884339, 129.250856, 0.0, -84.366431], rel=1e-4)
-    assert rates(-0.01) == rates(1.01) == [0.0] * 4
-
-
 def test_levels_currents_and_the_edges_around(replay: Replay, arrays: dict[str, Any], instants: Int64Array) -> None:
     edges = sorted(every_edge(arrays), key=lambda edge: edge.counts)
     all_counts = [edge.counts for edge in edges]
+    signals = {(each.axis, each.quantity): each for each in pins(replay.run.comparison.evidence)}
+    assert {pin for axis, pin in signals if axis == JOINTS[0]} == {"step", "dir", *PINS}
     own = {(joint, pin): [e for e in edges if (e.axis, e.pin) == (joint, pin)] for joint in JOINTS for pin in SOME_PINS}
     for counts in instants.tolist():
-        shown = replay.at(counts)
+        shown, now = replay.at(counts), Span(counts, counts)
         for (joint, pin), changes in own.items():
             made = [edge.level for edge in changes if edge.counts <= counts]
-            assert shown.levels[joint][pin] == (made[-1] if made else 0)
+            assert model.lane(signals[joint, pin], now).values[0] == (made[-1] if made else 0)
         for joint in JOINTS:
             set_at = np.searchsorted(arrays[f"{joint}_phase_counts"], counts, side="right") - 1
             expected = [int(arrays[f"{joint}_phase_{each}_ma"][set_at]) if set_at >= 0 else 0 for each in "ab"]
-            assert list(shown.currents_ma[joint]) == expected
-        assert set(shown.levels[JOINTS[0]]) == {"step", "dir", *PINS}
+            assert [current.values[0] for current in replay.currents(now, joint)] == expected
         before, after = bisect_left(all_counts, counts), bisect_right(all_counts, counts)
         assert (shown.before and shown.before.counts) == (all_counts[before - 1] if before else None)
         assert (shown.after and shown.after.counts) == (all_counts[after] if after < len(edges) else None)

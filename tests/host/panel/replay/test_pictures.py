@@ -88,9 +88,9 @@ def test_a_strip_without_errors(values: "np.ndarray[tuple[int], np.dtype[np.floa
 
 
 def shown(counted: float) -> Instant:
-    row = JointRow(HOSTILE, "mm", 1.0, counted, 40, -0.25, 0.0)
+    row = JointRow(HOSTILE, "mm", 1.0, counted, 40, -0.25)
     edge = Edge(1, "a", "step", 1)
-    return Instant(0, 0.0, (row,), SCARA, (1.0, 2.0, 3.0, 4.0), (counted, 2.0, 3.0, 4.0), 0.5, {}, {}, edge, edge)
+    return Instant(0, (row,), SCARA, (1.0, 2.0, 3.0, 4.0), (counted, 2.0, 3.0, 4.0), 0.5, edge, edge)
 
 
 def test_the_table_of_one_run_and_of_two() -> None:
