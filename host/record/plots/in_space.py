@@ -107,6 +107,23 @@ def draw_cloud_in_space(robot: Robot, cloud_mm: FloatArray, colour: str) -> Figu
     return figure
 
 
+def draw_positions_in_space(robot: Robot, joints: FloatArray, tips_mm: FloatArray, name: str) -> Figure:
+    """Return a figure of the arm at joints of shape (n, joints), and of tips computed apart, of shape (n, 3)."""
+    figure, (axes,) = _space(make_kinematics(robot).links(joints[:1]))
+    drawn = [tips_mm]
+    for position, shade in zip(joints, np.linspace(1.0, 0.4, len(joints)), strict=True):
+        parts = make_kinematics(robot).links(position[np.newaxis])
+        _draw_parts(axes, parts, alpha=float(shade))
+        drawn.append(_around(parts))
+        told = " ".join(f"{value:g}" for value in position.tolist())
+        _write(axes, parts[-1].points_mm[0, -1], f"   {told}", _AXIS, "left", "top")
+    drawn.append(_draw_base(axes, parts, robot))
+    axes.plot(*tips_mm.T, "o", color=LIMIT, markersize=7, label=name, zorder=5)
+    _fit(figure, [axes], [np.vstack(drawn)])
+    figure.legend(loc="lower left")
+    return figure
+
+
 def draw_path_in_space(robot: Robot, wanted_mm: FloatArray, reached_mm: FloatArray, joints: FloatArray) -> Figure:
     """Return a figure of a path in space, near and with the arm.
 

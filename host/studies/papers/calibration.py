@@ -16,7 +16,7 @@ from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.studies.calibration.identification import Identification, identify_errors, rms_mm
 from steptwin.host.studies.calibration.measurements import simulate_measurements
-from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
+from steptwin.host.studies.papers.paper import Computed, Figures, Rows
 from steptwin.host.studies.papers.study import Study, texts
 
 if TYPE_CHECKING:
@@ -108,29 +108,12 @@ class CalibrationStudy(Study):
         return rows
 
     @property
-    def shown_arm_picture(self) -> "Figure":
-        """The drawn arm with its column."""
-        from steptwin.host.record.plots.in_space import draw_arm_in_space
+    def verification_picture(self) -> "Figure":
+        """The drawn arm with its column and the computed tip in four positions."""
+        from steptwin.host.record.plots.in_space import draw_positions_in_space
 
-        return draw_arm_in_space(self.robot, self.at)
-
-    @property
-    def arm_panels(self) -> tuple[Panel, ...]:
-        """The drawn arm and the computed tip in four positions."""
         joints = self.positions[1:5]
-        parts = self.kinematics.links(joints)
-        drawn = [part.points_mm for part in parts if part.role in {"link", "tool"} and part.name != "hand"]
-        gap = np.full((len(joints), 1, 3), np.nan)
-        lines_mm = np.concatenate([piece for points_mm in drawn for piece in (points_mm, gap)], axis=1)
-        tips_mm = self._tip_mm(joints)
-        names = [" ".join(f"{angle:g}" for angle in row) for row in joints.tolist()]
-        panels = []
-        for title, across, up in (("from above", 0, 1), ("from the side", 0, 2)):
-            arms = [Curve(name, line[:, across], line[:, up]) for name, line in zip(names, lines_mm, strict=True)]
-            computed = Curve("tip by the matrices", tips_mm[:, across], tips_mm[:, up], "points")
-            axes = (f"{'xyz'[across]} [mm]", f"{'xyz'[up]} [mm]")
-            panels.append(Panel(f"{title}: drawn arms and computed tips", *axes, (computed, *arms), true_to_scale=True))
-        return tuple(panels)
+        return draw_positions_in_space(self.robot, joints, self._tip_mm(joints), "tip by the matrices")
 
     @cached_property
     def identified(self) -> Identification:

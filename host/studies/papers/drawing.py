@@ -32,7 +32,6 @@ _STYLES: Final[dict[str, dict[str, Any]]] = {
     "line": {},
     "broken": {"linestyle": "--"},
     "broad": {"linewidth": 4.0, "alpha": 0.5},
-    "points": {"linestyle": "none", "marker": "o", "markersize": 3.5},
 }
 
 

@@ -4,7 +4,7 @@ H. Zhou, Shaanxi Institute of Technology, Xi'an: a four-DOF hybrid (serial-paral
 tables and dimensions are lost in the copy used.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, sqrt
 from typing import TYPE_CHECKING, Final
@@ -229,12 +229,15 @@ class HybridStudy(Study):
     def joint_panels(self) -> tuple[Panel, ...]:
         """Figs. 7 and 8: the joints over time."""
         t_s = np.linspace(0.0, DURATION_S, 2001)
-        positions = self._job.positions(t_s)
+        curves = dict(zip(self.robot.joint_names, self._job.positions(t_s).T, strict=True))
         columns = [
-            (f"{joint.name} [{joint.unit}]", [(joint.name, positions[:, axis], "line")])
-            for axis, joint in enumerate(self.robot.joints)
+            ("th1 [deg]", [("th1", curves["th1"], "line")]),
+            ("sliders [mm]", [("Z5, left", curves["Z5"], "line"), ("Z6, right", curves["Z6"], "line")]),
+            ("th4 [deg]", [("th4", curves["th4"], "line")]),
         ]
-        return panels_over(t_s, "time [s]", columns)
+        titles = ("fig. 7: waist", "fig. 8: sliders", "gripper, not in the paper")
+        panels = panels_over(t_s, "time [s]", columns)
+        return tuple(replace(panel, title=title) for panel, title in zip(panels, titles, strict=True))
 
     @property
     def between_panels(self) -> tuple[Panel, ...]:

@@ -4,7 +4,7 @@ H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4
 & Electrical Engineering 36(12), 2019, 1320-1324. The numbers of its figures are known as far as they stand here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan2, cos, degrees, floor, hypot, pi, radians, sin, sqrt
 from typing import TYPE_CHECKING, Final
@@ -13,6 +13,9 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs.spiral import STEP_RAD, SpiralOptions, ZLaw, spiral_poses
+from steptwin.host.robots.base_frame import BaseFrame
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
 from steptwin.host.studies.papers.study import Study, texts
 
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 A2_MM: Final = 400.0
 A3_MM: Final = 400.0
 TURNS: Final = 3
+_BASE: Final = BaseFrame(x_mm=100.0, y_mm=200.0, z_mm=50.0, phi_deg=30.0)
+"""A place of the base in the station, for eq. 6."""
 _TRANSMISSIONS: Final = (
     "stepper 1, ball screw, big arm",
     "stepper 2, toothed belt 1, forearm",
@@ -38,6 +43,7 @@ class LabStudy(Study):
     robot_name = "lab-scara"
     at = (150.0, 30.0, 45.0, 60.0)
     shown = (150.0, 20.0, 50.0, 0.0)
+    products = (4, 5)
 
     @property
     def transmission_rows(self) -> Rows:
@@ -74,6 +80,24 @@ class LabStudy(Study):
             "p_z": Computed(d1_mm + d5_mm, d1_mm - d5_mm, z_mm),
             "th2": Computed(degrees(towards_rad + root_rad), degrees(towards_rad - root_rad), th2_deg),
             "th4": Computed(th4_minus, th4_plus, th4_deg),
+        }
+
+    @property
+    def inverse(self) -> Figures:
+        """Eqs. 7 and 8 at the tool's transform, how far the robot's inverse is from `at`, and eq. 6 with a base.
+
+        The last is the largest difference between the tool's transform of a robot whose file has a `[base]`, and S_0T
+        times the product.
+        """
+        x_mm, y_mm, z_mm = self.product[:3, 3].tolist()
+        k = (x_mm**2 + y_mm**2 - A2_MM**2 - A3_MM**2) / (2 * A2_MM * A3_MM)
+        based = make_kinematics(replace(self.robot, base=_BASE))
+        station = tool_frames(based, np.array([self.at]))[0] - _BASE.matrix @ self.product
+        return {
+            "th3_deg": degrees(atan2(sqrt(1 - k**2), k)),
+            "d1_mm": z_mm + float(self.robot.geometry["d5_mm"]),
+            "apart": float(np.abs(self.solved - np.array(self.at)).max()),
+            "station": float(np.abs(station).max()),
         }
 
     @cached_property

@@ -1,6 +1,7 @@
-"""Run jobs once with their default options, for all that shows their outcomes."""
+"""Run jobs once, for all that shows their outcomes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.jobs import job_carries, make_job
@@ -16,19 +17,19 @@ class Runs:
 
     def __init__(self, kernel: Kernel | None = None) -> None:
         self._kernel = kernel
-        self._outcomes: dict[tuple[str, str], Outcome] = {}
+        self._outcomes: dict[tuple[str, str, frozenset[tuple[str, str]]], Outcome] = {}
 
-    def outcome(self, robot_name: str, job: str) -> Outcome:
+    def outcome(self, robot_name: str, job: str, options: Mapping[str, str] = MappingProxyType({})) -> Outcome:
         """Return the outcome of one job; raise what `make_job`, `plan` and `execute` raise."""
-        key = robot_name, job
+        key = robot_name, job, frozenset(options.items())
         if key not in self._outcomes:
             robot = load_robot(robot_name)
-            carries = job_carries(robot, job)
+            carries = job_carries(robot, job, options)
             errand = Errand.alone(carries) if carries else None
             self._kernel = self._kernel or fastest_kernel()
-            self._outcomes[key] = execute(plan(robot, make_job(robot, job, {})), job, self._kernel, errand=errand)
+            self._outcomes[key] = execute(plan(robot, make_job(robot, job, options)), job, self._kernel, errand=errand)
         return self._outcomes[key]
 
     def made(self) -> Iterator[Outcome]:
-        """Yield the outcomes that have been asked for."""
-        yield from self._outcomes.values()
+        """Yield the outcomes that have been asked for, of jobs with default options."""
+        yield from (outcome for (_, _, options), outcome in self._outcomes.items() if not options)

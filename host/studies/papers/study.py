@@ -17,6 +17,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper import Curve, Panel, Rows
 from steptwin.host.studies.papers.runs import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,6 +58,21 @@ class JobRun:
             ]
             for axis in self.outcome.report.axes
         ]
+
+    @property
+    def shelf_rows(self) -> Rows:
+        """What happened at the shelf or at spots for boxes: event, where, when; none without such."""
+        evidence = self.outcome.comparison.evidence
+        return [
+            [event.what, event.where, f"{(event.counts - evidence.start_counts) / COUNTS_PER_SECOND:.3f}"]
+            for event in (evidence.shelf.events if evidence.shelf else ())
+        ]
+
+    def counted(self, t_s: FloatArray) -> FloatArray:
+        """Return the joints by the drivers' counts at instants of shape (n,), shape (n, joints)."""
+        comparison = self.outcome.comparison
+        steps = np.array([axis.around(t_s)[1] for axis in comparison.counted]).T
+        return np.asarray(comparison.expected.joints(steps))
 
 
 class _JobRuns(dict[str, JobRun]):
@@ -126,12 +142,14 @@ class Study:
         at: joint position where formulas are computed.
         shown: joint position at which frames can be told apart in a picture.
         branch: the branch of the inverse that leads back to `at`.
+        products: numbers of the links up to which the product of transforms is shown.
     """
 
     robot_name: ClassVar[str]
     at: ClassVar[tuple[float, ...]]
     shown: ClassVar[tuple[float, ...]]
     branch: ClassVar[str] = "right"
+    products: ClassVar[tuple[int, ...]] = (4,)
     runs: Runs
 
     @cached_property
@@ -185,10 +203,12 @@ class Study:
 
     @property
     def link_rows(self) -> Rows:
-        """Rows of every link's transform at `at`, T1, T2 ..., and of their product."""
-        links = [link[0] for link in link_frames(self.kinematics, np.array([self.at]))]
-        named = {f"T{i}": link for i, link in enumerate(links, start=1)}
-        return matrix_rows({**named, f"0T{len(links)}": self.product})
+        """Rows of every link's transform at `at`, T1, T2 ..., and of their products."""
+        named, product = dict[str, FloatArray](), np.eye(4)
+        for i, link in enumerate(link_frames(self.kinematics, np.array([self.at])), start=1):
+            named[f"T{i}"], product = link[0], product @ link[0]
+            named |= {f"0T{i}": product} if i in self.products else {}
+        return matrix_rows(named)
 
     @property
     def whole_steps(self) -> FloatArray:

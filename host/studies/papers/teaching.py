@@ -16,7 +16,7 @@ from steptwin.host.planning.jobs.carry import GOAL_RAD, START_RAD
 from steptwin.host.planning.laws import Cubic, Law, Quintic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
-from steptwin.host.studies.papers.study import Study, panels_over, texts
+from steptwin.host.studies.papers.study import JobRun, Study, panels_over, texts
 
 L1_MM: Final = 95.0
 L2_MM: Final = 100.0
@@ -62,6 +62,17 @@ class TeachingStudy(Study):
                 reached = "yes" if branch.reachable[0] else "no"
                 rows.append([name, elbow, reached, *texts(np.deg2rad(branch.joints[0, [0, 1, 3]]), 9)])
         return rows
+
+    @cached_property
+    def test(self) -> JobRun:
+        """The test of sect. 4.2: the job `carry` with the quintic, gripping a part."""
+        return JobRun(self.runs.outcome(self.robot_name, "carry", {"law": "quintic", "depth_mm": "20"}))
+
+    @property
+    def carried(self) -> int:
+        """Number of parts that the test took at qa and put down at qb, by the emulated spots."""
+        events = [(event[0], event[1]) for event in self.test.shelf_rows]
+        return min(events.count(("box taken", "qa")), events.count(("box put down", "qb")))
 
     def _motion(self, law: Law) -> JointMove:
         return JointMove(self.robot.joint_names, _POINTS_DEG["qa"], _POINTS_DEG["qb"], law)

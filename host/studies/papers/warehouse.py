@@ -4,7 +4,7 @@ A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehou
 DOI 10.3969/j.issn.1009-9492.2019.05.018.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, hypot, nan, radians, sin
 from typing import TYPE_CHECKING, Final
@@ -17,7 +17,6 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
 from steptwin.host.studies.papers.study import Study, matrix_rows, panels_over, texts
 from steptwin.host.verify.evidence import ShelfEvidence
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,6 +72,11 @@ def _cos_beta(second_mm: float) -> float:
 
 def _arc_cosine_deg(cosine: float) -> float:
     return float(np.rad2deg(np.arccos(cosine))) if abs(cosine) <= 1 else nan
+
+
+def _lettered(panels: tuple[Panel, ...]) -> tuple[Panel, ...]:
+    """Return panels with the letters that the paper's figures have, (a) to (c)."""
+    return tuple(replace(panel, title=f"({letter})") for letter, panel in zip("abc", panels, strict=True))
 
 
 @dataclass(frozen=True)
@@ -208,18 +212,17 @@ class WarehouseStudy(Study):
         """Fig. 5: the arm's joints over time."""
         names = zip(self.robot.joint_names, self.joints.T, strict=True)
         columns = [(f"{name} [deg]", [(name, column, "line")]) for name, column in names if name.startswith("th")]
-        return panels_over(self.t_s, "time [s]", columns)
+        return _lettered(panels_over(self.t_s, "time [s]", columns))
 
     @property
     def pose_panels(self) -> tuple[Panel, ...]:
         """Fig. 6: the tool's pose, and where the printed inverse takes it."""
-        names = ("x [mm]", "y [mm]", "z [mm]", "phi [deg]")
         printed = self.kinematics.forward(self.printed_joints)
         columns = [
             (name, [("corrected", self.poses[:, i], "broad"), ("alpha by arc cosine", printed[:, i], "broken")])
-            for i, name in enumerate(names)
+            for i, name in ((0, "x [mm]"), (1, "y [mm]"), (3, "phi [deg]"))
         ]
-        return panels_over(self.t_s, "time [s]", columns)
+        return _lettered(panels_over(self.t_s, "time [s]", columns))
 
     @property
     def _shelf(self) -> ShelfEvidence:
@@ -235,24 +238,17 @@ class WarehouseStudy(Study):
         return {"open_mm": sum(out_mm.values()), "cells": sum(cells.values())}
 
     @property
-    def shelf_rows(self) -> Rows:
-        """What happened at the shelf."""
-        start_counts = self.run[_EXPERIMENT].outcome.comparison.evidence.start_counts
-        return [
-            [event.what, event.where, f"{(event.counts - start_counts) / COUNTS_PER_SECOND:.3f}"]
-            for event in self._shelf.events
-        ]
-
-    @property
     def drawer_picture(self) -> "Figure":
-        """Fig. 7: the arm from above as the drawer is connected, and with one, two and three cells out."""
+        """Fig. 7: the arm from above by the run's counts: the drawer connected, and one, two and three cells out."""
         from steptwin.host.studies.papers.warehouse_figures import OpenDrawer, open_drawers
 
-        k = [0, *(round(self.pull[f"cell_{n}_s"] * 100) for n in (1, 2, 3))]
-        joints_rad = np.deg2rad(self.joints[k][:, 3:].cumsum(axis=1))
-        ends = ((L2_MM, L3_MM, L4_MM) * np.exp(1j * joints_rad)).cumsum(axis=1)
+        run = self.run[_EXPERIMENT]
+        pulled_s = [0.0, *(self.pull[f"cell_{n}_s"] for n in (1, 2, 3))]
+        joints = run.counted(run.duration_s - DURATION_S + np.array(pulled_s))
+        ends = ((L2_MM, L3_MM, L4_MM) * np.exp(1j * np.deg2rad(joints[:, 3:].cumsum(axis=1)))).cumsum(axis=1)
         arms_mm = [np.column_stack([[0.0, *arm.real], [0.0, *arm.imag]]) for arm in ends]
         names = ("(a) connected", "(b) one cell out", "(c) two cells out", "three cells out")
+        front_mm = arms_mm[0][-1, 1]
         return open_drawers(
-            [OpenDrawer(name, arm, CELL_MM * n) for n, (name, arm) in enumerate(zip(names, arms_mm, strict=True))]
+            [OpenDrawer(name, arm, front_mm - arm[-1, 1]) for name, arm in zip(names, arms_mm, strict=True)]
         )

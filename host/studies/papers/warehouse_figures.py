@@ -17,6 +17,8 @@ _WOOD: Final = "#d9c7a7"
 _DRAWER_MM: Final = (180.0, 150.0)
 """Length of the drawer, stated in sect. 2, and its width in the robot's file, [A]."""
 _CELLS: Final = 3
+_PLAY_MM: Final = 1.0
+"""A cell counts as out that lacks no more, as for the emulated shelf."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +32,7 @@ class OpenDrawer:
 
 def planar_arm(lengths_mm: tuple[float, float, float], joints_deg: tuple[float, float, float]) -> Figure:
     """Return the sketch of a planar arm A B C D with the lengths l1, l2, l3 and the angles of the closed inverse."""
-    figure = Figure(figsize=(WIDTH_INCHES, 5.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_INCHES, 7.2), layout="constrained")
     axes = figure.subplots()
     turned_deg = np.cumsum(joints_deg)
     directions = np.exp(1j * np.deg2rad(turned_deg))
@@ -93,7 +95,7 @@ def _drawer(axes: Axes, one: OpenDrawer, front_mm: float) -> None:
     axes.add_patch(Rectangle((-40, front_mm), 420, 260, facecolor="0.93", edgecolor="none"))
     cell_mm = length_mm / _CELLS
     for n in range(_CELLS):
-        out = n * cell_mm + cell_mm <= one.open_mm + 1e-6
+        out = n * cell_mm + cell_mm <= one.open_mm + _PLAY_MM
         axes.add_patch(
             Rectangle((tip_mm[0] - width_mm / 2, tip_mm[1] + n * cell_mm), width_mm, cell_mm,
                       facecolor=_WOOD if out else "white", edgecolor="0.3", alpha=1.0 if out else 0.6)
