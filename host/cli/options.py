@@ -1,8 +1,8 @@
 """Describe the arguments and options of commands, and turn a command's signature into one that typer knows.
 
-An option of one command is the default of its parameter: `option(...)`; one that several commands share is a type in
-`arguments`. Options that belong together are a group: a dataclass in a command's signature stands for an option for
-each of its fields. A field of the emulated machine's options has a spelling instead, from which its option is made.
+A command declares an option of its own as the default of a parameter, `option(...)`; an option of several commands is
+a type in `arguments`. Options that belong together are a group: a dataclass in a command's signature stands for one
+option a field. The fields of the emulated machine's options have spellings, from which their options are made.
 """
 
 import re

@@ -161,7 +161,7 @@ _WRITTEN_OUT = 1e9
 
 
 def by(distance: float, unit: str) -> str:
-    """Return by how much a value is outside, rounded up to three digits, so that a step back by it is enough."""
+    """Return a distance from a limit as text, rounded up to three digits, so that going back so far is enough."""
     text = _rounded(distance * (1 - _ROUNDING), ROUND_CEILING, _DISTANCE_DIGITS)
     return f"{float(text):.0f} {unit}" if "e+" in text and distance < _WRITTEN_OUT else f"{text} {unit}"
 

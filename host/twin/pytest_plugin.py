@@ -190,7 +190,7 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
 
 
 def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKeywords":
-    """Return a machine's options with the path of their scenario, if it has one, from pytest's root directory."""
+    """Return a machine's options; the path of a scenario among them counts from pytest's root directory."""
     scenario = machine.get("scenario")
     placed = {"scenario": config.rootpath / scenario} if isinstance(scenario, str) else {}
     return cast("MachineKeywords", {**machine, **placed})

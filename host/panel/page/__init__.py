@@ -1,1 +1,1 @@
-"""The panel's page, made with NiceGUI: one view a file. Nobody else imports nicegui but a stored run's page."""
+"""The panel's page, made with NiceGUI: one view a file. Only this room and a stored run's page import nicegui."""

@@ -210,7 +210,7 @@ class Points:
         )
 
     def in_units(self, units: FileUnits, robot: Robot) -> "Points":
-        """Return the points in mm and degrees, where the file has its angles and lengths in these units."""
+        """Return the points in mm and degrees; `units` are those of the file's lengths and angles."""
         if units == USUAL:
             return self
         lengths = {joint.name for joint in robot.joints if joint.unit is Unit.MM} | set(PLACE)

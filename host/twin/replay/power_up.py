@@ -143,7 +143,7 @@ def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:
 
 
 def _done(table: Table, robot: Robot) -> Operated | str | None:
-    """Return an operation of a report, or a fault of the bus in words; None for one of a host, or the bus' repair."""
+    """Return an operation that a report tells, or a fault of the bus in words; None for a host's fault or a repair."""
     at_s = table.number("at_s")
     harm = read_request(robot, {key: value for key, value in table.values.items() if key != "at_s"})
     if isinstance(harm, BusFault):
