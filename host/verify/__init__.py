@@ -3,7 +3,7 @@
 The verifier shares no code with the firmware that it judges.
 """
 
-from steptwin.host.verify.comparison import Comparison, Expectation, Forward, compare
+from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import contradictions, motor_moves
 from steptwin.host.verify.evidence import (
     NO_SLIPS,
@@ -18,18 +18,8 @@ from steptwin.host.verify.evidence import (
     ShelfEvidence,
     Slips,
 )
-from steptwin.host.verify.oracle import IdealSteps, ideal_steps
-from steptwin.host.verify.report import (
-    AxisReport,
-    BusReport,
-    JointsReport,
-    Report,
-    RunInfo,
-    ToolReport,
-    ViolationReport,
-)
+from steptwin.host.verify.report import BusReport, Report, RunInfo
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
-from steptwin.host.verify.switching import OutputReport
 from steptwin.host.verify.verifier import (
     POSITION_ERROR_LIMIT_STEPS,
     THRESHOLD_TOLERANCE_STEPS,
@@ -42,30 +32,22 @@ __all__ = [
     "POSITION_ERROR_LIMIT_STEPS",
     "THRESHOLD_TOLERANCE_STEPS",
     "AxisEvidence",
-    "AxisReport",
     "BusReport",
     "Comparison",
     "DriverLimit",
     "DriverViolations",
     "Evidence",
     "Expectation",
-    "Forward",
-    "IdealSteps",
-    "JointsReport",
     "LevelEdges",
     "OutputChange",
-    "OutputReport",
     "Phases",
     "Report",
     "RunInfo",
     "ShelfEvent",
     "ShelfEvidence",
     "Slips",
-    "ToolReport",
-    "ViolationReport",
     "compare",
     "contradictions",
-    "ideal_steps",
     "motor_moves",
     "shelf_contradictions",
     "shelf_document",

@@ -61,6 +61,20 @@ def test_flow_control(board: BenchBoard) -> None:
     assert board.value(od.PVT_ACCEPTED) == 64
 
 
+def test_a_record_that_is_taken_ends_gap_and_overflow(board: BenchBoard) -> None:
+    board.enable()
+    for sequence in range(65):
+        board.record(1, 0, 10, sequence)
+    assert board.flags() & PvtFlag.OVERFLOW
+    board.start()
+    board.wait(15)
+    board.record(1, 0, 10, 66)
+    assert board.flags() & (PvtFlag.GAP | PvtFlag.OVERFLOW) == PvtFlag.GAP | PvtFlag.OVERFLOW
+    board.record(1, 0, 10, 64)
+    assert not board.flags() & (PvtFlag.GAP | PvtFlag.OVERFLOW)
+    assert board.value(od.PVT_NEXT_SEQUENCE) == 65
+
+
 def test_each_flag_is_one_event_only(board: BenchBoard) -> None:
     board.enable()
     board.wait(50)

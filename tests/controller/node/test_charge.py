@@ -83,9 +83,14 @@ def test_a_killed_program_is_forgotten_with_its_heartbeat(pair: BenchBoard) -> N
     assert claim(pair, BOB) == 0
 
 
-def test_a_program_that_ends_its_monitoring_and_dies_is_forgotten(pair: BenchBoard) -> None:
+@pytest.mark.parametrize("beats", [0, 4, 9])
+def test_a_program_that_ends_its_monitoring_and_dies_is_forgotten(pair: BenchBoard, beats: int) -> None:
+    """Also after it has been in charge for longer than the time without a heartbeat."""
     claim(pair, ALICE)
     watch(pair)
+    for _ in range(beats):
+        pair.wait(WATCH_MS - 1)
+        beat(pair)
     pair.wait(WATCH_MS - 1)
     pair.write(od.CONSUMER_HEARTBEATS[0], 0)
     pair.wait(CHARGE_UNWATCHED_MS + 1)

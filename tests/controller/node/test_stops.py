@@ -4,6 +4,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.pins import Pin
+from steptwin.controller.node.stops import StopKind
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, Mode, State, Status
@@ -88,6 +89,18 @@ def test_quick_stop_ramps(moving: BenchBoard, option: int, ramp_ms: int, end: St
     assert moving.state() is State.QUICK_STOP_ACTIVE
     comes_to_rest(moving, ramp_ms, end)
     assert energised(moving) is (end is State.QUICK_STOP_ACTIVE)
+
+
+@pytest.mark.parametrize(
+    ("deceleration_steps_per_s2", "ramp_ms"),
+    [(20_000, 100), (20_001, 100), (19_999, 101), (30_000, 67), (2_000_000, 1), (2_000_001, 1), (100, 255 * 64)],
+)
+def test_a_ramp_lasts_whole_milliseconds_and_is_never_steeper(
+    moving: BenchBoard, deceleration_steps_per_s2: int, ramp_ms: int
+) -> None:
+    """At most as long as 64 segments of 255 ms: a deceleration that would take longer is exceeded."""
+    moving.write(od.PROFILE_DECELERATION, deceleration_steps_per_s2 * STEP)
+    assert moving.firmware.nodes[0].drive.stop.duration_ms(StopKind.SLOW_DOWN) == ramp_ms
 
 
 def test_a_quick_stop_that_stays_can_be_left_both_ways(moving: BenchBoard) -> None:

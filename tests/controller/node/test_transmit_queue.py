@@ -99,6 +99,10 @@ def test_a_node_waits_while_any_of_its_frames_does() -> None:
     assert not any(queue.waits(node) for node in range(3))
 
 
+def test_a_burst_is_what_eight_nodes_with_four_tpdos_send_at_once() -> None:
+    assert BURST_FRAMES_MAX == 32
+
+
 def after_a_burst() -> TransmitQueue:
     """A queue that has sent all process data that it may in a row, the last at count 0, and has more."""
     queue = TransmitQueue()

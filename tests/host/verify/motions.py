@@ -14,12 +14,11 @@ from steptwin.host.verify import (
     DriverViolations,
     Evidence,
     Expectation,
-    IdealSteps,
     LevelEdges,
     Phases,
     RunInfo,
-    ideal_steps,
 )
+from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

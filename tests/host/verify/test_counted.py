@@ -1,17 +1,40 @@
 """Compare the count around an instant with a count of the steps by hand."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.verify.counted import counted_steps
-from steptwin.host.verify.evidence import AxisEvidence
+from steptwin.host.verify.evidence import NO_SLIPS, AxisEvidence, Slips
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import NO_PHASES, NO_VIOLATIONS
 
 INSTANTS = st.integers(0, 40)
 """Instants in counts, from a range so small that several steps and instants often coincide."""
+
+
+NONE = np.empty(0, dtype=np.int64)
+
+
+def stepping(steps: list[tuple[int, int]], slips: Slips = NO_SLIPS) -> AxisEvidence:
+    """Return the evidence of an axis at 100 steps that makes these steps: instants and signs."""
+    return AxisEvidence(
+        name="joint",
+        start_steps=100,
+        clk_rise_counts=NONE,
+        clk_fall_counts=NONE,
+        active_edge=ActiveEdge.RISING,
+        dir_edge_counts=NONE,
+        dir_levels=NONE.astype(np.int8),
+        step_counts=np.array([counts for counts, _ in steps], dtype=np.int64),
+        step_signs=np.array([sign for _, sign in steps], dtype=np.int8),
+        violations=NO_VIOLATIONS,
+        phases=NO_PHASES,
+        pins={},
+        slips=slips,
+    )
 
 
 @given(
@@ -25,24 +48,19 @@ def test_counts_just_before_and_just_after_an_instant(
     """A step at the instant itself lies between the two counts; steps before t = 0 set the start."""
     steps.sort(key=lambda step: step[0])
     instants.sort()
-    none = np.empty(0, dtype=np.int64)
-    axis = AxisEvidence(
-        name="joint",
-        start_steps=100,
-        clk_rise_counts=none,
-        clk_fall_counts=none,
-        active_edge=ActiveEdge.RISING,
-        dir_edge_counts=none,
-        dir_levels=none.astype(np.int8),
-        step_counts=np.array([counts for counts, _ in steps], dtype=np.int64),
-        step_signs=np.array([sign for _, sign in steps], dtype=np.int8),
-        violations=NO_VIOLATIONS,
-        phases=NO_PHASES,
-        pins={},
-    )
+    axis = stepping(steps)
     t_s = np.array(instants) / COUNTS_PER_SECOND
     before, after = counted_steps(axis, start_counts).around(t_s)
     made = [[sign for counts, sign in steps if counts < start_counts + i] for i in instants]
     assert before.tolist() == [100 + sum(signs) for signs in made]
     made = [[sign for counts, sign in steps if counts <= start_counts + i] for i in instants]
     assert after.tolist() == [100 + sum(signs) for signs in made]
+
+
+@pytest.mark.parametrize(("slip_counts", "start_steps"), [(9, 140), (10, 100), (11, 100)])
+def test_a_slip_before_t_0_is_in_the_count_at_the_start(slip_counts: int, start_steps: int) -> None:
+    """Five full steps of 8 microsteps; t = 0 is at 10 counts, before the only step."""
+    slips = Slips(np.array([slip_counts]), np.array([5]))
+    counted = counted_steps(stepping([(20, 1)], slips), 10, microsteps=8)
+    assert counted.start_steps == start_steps
+    assert counted.positions.tolist() == [140, 141]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.verify import IdealSteps, ideal_steps, oracle
+from steptwin.host.verify import oracle
+from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from tests.host.verify.motions import Motion, Scalar, line, motion, sines, still, trapezoid
 from tests.work import CountingTrajectory, function_calls
 

@@ -18,11 +18,11 @@ from steptwin.host.verify import (
     Evidence,
     Expectation,
     Slips,
-    ViolationReport,
     compare,
     verify,
 )
 from steptwin.host.verify.pulses import clk_durations
+from steptwin.host.verify.report import ViolationReport
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import (
