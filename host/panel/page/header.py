@@ -192,7 +192,6 @@ def sentence(text: str) -> str:
 _SHOWN: Final = 200
 """Events that a page shows; the desk keeps more."""
 _FILTERS: Final = {"all": "all", "problems": "problems only"}
-_WORDS: Final = {Severity.INFO: "info", Severity.WARNING: "warning", Severity.ERROR: "error"}
 
 
 class EventLogView:
@@ -250,6 +249,6 @@ class EventLogView:
 def _row(event: Event) -> ui.element:
     with ui.element("div").classes(f"event {event.severity}") as row:
         ui.label(time.strftime("%H:%M:%S", time.localtime(event.wall_s))).classes("muted number")
-        ui.label(_WORDS[event.severity]).classes("kind")
+        ui.label(event.severity).classes("kind")
         ui.label(event.text)
     return row
