@@ -8,15 +8,7 @@ from typing import Final
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.bus.fault_confinement import ErrorState
-from steptwin.emulator.faults.bus import (
-    BusFault,
-    FaultsInForce,
-    FrameCorruption,
-    FrameDelay,
-    FrameDuplicate,
-    FrameLoss,
-    SenderOff,
-)
+from steptwin.emulator.faults.bus import BusFault, FaultsInForce, StrikeEffect
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -48,6 +40,8 @@ class _Outcome(Enum):
 
 _DELIVERED: Final = (_Outcome.VALID, _Outcome.DOUBLED)
 """Results after which the receivers have the frame."""
+_NO_EFFECT: Final = StrikeEffect()
+"""What happens to an attempt that no fault strikes."""
 
 
 class Bus:
@@ -101,6 +95,8 @@ class Bus:
         self._outdone: list[CanController] = []
         """Stations that began to send a different frame with the same identifier."""
         self._missed_by: list[CanController] = []
+        self._struck_by: type[BusFault] = BusFault
+        """The fault that has struck last."""
         self._free_counts = 0
         self._idle_since_counts = 0
         """Instant up to which recessive bits are counted for the stations in bus-off."""
@@ -188,28 +184,30 @@ class Bus:
                 for station in ready
                 if station.mailboxes[0].cob_id == frame.cob_id and station.mailboxes[0] != frame
             ]
-        fault = self._strike(frame, now_counts) if self.faults.in_force else None
-        if isinstance(fault, FrameDelay):
-            self._hold(frame, senders, now_counts + fault.delay_counts)
-        elif isinstance(fault, SenderOff):
+        effect = self._strike(frame, now_counts) if self.faults.in_force else _NO_EFFECT
+        if effect.hold_counts:
+            for station in senders:
+                station.silent_until_counts = max(station.silent_until_counts, now_counts + effect.hold_counts)
+        elif effect.sender_off:
             for station in senders:
                 self.throw_off(station, now_counts)
         else:
-            self._begin(frame, senders, outdone, fault, now_counts)
+            self._begin(frame, senders, outdone, effect, now_counts)
 
-    def _strike(self, frame: Frame, now_counts: int) -> BusFault | None:
-        """Return the fault that strikes an attempt; frames that wait are known by identity, since bytes may repeat."""
-        return self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
-
-    def _hold(self, frame: Frame, senders: list[CanController], until_counts: int) -> None:
-        self._waiting.append((frame, FrameDelay))
-        for station in senders:
-            station.silent_until_counts = max(station.silent_until_counts, until_counts)
+    def _strike(self, frame: Frame, now_counts: int) -> StrikeEffect:
+        """Return what a fault does to an attempt; frames that wait are known by identity, since bytes may repeat."""
+        fault = self.faults.strike(frame, now_counts, [kind for each, kind in self._waiting if each is frame])
+        if fault is None:
+            return _NO_EFFECT
+        effect, self._struck_by = fault.effect(), type(fault)
+        if effect.hold_counts:
+            self._waiting.append((frame, self._struck_by))
+        return effect
 
     def end_fault(self, fault: BusFault, now_counts: int) -> None:
         """Let a fault strike no more; one that is not there changes nothing."""
         self.faults.end(fault)
-        if isinstance(fault, FrameDelay):
+        if fault.effect().hold_counts:
             self._release(now_counts)
 
     def end_faults(self, now_counts: int) -> None:
@@ -228,27 +226,21 @@ class Bus:
         if self._frame is None:
             self._schedule()
 
-    def _missing(self, fault: BusFault) -> list[CanController]:
-        """Return the stations that do not receive the frame because of a LOSS."""
-        if not isinstance(fault, FrameLoss):
-            return []
-        return self._stations if fault.receiver is None else self._stations[fault.receiver : fault.receiver + 1]
-
-    def _judge(self, senders: list[CanController], outdone: list[CanController], fault: BusFault | None) -> _Outcome:
-        if isinstance(fault, FrameCorruption):
+    def _judge(self, senders: list[CanController], outdone: list[CanController], effect: StrikeEffect) -> _Outcome:
+        if effect.disturbed:
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
         if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
             return _Outcome.UNACKNOWLEDGED
-        return _Outcome.DOUBLED if isinstance(fault, FrameDuplicate) else _Outcome.VALID
+        return _Outcome.DOUBLED if effect.doubled else _Outcome.VALID
 
     def _begin(
         self,
         frame: Frame,
         senders: list[CanController],
         outdone: list[CanController],
-        fault: BusFault | None,
+        effect: StrikeEffect,
         now_counts: int,
     ) -> None:
         """Put a frame on the wire.
@@ -259,8 +251,8 @@ class Bus:
         bits = frame_bits(frame)
         decided_bits = bits - VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
-        if fault or outdone or senders[1:] or self._on_bus == 1:
-            self._outcome = self._judge(senders, outdone, fault)
+        if effect is not _NO_EFFECT or outdone or senders[1:] or self._on_bus == 1:
+            self._outcome = self._judge(senders, outdone, effect)
         if self._outcome is _Outcome.DOUBLED:
             bits += _ECHOED_FLAG_BITS + _DELIMITER_BITS
         elif self._outcome is not _Outcome.VALID:
@@ -275,7 +267,7 @@ class Bus:
         self._free_counts = now_counts + bits * self.bit_counts
         self.next_event_counts = self._decided_counts = now_counts + decided_bits * self.bit_counts
         self._frame, self._senders, self._outdone = frame, senders, outdone
-        self._missed_by = self._missing(fault) if fault else []
+        self._missed_by = [] if effect is _NO_EFFECT else self._stations[effect.lost_by]
 
     def _end(self, frame: Frame, now_counts: int) -> None:
         self._frame = None
@@ -300,7 +292,7 @@ class Bus:
         doubled = self._outcome is _Outcome.DOUBLED
         if doubled:
             self.error_frames += 1
-            self._waiting.append((frame, FrameDuplicate))
+            self._waiting.append((frame, self._struck_by))
         self._log(frame, now_counts)
         for station in self._stations:
             if station in senders:

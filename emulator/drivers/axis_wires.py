@@ -170,7 +170,7 @@ class AxisWires:
         )
 
     def forget(self, until_counts: int) -> None:
-        """Note that a pulse without an end has been recorded as if it ended here (see `with_open_pulse`)."""
+        """Remember that a pulse without an end is recorded up to here, so that `with_open_pulse` adds it once only."""
         self._recorded = self._rise is not None and self._rise < until_counts
 
     def with_open_pulse(self, rises: Int64Array, falls: Int64Array, until_counts: int) -> tuple[Int64Array, Int64Array]:

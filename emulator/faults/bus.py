@@ -20,6 +20,24 @@ DELAY_MAX_S: Final = 86_400.0
 _OPTIONAL_COUNT: Final = Key("count", KeyKind.WHOLE, "N", least=0, optional=True)
 
 
+class StrikeEffect(NamedTuple):
+    """What a strike does to an attempt to send; the bus carries it out.
+
+    Attributes:
+        hold_counts: time that the senders wait before they try again; 0 for none.
+        sender_off: the senders go into bus-off.
+        disturbed: the frame is disturbed before its receivers have it.
+        doubled: the frame is disturbed when its receivers have it.
+        lost_by: places of the stations on the bus that do not receive the frame.
+    """
+
+    hold_counts: int = 0
+    sender_off: bool = False
+    disturbed: bool = False
+    doubled: bool = False
+    lost_by: slice = slice(0)
+
+
 @dataclass(frozen=True, slots=True)
 class BusFault(Harm):
     """A fault that strikes the attempts to send which fulfil all its conditions, from its beginning to its end.
@@ -43,6 +61,10 @@ class BusFault(Harm):
     rate: float = field(default=1.0, metadata=keyed(Key("rate", KeyKind.NUMBER, "PART", 0, 1, optional=True)))
     skip: int = field(default=0, metadata=keyed(replace(_OPTIONAL_COUNT, name="skip")))
     count: int | None = field(default=None, metadata=keyed(_OPTIONAL_COUNT))
+
+    def effect(self) -> StrikeEffect:
+        """Return what a strike does; each fault has its own."""
+        raise NotImplementedError
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """Let it strike from now on, until the bus ends it."""
@@ -71,6 +93,10 @@ class FrameLoss(BusFault):
 
     receiver: int | None = field(default=None, metadata=keyed(replace(_OPTIONAL_COUNT, name="receiver")))
 
+    def effect(self) -> StrikeEffect:
+        """Let the frame not arrive."""
+        return StrikeEffect(lost_by=slice(None) if self.receiver is None else slice(self.receiver, self.receiver + 1))
+
 
 @dataclass(frozen=True, slots=True)
 class FrameCorruption(BusFault):
@@ -78,6 +104,10 @@ class FrameCorruption(BusFault):
 
     do: ClassVar[str] = "corruption"
     does: ClassVar[str] = "frames are disturbed: CAN sends them again"
+
+    def effect(self) -> StrikeEffect:
+        """Disturb the frame."""
+        return StrikeEffect(disturbed=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +119,10 @@ class FrameDuplicate(BusFault):
 
     do: ClassVar[str] = "duplicate"
     does: ClassVar[str] = "frames come twice, as after an error in their last bit"
+
+    def effect(self) -> StrikeEffect:
+        """Disturb the frame's last bit."""
+        return StrikeEffect(doubled=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +137,10 @@ class FrameDelay(BusFault):
         metadata=keyed(Key("by_s", KeyKind.NUMBER, "SECONDS", 1e-6, DELAY_MAX_S, "s", parts=COUNTS_PER_SECOND)),
     )
 
+    def effect(self) -> StrikeEffect:
+        """Let the senders wait."""
+        return StrikeEffect(hold_counts=self.delay_counts)
+
 
 @dataclass(frozen=True, slots=True)
 class SenderOff(BusFault):
@@ -110,6 +148,10 @@ class SenderOff(BusFault):
 
     do: ClassVar[str] = "sender-off"
     does: ClassVar[str] = "the sender of a frame goes into bus-off, and sends it afterwards"
+
+    def effect(self) -> StrikeEffect:
+        """Put the senders into bus-off."""
+        return StrikeEffect(sender_off=True)
 
 
 class Strike(NamedTuple):

@@ -1,8 +1,8 @@
 """What every harm is: something that goes wrong with a machine, its bus or its host, as data that describes itself.
 
 The metadata of a field say by which keys a request names it: scenarios, the control port, `steptwin inject`, campaigns
-and the docs read nothing else. So a new harm is one dataclass in this folder, and a row of its documented reaction in
-`host/faults/`.
+and the docs read nothing else. So a new harm is one dataclass in this folder, a row of its documented reaction in
+`host/faults/`, and a scenario of `host/studies/campaign/nightly.toml`, which has every harm.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,9 +1,10 @@
-"""Words of command lines: levels, when motors turn, names with values."""
+"""Words and values to choose from: levels, when motors turn, bit rates, names with values."""
 
 from enum import StrEnum
 from typing import Final
 
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.frame import BITRATES
 
 
 class MotorsTurn(StrEnum):
@@ -31,3 +32,9 @@ def name_value_pairs(texts: list[str]) -> dict[str, str]:
             raise InputError(f"{key} is given twice: {pairs[key]} and {given}")
         pairs[key] = given
     return pairs
+
+
+def check_bitrate(bitrate: int, told: str) -> None:
+    """Raise InputError for a bit rate that no bus has; `told` names key and value."""
+    if bitrate not in BITRATES:
+        raise InputError(f"{told} is not one of {', '.join(map(str, BITRATES))}")

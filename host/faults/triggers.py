@@ -229,7 +229,7 @@ class FrameWatch(Watch):
         self._heard = 0
 
     def hear(self, cob_id: int) -> None:
-        """Count it."""
+        """Count a frame with the trigger's identifier."""
         self._heard += cob_id == self._trigger.cob_id
 
     def is_due(self, _now_counts: int) -> bool:

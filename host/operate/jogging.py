@@ -151,7 +151,7 @@ def _one(robot: Robot, joint: int) -> FloatArray:
 
 
 def _drives(robot: Robot, joint: int, speed: float, axes: dict[int, AxisClient]) -> list[VelocityTarget]:
-    """Return the velocity and the acceleration of each axis that move one joint alone."""
+    """Return, for each axis concerned, the target at which one joint moves alone."""
     _, acceleration = limits_along(robot, _one(robot, joint))
     drives = []
     for i, per_unit in ways_units(robot, joint).items():

@@ -286,7 +286,7 @@ class MachineCharge:
         ]
 
     def stop_after(self, error: BaseException) -> None:
-        """Stop all axes and take back their targets; if they cannot be told, raise an error that says so as well."""
+        """Stop all axes after an error and take back their targets; raise it, as unsure, if the bus is silent."""
         session = self.session
         try:
             quick_stop(session.link, session.machine.axes)

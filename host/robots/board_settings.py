@@ -5,11 +5,11 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from steptwin.host.common.bad_input import at_most, require_positive, unknown
+from steptwin.host.common.choices import check_bitrate
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.drivers import OSC_PF_MIN, PROFILES, ActiveEdge, DriverProfile, bare_chip
-from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -101,14 +101,10 @@ class BoardSettings:
             self._check_drivers,
             *(partial(self._check_setting, key) for key in ("current_a", *_SWITCHED)),
             partial(require_positive, self, "step_rate_max_hz"),
-            self._check_bitrate,
+            partial(check_bitrate, self.bitrate, f"bitrate: {self.bitrate}"),
             *(partial(self._check_time, key, least_ns) for key, least_ns in _TIMING_MIN_NS.items()),
         )
         self._check_pulses()
-
-    def _check_bitrate(self) -> None:
-        if self.bitrate not in BITRATES:
-            raise InputError(f"bitrate: {self.bitrate} is not one of {', '.join(map(str, BITRATES))}")
 
     def _check_time(self, key: str, least_ns: int) -> None:
         value_ns = getattr(self, key)

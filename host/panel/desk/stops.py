@@ -56,7 +56,7 @@ class ShownStates:
         return time_s
 
     def require_young(self, number: int | None) -> float:
-        """Return as `require`; raise RefusedError if the page had shown no state, or one more than AGE_MAX_S old."""
+        """Return when a state was published; raise RefusedError for none, or for one more than AGE_MAX_S old."""
         with self._lock:
             first = self._next - len(self._times_s)
             if number is None or not 0 <= number < self._next:

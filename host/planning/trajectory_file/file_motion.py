@@ -228,7 +228,7 @@ class FileMotion:
         return f"only {subject} exceeds it, at constant speed from point to point it is {text} {peak.unit}"
 
     def _of_acceleration(self, peak: Peak, stretch: float) -> str:
-        """Return the ramps that pass, if the motion is too steep where it starts or ends."""
+        """Return words for the shortest ramps that pass, if the motion starts or ends too steeply; else none."""
         t_s = peak.t_s / stretch
         times_s, ramps_s = self.points.times_s, self.ramps_s
         before_s = ramps_s or float(times_s[1])

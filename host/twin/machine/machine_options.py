@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
 
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.choices import name_value_pairs
+from steptwin.host.common.choices import check_bitrate, name_value_pairs
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.numbers import finite_number, whole
-from steptwin.protocol.frame import BITRATES
 
 if TYPE_CHECKING:
     from steptwin.emulator.faults.harm import Harm
@@ -242,8 +241,7 @@ class MachineOptions:
     def bits_per_s(self, robot: "Robot") -> int:
         """Return the bit rate of the bus; raise InputError unless a bus can have it."""
         bitrate = robot.board.bitrate if self.bitrate is None else self.bitrate
-        if bitrate not in BITRATES:
-            raise InputError(f"bitrate={bitrate}: is not one of {', '.join(map(str, BITRATES))}")
+        check_bitrate(bitrate, f"bitrate={bitrate}:")
         return bitrate
 
     def boards_of(self, robot: "Robot") -> tuple[int, ...]:

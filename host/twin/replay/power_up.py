@@ -10,6 +10,7 @@ import numpy as np
 from steptwin.emulator.faults.bus import BusFault
 from steptwin.emulator.faults.harm import Operation
 from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.choices import check_bitrate
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 from steptwin.host.faults.requests import read_request
@@ -19,7 +20,6 @@ from steptwin.host.twin.machine.boards import check_axes_per_board, check_crysta
 from steptwin.host.twin.machine.drivers import other_drivers
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.verify import Evidence
-from steptwin.protocol.frame import BITRATES
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 
 
@@ -75,8 +75,7 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
     mark = None if recording is None else recording.mark
     live = report.passed is None
     with prefixed(f"{folder / REPORT}: "):
-        if report.run.bus.bitrate not in BITRATES:
-            raise InputError(f"bus.bitrate: {report.run.bus.bitrate} is not one of {', '.join(map(str, BITRATES))}")
+        check_bitrate(report.run.bus.bitrate, f"bus.bitrate: {report.run.bus.bitrate}")
         table = Table(report.document, "JSON object")
         done = table.each("operations", lambda each: _done(each, robot)) if "operations" in table else ()
         options = MachineOptions(
