@@ -1,6 +1,6 @@
 """`steptwin replay LOG ROBOT`: play a recorded bus into the board again, and compare what it does."""
 
-from dataclasses import MISSING, replace
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,16 +16,23 @@ if TYPE_CHECKING:
     from steptwin.host.twin.replay import Replayed, StoredMachine
 
 
+@dataclass(frozen=True, slots=True)
+class ReplayOptions:
+    """The options that say what is replayed of a recording, against what, and where the replay goes."""
+
+    against: Path | None = option("DIR", "Folder of the run that was recorded: where it began, and its edges.")
+    out: str | None = option("DIR", "Folder to write the replay in, like a run's.")
+    new_board: bool = switch("The board had never stored the robot's settings, as `run`'s have not.")
+    channel: str | None = option("NAME", "Channel of a recording with several.", "--channel", "-c")
+
+
 @command("out/spiral", "night.blf lab-scara --stand-at '150 0 30 0' --out out/night")
 def replay(
+    wanted: ReplayOptions,
     which: RobotOptions,
     machine: Annotated[MachineOptions, Without(("scenario", "motors"))],
     log: Path = argument("LOG", "Recorded bus (.log of candump -L, .asc, .blf, .trc), or a run's folder.", MISSING),
     robot: RobotName = None,
-    against: Path | None = option("DIR", "Folder of the run that was recorded: where it began, and its edges."),
-    out: str | None = option("DIR", "Folder to write the replay in, like a run's."),
-    new_board: bool = switch("The board had never stored the robot's settings, as `run`'s have not."),
-    channel: str | None = option("NAME", "Channel of a recording with several.", "--channel", "-c"),
 ) -> None:
     """Play the hosts' frames of a recorded bus into the board again, in virtual time, and compare what it does.
 
@@ -37,7 +44,7 @@ def replay(
     from steptwin.host.twin.replay import MachineAtPowerUp
     from steptwin.host.twin.replay import replay as replayed
 
-    bus_file, folder = _recording(log, against)
+    bus_file, folder = _recording(log, wanted.against)
     loaded = _robot(which, robot, folder)
     stored = None if folder is None else _stored(folder, loaded)
     stood = MachineAtPowerUp() if stored is None else stored.power_up
@@ -46,10 +53,10 @@ def replay(
     with naming_machine_options():
         options.bits_per_s(loaded)
         options.boards_of(loaded)
-    power_up = replace(stood, options=options, commissioned=stood.commissioned and not new_board)
-    to = None if out is None else run_folder(out)
+    power_up = replace(stood, options=options, commissioned=stood.commissioned and not wanted.new_board)
+    to = None if wanted.out is None else run_folder(wanted.out)
     with naming_machine_options("channel"):
-        bus = read_bus(bus_file, channel)
+        bus = read_bus(bus_file, wanted.channel)
         result = replayed(bus, loaded, power_up, against=stored)
     if to is not None:
         with naming_options("out"):

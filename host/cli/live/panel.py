@@ -19,11 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class PageOptions:
-    """The options that say where the page is."""
+    """The options that say where the page is, and what it works with beside the board."""
 
     host: str = option("ADDRESS", "Address of this machine for the page.", default="127.0.0.1")
     port: int | None = option("PORT", "Port of the page; by default 8090, or a free one; 0 is free.")
     allow_remote: bool = switch("Permit an address that other machines reach, with a token.")
+    control: str | None = option("HOST:PORT", "Control port of a served board, for the tab that operates its machine.")
+    file: PositionsFile = None
 
 
 @command("lab-scara --connect 127.0.0.1", "warehouse-scara -i socketcan -c can0 --port 8091")
@@ -32,8 +34,6 @@ def panel(
     page: PageOptions,
     robot: RobotName = None,
     robot_file: RobotFile = None,
-    control: str | None = option("HOST:PORT", "Control port of a served board, for the tab that operates its machine."),
-    file: PositionsFile = None,
     force: Force = False,
 ) -> None:
     """Show a live machine in a browser, and operate it there, until Ctrl-C.
@@ -43,13 +43,13 @@ def panel(
     """
     loaded = RobotOptions(robot_file=robot_file).robot(robot)
     found = board.required(loaded)
-    served = None if control is None else host_and_port("--control", control, EXAMPLE_PORT)
+    served = None if page.control is None else host_and_port("--control", page.control, EXAMPLE_PORT)
     require_extra()
     from steptwin.host.panel.page.server import Address
 
     with naming_options("host", "port", "allow_remote"):
         address = Address(page.host, page.port, page.allow_remote)
-        _serve(loaded, found, served, address, positions_path(loaded, file), force=force)
+        _serve(loaded, found, served, address, positions_path(loaded, page.file), force=force)
 
 
 def _serve(

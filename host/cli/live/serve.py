@@ -29,7 +29,7 @@ _STATUS_EVERY_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndpointOptions:
-    """The options that say where programs reach a served board."""
+    """The options that say where programs reach a served board, and how fast its time goes."""
 
     host: str | None = option("ADDRESS", f"Address to listen at; {socketcand.LOOPBACK} by default.")
     port: int | None = option("PORT", f"Port to listen at; {socketcand.PORT} by default; 0 takes a free one.")
@@ -37,6 +37,7 @@ class EndpointOptions:
     allow_remote: bool = switch("Permit an address that other machines reach.")
     interface: str | None = option("NAME", "Put the board on an interface of python-can instead.", "--interface", "-i")
     channel: str | None = option("NAME", "Its channel.", "--channel", "-c")
+    speed: float = option("FACTOR", "Simulated seconds in a second.", default=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +49,25 @@ class RecordingOptions:
     replace: bool = switch("Let --out and --log replace what the folder or the file holds.")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnPanelOptions:
+    """The options that open a panel for the served board."""
+
+    panel: bool = switch("Show the machine in a browser, too; with a control port for its hardware.")
+    panel_port: int | None = option(
+        "PORT", "Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free."
+    )
+
+    def wanted(self) -> bool:
+        """Return whether there is to be one; raise InputError or BusError if there cannot be."""
+        wanted = self.panel or self.panel_port is not None
+        if wanted:
+            require_extra()
+            require_free(self.panel_port)
+        return wanted
+
+
 _NAMED: Final = (
-    "speed",
     "motors",
     *(each.name for group in (EndpointOptions, RecordingOptions) for each in fields(group)),
 )
@@ -62,12 +80,8 @@ def serve(
     endpoint: EndpointOptions,
     recording: RecordingOptions,
     machine: MachineOptions,
+    page: OwnPanelOptions,
     robot: RobotName = None,
-    panel: bool = switch("Show the machine in a browser, too; with a control port for its hardware."),
-    panel_port: int | None = option(
-        "PORT", "Port of its page, with --panel or instead of it; by default 8090, or a free one; 0 is free."
-    ),
-    speed: float = option("FACTOR", "Simulated seconds in a second.", default=1.0),
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
 
@@ -77,10 +91,7 @@ def serve(
     from steptwin.host.twin.live.served_board import ServedBoard
 
     loaded = which.robot(robot)
-    panel = panel or panel_port is not None
-    if panel:
-        require_extra()
-        require_free(panel_port)
+    panel = page.wanted()
     machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
     _warn_outside(loaded, machine)
     if machine.motors:
@@ -95,7 +106,7 @@ def serve(
                 allow_remote=endpoint.allow_remote,
                 interface=endpoint.interface,
                 channel=endpoint.channel,
-                speed=speed,
+                speed=endpoint.speed,
                 out=recording.out,
                 log=recording.log,
                 replace=recording.replace,
@@ -108,7 +119,7 @@ def serve(
 
         def announce() -> None:
             which.add(*banner(served), *(() if panel else ("Ctrl-C ends it",)))  # a panel says it, too
-            open_panel(panel_words(served, name, endpoint, panel_port))
+            open_panel(panel_words(served, name, endpoint, page.panel_port))
 
         document, failure = _serve(which, served, announce, recording.out)
     if failure:

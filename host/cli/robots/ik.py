@@ -1,12 +1,10 @@
 """`steptwin ik ROBOT --x --y --z --phi`: compute all joint positions that reach a tool pose."""
 
-from dataclasses import MISSING
+from dataclasses import MISSING, dataclass
 from math import hypot, isfinite, isnan, nan
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import typer
-
-from steptwin.host.cli.app import command
+from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import RobotName, RobotOptions, finite_number, joint_values
 from steptwin.host.cli.options import option
 from steptwin.host.cli.orientation_options import OrientationOptions
@@ -21,19 +19,27 @@ if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
 
 
-_OUT_OF_REACH: Final = 1
-"""Exit code if no branch reaches the pose."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceOptions:
+    """The options that say where the tool is to be, and its attitude if a single angle tells it."""
+
+    x: float = option("MM", "Tool position x.", default=MISSING, read=finite_number)
+    y: float = option("MM", "Tool position y.", default=MISSING, read=finite_number)
+    z: float = option("MM", "Tool position z.", default=MISSING, read=finite_number)
+    phi: float | None = option("DEG", "Tool attitude; may be left out if it follows from the arm.", read=finite_number)
+
+    @property
+    def coordinates(self) -> dict[str, float]:
+        """The coordinates that are given, by name."""
+        return {"x": self.x, "y": self.y, "z": self.z} | ({} if self.phi is None else {"phi": self.phi})
 
 
 @command("teaching-scara --x 150 --y 60 --z -60 --phi 30", "hybrid-arm --x 350 --y 150 --z 500 --phi 0")
 def ik(
-    which: RobotOptions,
+    place: PlaceOptions,
     turned: OrientationOptions,
+    which: RobotOptions,
     robot: RobotName = None,
-    x: float = option("MM", "Tool position x.", default=MISSING, read=finite_number),
-    y: float = option("MM", "Tool position y.", default=MISSING, read=finite_number),
-    z: float = option("MM", "Tool position z.", default=MISSING, read=finite_number),
-    phi: float | None = option("DEG", "Tool attitude; may be left out if it follows from the arm.", read=finite_number),
     near: str | None = option("'Q1 Q2 ...'", "Present joints: those that the pose leaves free stay there."),
 ) -> None:
     """Compute joint positions from a tool pose (inverse kinematics): every branch, and why one is out of reach.
@@ -47,15 +53,13 @@ def ik(
 
     loaded = which.robot(robot)
     kinematics = make_kinematics(loaded)
-    place = {"x": x, "y": y, "z": z} | ({} if phi is None else {"phi": phi})
-    pose = _pose(loaded, kinematics, place, turned.orientation())
+    pose = _pose(loaded, kinematics, place.coordinates, turned.orientation())
     standing = None if near is None else np.array(joint_values(near.split(), loaded.joint_names, "--near"))
     branches = kinematics.inverse(np.array([pose]), standing)
     reached = any(branch.reachable[0] for branch in branches)
     slides_at = np.zeros(len(loaded.joints)) if standing is None else standing
     nearest = None if reached else nearest_pose(loaded, pose, slides_at)
-    off = [_round_trip(kinematics, branch, pose) for branch in branches]
-    trips = list(zip(branches, off, strict=True))
+    trips = [(branch, _round_trip(kinematics, branch, pose)) for branch in branches]
     listed = [_document(branch, loaded.joint_names, trip) for branch, trip in trips]
     which.tell_of(
         loaded,
@@ -64,8 +68,7 @@ def ik(
         lambda: _print_round_trips({branch.name: trip for branch, trip in trips if branch.reachable[0]}),
         *([f"the nearest pose in reach: {passing_words(kinematics.task, pose, nearest)}"] if nearest else []),
     )
-    if not reached:
-        raise typer.Exit(_OUT_OF_REACH)
+    end_unless(reached)
 
 
 def _pose(

@@ -1,5 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
+from dataclasses import dataclass
+
 from steptwin.host.cli.app import command
 from steptwin.host.cli.options import argument, option
 from steptwin.host.cli.run.chosen_motion import FileOptions, SpeedOptions, choose_motion
@@ -10,12 +12,25 @@ from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 
+@dataclass(frozen=True, slots=True)
+class JobOptions:
+    """The options that a job has itself."""
+
+    pairs: list[str] | None = option("NAME=VALUE", "Set a job's option; repeatable.", "--option", "-o")
+    elbow: str | None = option("right|left", "Short for -o elbow=...; also for a file of poses.")
+
+    def by_name(self) -> dict[str, str]:
+        """Return the options by name; raise InputError for one of another form, or one that is given twice."""
+        return name_value_pairs(self.pairs or []) | ({} if self.elbow is None else {"elbow": self.elbow})
+
+
 @command(
     "warehouse-scara drawer-pull --out out/drawer-pull",
     "teaching-scara carry --approach --connect 127.0.0.1",
     alone={"--motors": "after"},
 )
 def run(
+    chosen: JobOptions,
     file_options: FileOptions,
     speed_options: SpeedOptions,
     virtual: VirtualRunOptions,
@@ -26,8 +41,6 @@ def run(
         " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
         " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
     ),
-    chosen: list[str] | None = option("NAME=VALUE", "Set a job's option; repeatable.", "--option", "-o"),
-    elbow: str | None = option("right|left", "Short for -o elbow=...; also for a file of poses."),
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
 
@@ -36,8 +49,7 @@ def run(
     """
     robot, rest = live.robot_and_rest(words)
     job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
-    options = name_value_pairs(chosen or []) | ({"elbow": elbow} if elbow is not None else {})
-    errand = choose_errand(robot, job, options, virtual.inventory, box)
+    errand = choose_errand(robot, job, chosen.by_name(), virtual.inventory, box)
     motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
     if live.address.connection(robot) is None:
         live.refuse()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_whole
 from steptwin.host.record.animation.film import CAMERAS, USUAL_SHOT, Camera, Film, Shot, make_film
 from steptwin.host.record.folder import StoredRun
 
@@ -34,8 +34,7 @@ def write_page(path: Path, film: Film, camera: Camera) -> None:
     text = (files(__package__) / "player.html").read_text(encoding="utf-8")
     for name, value in (("CAMERAS", CAMERAS), ("FILM", _document(film, camera))):
         text = text.replace(f"/*{name}*/null", _script(value))
-    with whole_file(path) as file:
-        file.write(text.encode())
+    write_whole(path, text)
 
 
 def _document(film: Film, camera: Camera) -> dict[str, Any]:

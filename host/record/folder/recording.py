@@ -17,7 +17,7 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.own_files import refuse_link
-from steptwin.host.common.whole_file import append, whole_file
+from steptwin.host.common.whole_file import append, whole_file, write_json, write_whole
 from steptwin.host.record.folder.edges_file import ARRAY_TYPES, EDGE_TYPES, SLIP_TYPES, edge_arrays, header_arrays
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
@@ -31,7 +31,7 @@ from steptwin.host.record.folder.layout import (
     TRAJECTORY,
     VERSION_KEY,
 )
-from steptwin.host.record.folder.report_file import read_report, write_report
+from steptwin.host.record.folder.report_file import read_report
 from steptwin.host.record.folder.unfinished import HEADER, MARKS, PLAN, Header, Mark, unfinished
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -145,10 +145,8 @@ class Recording:
             (folder / name).unlink(missing_ok=True)
         self._parts.mkdir()
         (folder / BUS_LOG).touch()
-        with whole_file(folder / ROBOT) as file:
-            file.write(robot_toml.encode())
-        with whole_file(self._parts / HEADER) as file:
-            file.write(header.text().encode())
+        write_whole(folder / ROBOT, robot_toml)
+        write_json(self._parts / HEADER, header.document())
 
     @property
     def until_s(self) -> float:
@@ -175,7 +173,7 @@ class Recording:
             if self._mark.no_plan is None and not self._mark.in_motion:
                 self._write_plan()
             self._write_edges()
-            write_report(self._folder / REPORT, dict(document) | {VERSION_KEY: FOLDER_VERSION})
+            write_json(self._folder / REPORT, dict(document) | {VERSION_KEY: FOLDER_VERSION})
             (self._parts / HEADER).unlink()
             shutil.rmtree(self._parts)
         except OSError as error:
@@ -193,8 +191,7 @@ class Recording:
         )
         if known != self._header.axes:
             self._header = replace(self._header, axes=known)
-            with whole_file(self._parts / HEADER) as file:
-                file.write(self._header.text().encode())
+            write_json(self._parts / HEADER, self._header.document())
 
     def _append(self, piece: Piece) -> None:
         if piece.axes:

@@ -4,7 +4,6 @@ report.json holds names and traffic of a run, the planned changes of outputs, th
 happened at the shelf, and where the boxes were planned to be in the end.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, json_table, number_at
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import write_json
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, check_version, existing_file
@@ -53,12 +52,6 @@ class StoredReport:
     document: Mapping[str, Any]
     recording: UnfinishedRecording | None = None
     next_motion_s: float | None = None
-
-
-def write_report(path: Path, document: Mapping[str, Any]) -> None:
-    """Write the document that `run --json` prints."""
-    with whole_file(path) as file:
-        file.write((json.dumps(document, indent=2) + "\n").encode())
 
 
 def read_report(folder: Path) -> StoredReport:
@@ -157,8 +150,7 @@ def write_shelf(folder: Path, shelf: ShelfEvidence, planned: PlannedStock | None
         document["planned"] = {place: planned.boxes.get(place, "") for place in planned.places}
         document["leaves_open"] = list(planned.leaves_open)
         document["cleared"] = dict(planned.cleared)
-    with whole_file(folder / SHELF) as file:
-        file.write((json.dumps(document, indent=2) + "\n").encode())
+    write_json(folder / SHELF, document)
 
 
 def read_shelf(folder: Path) -> tuple[ShelfEvidence, PlannedStock | None]:

@@ -71,11 +71,11 @@ class Header:
     bitrate: int
     axes: tuple[AxisTotals, ...]
 
-    def text(self) -> str:
-        """Return the header as JSON."""
+    def document(self) -> dict[str, Any]:
+        """Return the header as it is written."""
         axes = [axis._asdict() | {"limits": [asdict(limit) for limit in axis.limits]} for axis in self.axes]
         own = {"robot": self.robot, "driver_profile": self.driver_profile, "bitrate": self.bitrate}
-        return json.dumps({VERSION_KEY: FOLDER_VERSION, **own, "axes": axes}, indent=2) + "\n"
+        return {VERSION_KEY: FOLDER_VERSION, **own, "axes": axes}
 
     @staticmethod
     def of(table: Table) -> "Header":

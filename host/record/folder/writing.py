@@ -7,14 +7,14 @@ from typing import Any
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import refuse_link
-from steptwin.host.common.whole_file import whole_file
+from steptwin.host.common.whole_file import whole_file, write_json, write_whole
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
-from steptwin.host.record.folder.report_file import write_report, write_shelf
+from steptwin.host.record.folder.report_file import write_shelf
 from steptwin.host.record.folder.run_pictures import DEFAULT_PICTURES, can_draw
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
@@ -65,9 +65,8 @@ def write_folder(
     The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `stock` is what the motion
     is planned to leave at the shelf.
     """
-    write_report(out / REPORT, document)
-    with whole_file(out / ROBOT) as file:
-        file.write(plan.robot.toml.encode())
+    write_json(out / REPORT, document)
+    write_whole(out / ROBOT, plan.robot.toml)
     write_motion(out / TRAJECTORY, plan)
     write_edges(out / EDGES, evidence)
     if evidence.shelf is not None:

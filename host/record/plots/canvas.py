@@ -189,6 +189,16 @@ def rows_of_axes(figure: Figure, rows: int, columns: int = 1, **options: Any) ->
     return [list(row) for row in grid]
 
 
+def rows_of_joints(
+    comparison: Comparison, run: RunInfo, what: str, row_inches: float, columns: int = 1, **options: Any
+) -> tuple[Figure, list[list[Axes]], list[int]]:
+    """Return a figure with a row of axes for each moving joint and a note of the others; the rows; these joints."""
+    moving = moving_axes(comparison)
+    figure = new_figure(run, what, row_inches * max(len(moving), 1))
+    note_still_axes(figure, comparison, moving)
+    return figure, rows_of_axes(figure, len(moving), columns, **options), moving
+
+
 def write_inside(axes: Axes, text: str, **options: Any) -> None:
     """Write a text into the middle of axes that show nothing else."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", **options)

@@ -26,6 +26,7 @@ from steptwin.host.record.plots.canvas import (
     note_still_axes,
     planned_instants,
     rows_of_axes,
+    rows_of_joints,
     thinned,
     write_inside,
 )
@@ -125,9 +126,7 @@ class _Curve:
 
 def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving joint: position, speed and acceleration, from left to right."""
-    moving = moving_axes(comparison)
-    figure = new_figure(run, "planned joint motion", ROW_INCHES * max(len(moving), 1))
-    rows = rows_of_axes(figure, len(moving), 3)
+    figure, rows, moving = rows_of_joints(comparison, run, "planned joint motion", ROW_INCHES, 3)
     t_s = planned_instants(comparison)
     trajectory, robot = comparison.expected.trajectory, comparison.expected.robot
     motion = (trajectory.positions(t_s), trajectory.velocities(t_s), mean_accelerations(trajectory, t_s))
@@ -143,7 +142,6 @@ def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     for axes in rows[-1]:
         axes.set_xlabel("time [s]")
         axes.set_xlim(0.0, t_s[-1])
-    note_still_axes(figure, comparison, moving)
     return figure
 
 

@@ -12,15 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import (
-    COUNTED,
-    LIMIT,
-    moving_axes,
-    new_figure,
-    note_still_axes,
-    rows_of_axes,
-    thinned,
-)
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, rows_of_joints, thinned
 from steptwin.host.verify import AxisEvidence, Comparison, RunInfo
 from steptwin.host.verify.matching import MICROSECONDS, SLOW_CROSSING
 from steptwin.host.verify.pulses import clk_durations
@@ -40,9 +32,8 @@ LINEAR_DECADES = 0.5
 
 def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving axis, all with the same bins, which look equally wide on the time axis."""
-    moving = moving_axes(comparison)
-    figure = new_figure(run, "edge timing against the ideal crossings", ROW_INCHES * max(len(moving), 1))
-    rows = [row[0] for row in rows_of_axes(figure, len(moving))]
+    figure, grid, moving = rows_of_joints(comparison, run, "edge timing against the ideal crossings", ROW_INCHES)
+    rows = [row[0] for row in grid]
     late_us = [comparison.timing_errors_us(i) for i in moving]
     bins_us = _lateness_bins_us(max([0.0, *(float(np.abs(late).max()) for late in late_us if late.size)]))
     for axes, i, late in zip(rows, moving, late_us, strict=False):
@@ -54,7 +45,6 @@ def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
         "accepted edge minus ideal crossing [us], positive is late; linear within one count of the board's timer,"
         f" +-{LINEAR_US:.3f} us, logarithmic beyond"
     )
-    note_still_axes(figure, comparison, moving)
     return figure
 
 
@@ -91,16 +81,14 @@ SMALLEST_RANGE_US = 0.02
 
 def draw_jitter(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving axis: jitter over time, and its histogram beside it."""
-    moving = moving_axes(comparison)
-    figure = new_figure(run, "interval jitter against the ideal crossings", ROW_INCHES * max(len(moving), 1))
-    rows = rows_of_axes(figure, len(moving), 2, width_ratios=WIDTH_RATIOS, sharex="col")
+    what, shape = "interval jitter against the ideal crossings", {"width_ratios": WIDTH_RATIOS, "sharex": "col"}
+    figure, rows, moving = rows_of_joints(comparison, run, what, ROW_INCHES, 2, **shape)
     for (left, right), i in zip(rows, moving, strict=False):
         left.set_ylabel(f"{comparison.joint_names[i]} [us]")
         _draw_jitter(left, right, *_jitter(comparison, i))
     rows[-1][0].set_xlabel("time [s]")
     rows[-1][0].set_xlim(0.0, comparison.expected.trajectory.duration_s)
     rows[-1][1].set_xlabel("intervals")
-    note_still_axes(figure, comparison, moving)
     return figure
 
 
@@ -164,9 +152,8 @@ class _Durations(NamedTuple):
 
 def draw_widths(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving axis over the same durations; dashed lines are limits, below which pulses get lost."""
-    moving = moving_axes(comparison)
-    figure = new_figure(run, "CLK against the drivers' limits", WIDTH_ROW_INCHES * max(len(moving), 1))
-    rows = [row[0] for row in rows_of_axes(figure, len(moving))]
+    figure, grid, moving = rows_of_joints(comparison, run, "CLK against the drivers' limits", WIDTH_ROW_INCHES)
+    rows = [row[0] for row in grid]
     axes_shown = [comparison.evidence.axes[i] for i in moving]
     shown = [_durations(axis) for axis in axes_shown]
     bins_us = _duration_bins_us([one for of_axis in shown for one in of_axis])
@@ -177,7 +164,6 @@ def draw_widths(comparison: Comparison, run: RunInfo) -> Figure:
         figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper right", ncols=4)
         rows[-1].set_xlim(bins_us[0], bins_us[-1])
     rows[-1].set_xlabel(f"duration [us]{_where_clk_rises(axes_shown)}")
-    note_still_axes(figure, comparison, moving)
     return figure
 
 
