@@ -1,6 +1,6 @@
 """Draw an arm in space, with the frames of its DH table or the path of its tool: three-dimensional, true to scale."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, Final
@@ -309,14 +309,18 @@ def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArra
 
 def _together(frames: FloatArray, near_mm: float) -> list[list[int]]:
     """Return the numbers of the frames, those with nearly the same origin together."""
+    return _grouped(range(len(frames)), frames[:, :3, 3], near_mm)
+
+
+def _grouped(numbers: Iterable[int], vectors: FloatArray, near: float) -> list[list[int]]:
+    """Return numbers of vectors, of shape (n, 3), each together with the first one that is as near as this."""
     groups: list[list[int]] = []
-    for number, frame in enumerate(frames):
-        for group in groups:
-            if np.linalg.norm(frames[group[0], :3, 3] - frame[:3, 3]) < near_mm:
-                group.append(number)
-                break
-        else:
+    for number in numbers:
+        same = (group for group in groups if np.linalg.norm(vectors[group[0]] - vectors[number]) < near)
+        if (group := next(same, None)) is None:
             groups.append([number])
+        else:
+            group.append(number)
     return groups
 
 
@@ -326,16 +330,11 @@ def _draw_frames(axes: Any, frames: FloatArray, numbers: list[int], length_mm: f
     Axes that several frames share carry all their numbers in one label.
     """
     origin_mm = frames[numbers[0], :3, 3]
-    labels: list[tuple[FloatArray, str, str]] = []
-    for (letter, colour), column in zip(TRIAD, range(3), strict=True):
-        for number in numbers:
-            direction = frames[number, :3, column]
-            for i, (other, name, shade) in enumerate(labels):
-                if shade == colour and np.allclose(other, direction, atol=1e-6):
-                    labels[i] = (other, f"{name},{number}", shade)
-                    break
-            else:
-                labels.append((direction, f"{letter}{number}", colour))
+    labels = [
+        (frames[shared[0], :3, column], f"{letter}{','.join(map(str, shared))}", colour)
+        for column, (letter, colour) in enumerate(TRIAD)
+        for shared in _grouped(numbers, frames[:, :3, column], 1e-6)
+    ]
     for i, (direction, name, colour) in enumerate(labels):
         before = sum(bool(np.allclose(direction, other, atol=1e-6)) for other, _, _ in labels[:i])
         away = 1.22 + before * (0.24 if abs(direction[2]) > 0.5 else _BESIDE_PART)
