@@ -1,5 +1,6 @@
 """`steptwin check my-arm.toml`: everything that is wrong in a robot file, or what it amounts to."""
 
+import re
 from collections.abc import Mapping
 from importlib.resources import files
 from itertools import combinations
@@ -164,8 +165,10 @@ def test_units_in_doubt_are_asked_for(
         text = text.replace(old, new, 1)
     arm.write_text(text, encoding="utf-8")
     assert run(["check", str(arm)]) == 0
-    (warning,) = capsys.readouterr().err.splitlines()
+    warning, *others = capsys.readouterr().err.splitlines()
     assert warning.startswith(f"steptwin: warning: {asked}")
+    assert others, "the arm misses its spots, too"
+    assert all(re.match(r"steptwin: warning: shelf\.spots\.q[ab]: carry brings", other) for other in others)
 
 
 def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
