@@ -15,6 +15,7 @@ from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics.base import dimensions, meaning
+from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import usual_dimensions, usual_joints
 from steptwin.host.studies.papers.paper_page import table
@@ -174,6 +175,10 @@ def _hybrid() -> Figure:
         axes.plot([x], [low + z], marker="s", color=_JOINT, markersize=11, zorder=3)
         axes.annotate("", (x, low + z + 75), (x, low + z), arrowprops={"arrowstyle": "-|>", "color": _JOINT})
         axes.text(x - 24, low + z, name, color=_JOINT, ha="right", va="center")
+    guide = GUIDE_PART * link
+    axes.plot([frame - half, platform[0]], [low + left + guide, height + guide], **{**_LINK, "linewidth": 3})
+    axes.plot([platform[0]] * 2, [height, height + guide], **{**_LINK, "linewidth": 5})
+    axes.text(frame - half - 12, low + left + guide + 60, "guide: keeps\nthe platform level", color="0.4", ha="right")
     axes.plot([frame, frame], [low - 120, height + 125], color="0.75", linestyle=":")
     axes.plot([platform[0], platform[0] + out], [height, height], **_LINK)
     axes.plot([platform[0] + out] * 2, [height, height - down], color="#3b4a5a", linewidth=3)

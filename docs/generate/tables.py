@@ -10,6 +10,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper_page import table
+from steptwin.host.studies.papers.study import dh_columns, dh_rows
 
 ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
 """The robots, in the order of the page."""
@@ -53,25 +54,17 @@ def read_robot_file(robot: str) -> dict[str, Section]:
     return sections
 
 
-_DH_COLUMNS = {
-    Convention.STANDARD: ("i", "theta_i deg", "d_i mm", "a_i mm", "alpha_i deg"),
-    Convention.MODIFIED: ("i", "alpha_i-1 deg", "a_i-1 mm", "d_i mm", "theta_i deg"),
-}
-_DH_TITLES = {
-    Convention.STANDARD: "Standard (distal) DH parameters",
-    Convention.MODIFIED: "Modified (Craig, proximal) DH parameters",
+_DH_TITLES: Final = {
+    Convention.STANDARD.value: "Standard (distal) DH parameters",
+    Convention.MODIFIED.value: "Modified (Craig, proximal) DH parameters",
 }
 
 
 def dh_table(robot: Robot) -> str:
     """Return the DH parameters, with columns in the usual order of the mechanism's convention."""
-    dh = make_kinematics(robot).dh
-    rows = []
-    for i, row in enumerate(dh.rows, start=1):
-        cells = [f"{row.alpha_deg:g}", f"{row.a_mm:g}", str(row.d_mm), str(row.theta_deg)]
-        rows.append([str(i), *(cells if dh.convention is Convention.MODIFIED else reversed(cells))])
-    title = f"{_DH_TITLES[dh.convention]}, from the world to the tool:"
-    return f"{title}\n\n{table(_DH_COLUMNS[dh.convention], rows)}"
+    convention, columns = dh_columns(robot.name)
+    rows = table(columns, dh_rows(make_kinematics(robot)))
+    return f"{_DH_TITLES[convention]}, from the world to the tool:\n\n{rows}"
 
 
 def dimensions(robot: Robot) -> str:
