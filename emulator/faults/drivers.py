@@ -43,6 +43,8 @@ class DriverMode(AxisOperation):
 
     do: ClassVar[str] = "mode"
     does: ClassVar[str] = "a driver is set to another microstep mode, or as it was"
+    ends: ClassVar[str] = "`mode {joint}`"
+    end_values: ClassVar[Mapping[str, Any]] = {"microsteps": None}
 
     microsteps: int | None = field(
         default=None,
@@ -61,11 +63,6 @@ class DriverMode(AxisOperation):
         """Return the mode at power-up."""
         return DriverMode(self.axis, None)
 
-    @classmethod
-    def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what ends it."""
-        return f"`{cls.do} {values['joint']}`" if "microsteps" in values else None
-
 
 @dataclass(frozen=True, slots=True)
 class OscCapacitor(AxisOperation):
@@ -76,6 +73,7 @@ class OscCapacitor(AxisOperation):
 
     do: ClassVar[str] = "osc"
     does: ClassVar[str] = "the capacitor at a driver chip's OSC pin has another value"
+    ends: ClassVar[str] = "`osc {joint}` with the capacitor of before"
     over: ClassVar[str] = "the part stays as it is"
 
     osc_pf: float = field(metadata=keyed(Key("osc_pf", KeyKind.NUMBER, "PF", OSC_MIN_PF, 1e6, "pF")))
@@ -84,11 +82,6 @@ class OscCapacitor(AxisOperation):
         """Exchange the capacitor at the start of the next tick."""
         board.drain()
         board.drivers.change_capacitor(self.axis, self.osc_pf)
-
-    @classmethod
-    def ends_by(cls, values: Mapping[str, Any]) -> str:
-        """Return what ends it."""
-        return f"`{cls.do} {values['joint']}` with the capacitor of before"
 
 
 DRIVERS: Final = (DriverProtect, DriverMode, OscCapacitor)

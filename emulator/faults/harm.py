@@ -117,6 +117,10 @@ class Harm:
     """What it does, in words; Markdown."""
     over: ClassVar[str] = "it is over at once"
     """Why nothing ends it, if it has no `undo`."""
+    ends: ClassVar[str] = ""
+    """What else than its time ends it, in words, with the names of keys for their values; empty: the state shows it."""
+    end_values: ClassVar[Mapping[str, Any]] = {}
+    """Values of keys, None for one left out, by which a request is itself the end of such a harm."""
 
     def __post_init__(self) -> None:
         for name, each in self.by_field().items():
@@ -150,9 +154,11 @@ class Harm:
         return None
 
     @classmethod
-    def ends_by(cls, _values: Mapping[str, Any]) -> str | None:
+    def ends_by(cls, values: Mapping[str, Any]) -> str | None:
         """Return what else than its time ends the harm of a request with these values; None if the state shows it."""
-        return None
+        if not cls.ends or any(values.get(key) == value for key, value in cls.end_values.items()):
+            return None
+        return cls.ends.format(**values)
 
 
 def _outside(key: Key) -> str:

@@ -73,6 +73,8 @@ class SwitchWire(SwitchOperation):
     does: ClassVar[str] = (
         "a switch's wire is `whole`, or broken at a contact that is `normally-open` or `normally-closed`"
     )
+    ends: ClassVar[str] = "`switch-wire {joint} {switch} whole`"
+    end_values: ClassVar[Mapping[str, Any]] = {"broken": _WHOLE}
 
     broken: Contact | None = field(
         metadata=keyed(Key("broken", KeyKind.WORD, choices={_WHOLE: None, **{each.value: each for each in Contact}}))
@@ -87,11 +89,6 @@ class SwitchWire(SwitchOperation):
         """Return the whole wire."""
         return SwitchWire(self.axis, self.switch, None)
 
-    @classmethod
-    def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what ends it."""
-        return None if values["broken"] == _WHOLE else f"`{cls.do} {values['joint']} {values['switch']} {_WHOLE}`"
-
 
 @dataclass(frozen=True, slots=True)
 class BouncingSwitch(SwitchOperation):
@@ -105,6 +102,8 @@ class BouncingSwitch(SwitchOperation):
 
     do: ClassVar[str] = "bounce"
     does: ClassVar[str] = "a switch is worn: it bounces so often with each change, within 5 ms; 0: no more"
+    ends: ClassVar[str] = "`bounce {joint} {switch} 0`"
+    end_values: ClassVar[Mapping[str, Any]] = {"bounces": 0}
 
     bounces: int = field(metadata=keyed(Key("bounces", KeyKind.WHOLE, "BOUNCES", least=0, most=BOUNCES_MAX)))
     within_us: int = field(
@@ -125,11 +124,6 @@ class BouncingSwitch(SwitchOperation):
     def undo(self, _before: "Surroundings") -> "BouncingSwitch":
         """Return the switch as a new one."""
         return BouncingSwitch(self.axis, self.switch, 0)
-
-    @classmethod
-    def ends_by(cls, values: Mapping[str, Any]) -> str | None:
-        """Return what ends it."""
-        return f"`{cls.do} {values['joint']} {values['switch']} 0`" if values["bounces"] else None
 
 
 SWITCHES: Final = (StuckSwitch, SwitchWire, BouncingSwitch)

@@ -152,6 +152,7 @@ class Payload(Operation):
         "the payload has another mass; only with motors that turn with the board (`run --motors=loop`,"
         " `serve --motors`)"
     )
+    ends: ClassVar[str] = "another `payload`"
     once: ClassVar[bool] = True
 
     payload_kg: float = field(metadata=keyed(Key("payload_kg", KeyKind.NUMBER, "KG", 0, PAYLOAD_MAX_KG, "kg")))
@@ -164,11 +165,6 @@ class Payload(Operation):
     def undo(self, before: "Surroundings") -> "Payload":
         """Return the payload as it was."""
         return Payload(before.payload_kg)
-
-    @classmethod
-    def ends_by(cls, _values: Mapping[str, Any]) -> str:
-        """Return what ends it."""
-        return "another `payload`"
 
 
 _FOR_MS: Final = Key("for_ms", KeyKind.WHOLE, "MS", least=1, optional=True)

@@ -6,6 +6,7 @@ The same scenario on the same run gives the same bytes. Every error of reading b
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from random import Random
 from typing import Any, Final
 
@@ -147,8 +148,14 @@ _seed: Final = integer_from(0, SEED_MAX)
 
 
 def _fault(table: Table, robot: Robot, number: int) -> Fault:
-    readings = {key: _reading(key, read, robot) for key, read in _TRIGGERS.items()}
-    beside = {"name": _name, **readings, "for_s": _time_s, "until": _until(robot), "expect": _expect}
+    triggers: dict[str, Reading] = {key: partial(read, robot) for key, read in _TRIGGERS.items()}
+    beside: dict[str, Reading] = {
+        "name": _name,
+        **triggers,
+        "for_s": _time_s,
+        "until": partial(_until, robot),
+        "expect": _expect,
+    }
     harm, values = read_harm(robot, table, beside)
     if harm is None:
         raise InputError("do: 'state' harms nothing")
@@ -182,15 +189,15 @@ def _end(harm: Harm, values: Mapping[str, Any]) -> Trigger | float | None:
 _time_s: Final = number_from(0, TIME_MAX_S, "s")
 
 
-def _at_s(table: Table, key: str, _robot: Robot) -> Trigger:
+def _at_s(_robot: Robot, table: Table, key: str) -> Trigger:
     return AtTime(_time_s(table, key))
 
 
-def _power_up_s(table: Table, key: str, _robot: Robot) -> Trigger:
+def _power_up_s(_robot: Robot, table: Table, key: str) -> Trigger:
     return AtTime(_time_s(table, key), from_power_up=True)
 
 
-def _at_random(table: Table, key: str, _robot: Robot) -> Trigger:
+def _at_random(_robot: Robot, table: Table, key: str) -> Trigger:
     with table.section(key) as section:
         times = section.read({"from_s": _time_s, "to_s": _time_s})
         if not times["from_s"] <= times["to_s"]:
@@ -198,7 +205,7 @@ def _at_random(table: Table, key: str, _robot: Robot) -> Trigger:
     return AtRandom(**times)
 
 
-def _at_position(table: Table, key: str, robot: Robot) -> Trigger:
+def _at_position(robot: Robot, table: Table, key: str) -> Trigger:
     with table.section(key) as section:
         values = section.read(
             {"joint": Table.text, "value": Table.number},
@@ -208,13 +215,13 @@ def _at_position(table: Table, key: str, robot: Robot) -> Trigger:
     return AtPosition(values["joint"], values["value"], values["direction"] or Direction.ANY)
 
 
-def _on_frame(table: Table, key: str, _robot: Robot) -> Trigger:
+def _on_frame(_robot: Robot, table: Table, key: str) -> Trigger:
     with table.section(key) as section:
         values = section.read({"id": read_identifier}, {"n": integer_from(1)})
     return OnFrame(values["id"], values["n"] or 1)
 
 
-def _at_state(table: Table, key: str, robot: Robot) -> Trigger:
+def _at_state(robot: Robot, table: Table, key: str) -> Trigger:
     with table.section(key) as section:
         values = section.read({"joint": Table.text, "state": _state})
         robot.index_of(values["joint"])
@@ -229,7 +236,7 @@ def _state(table: Table, key: str) -> State:
     return states[name]
 
 
-_TRIGGERS: Final[Mapping[str, Callable[[Table, str, Robot], Trigger]]] = {
+_TRIGGERS: Final[Mapping[str, Callable[[Robot, Table, str], Trigger]]] = {
     "at_s": _at_s,
     "power_up_s": _power_up_s,
     "at_position": _at_position,
@@ -240,20 +247,12 @@ _TRIGGERS: Final[Mapping[str, Callable[[Table, str, Robot], Trigger]]] = {
 """The keys of triggers, and what reads each."""
 
 
-def _reading(key: str, read: Callable[[Table, str, Robot], Trigger], robot: Robot) -> Reading:
-    return lambda table, _: read(table, key, robot)
-
-
-def _until(robot: Robot) -> Reading:
-    def read(table: Table, key: str) -> Trigger:
-        with table.section(key) as section:
-            section.check_keys(_TRIGGERS)
-            values = {
-                each: None if each not in section else read(section, each, robot) for each, read in _TRIGGERS.items()
-            }
-            return _one_trigger(values)
-
-    return read
+def _until(robot: Robot, table: Table, key: str) -> Trigger:
+    with table.section(key) as section:
+        section.check_keys(_TRIGGERS)
+        return _one_trigger(
+            {each: read(robot, section, each) if each in section else None for each, read in _TRIGGERS.items()}
+        )
 
 
 # --- an expected reaction other than the documented one
