@@ -16,7 +16,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import board_configs
 from tests.end_to_end.command_line import refusal, run_json
 
 QUICK = {"duration_s": "2", "ramp_s": "0.5"}

@@ -20,8 +20,7 @@ from steptwin.emulator.simulation import Simulation
 from steptwin.host.cli.app import run
 from steptwin.host.record.folder import read_edges
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.machine.board_config import board_configs
-from steptwin.host.twin.machine.boards import standing_steps
+from steptwin.host.twin.machine.boards import board_configs, standing_steps
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.live.live_rig import TIMEOUT_S, RawClient

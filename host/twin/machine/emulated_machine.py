@@ -19,8 +19,7 @@ from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import Target
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.board_config import board_configs
-from steptwin.host.twin.machine.boards import make_boards, standing_steps
+from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_evidence, shelf_wiring

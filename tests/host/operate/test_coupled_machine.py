@@ -14,7 +14,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.operate.stepping import step_joint
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
-from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE

@@ -16,7 +16,7 @@ from steptwin.host.robots.board_settings import Output
 from steptwin.host.robots.joint import MICROSTEPS, Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.board_config import board_configs
+from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol.drivers import ActiveEdge
 from tests.emulator.pins import POWER_UP, pins
 from tests.host.complaints import complaint_of

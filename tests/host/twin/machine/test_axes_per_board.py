@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.machine.board_config import board_configs
-from steptwin.host.twin.machine.boards import check_axes_per_board
+from steptwin.host.twin.machine.boards import board_configs, check_axes_per_board
 from steptwin.host.twin.machine.machine_options import read_axes_per_board
 
 
