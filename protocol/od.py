@@ -53,6 +53,8 @@ STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.
 
 UNITS_PER_FULL_STEP: Final = 16_384
 """Wire units in a full step, whatever the microstep setting."""
+MICROSTEPS_CHOICES: Final = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128, 256)
+"""Microsteps per full step that drivers have; a board counts with any of them."""
 FULL_STEPS_PER_REVOLUTION: Final = 200
 """Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
 _UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
@@ -231,10 +233,20 @@ PDO_SYNC_START: Final = 6
 # --- this board
 
 record(0x2000, "TB6560 settings")
-MICROSTEPS = rw(0x2000_01, U8, "Microsteps per full step", 16, 1, 16, write="DriverSettings.change_at")
+MICROSTEPS = rw(0x2000_01, U8, "Microsteps per full step", 16, 1, 128, write="DriverSettings.change_at")
 TORQUE_PERCENT = _percent(0x2000_02, "Torque in {unit} of the full current", 100, (20, 50, 75, 100))
 FAST_DECAY_PERCENT = _percent(0x2000_03, "Fast decay in {unit} of a chopping period", 0, (0, 25, 50, 100))
 REST_TORQUE_PERCENT = _percent(0x2000_04, "Torque at rest in {unit} of the full current", 100, (20, 50, 75, 100))
+MICROSTEPS_WORD = rw(
+    0x2000_05,
+    U16,
+    "Microsteps per full step in a word: 0x2000:01 shows 255 for 256",
+    16,
+    1,
+    256,
+    read="DriverSettings.microsteps",
+    write="DriverSettings.change_at",
+)
 record(0x2001, "Step timing")
 STEPLEN_NS = _timing(0x2001_01, "steplen: CLK high", 33_000, PULSE_NS_MIN)
 STEPSPACE_NS = _timing(0x2001_02, "stepspace: CLK low", 33_666, PULSE_NS_MIN)
@@ -327,7 +339,7 @@ ROTOR_POSITION_STEPS = ro(0x2F00_01, I32, "Driver's count in {unit}", STEPS, TX,
 LOST_STEPS = ro(0x2F00_02, I32, "Lost steps", STEPS, TX, read="EmulatedAxis.count_at")
 DRIVER_VIOLATIONS = ro(0x2F00_03, U32, "Driver violations", mapping=TX, read="EmulatedAxis.count_at")
 DRIVER_MICROSTEPS = ro(
-    0x2F00_04, U8, "Microsteps per full step that the driver makes", mapping=TX, read="EmulatedAxis.count_at"
+    0x2F00_04, U16, "Microsteps per full step that the driver makes", mapping=TX, read="EmulatedAxis.count_at"
 )
 SHAFT_POSITION = ro(0x2F00_05, I32, "True position of the rotor in {unit}", POSITION, TX, read="EmulatedAxis.rotor_at")
 SLIPPED_FULL_STEPS = ro(

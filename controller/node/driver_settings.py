@@ -15,7 +15,6 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 
 _STEP_ENTRIES: Final = (
-    od.MICROSTEPS,
     od.STEPLEN_NS,
     od.STEPSPACE_NS,
     od.DIRSETUP_NS,
@@ -24,11 +23,13 @@ _STEP_ENTRIES: Final = (
     od.POLARITY,
     od.INVERT_MASK,
 )
-"""The entries that say how steps are made, in the order of `StepConfig`'s fields."""
+"""The entries that say how steps are made, in the order of `StepConfig`'s fields after the microsteps."""
 IDLE_AFTER_US: Final = 500_000
 """Time that an axis must stand before its torque is lowered to the rest torque (2000h:04)."""
+_BYTE_MAX: Final = 255
 _CHOICES: Final = {
-    od.MICROSTEPS: tuple(MODE_LEVELS),
+    od.MICROSTEPS: od.MICROSTEPS_CHOICES,
+    od.MICROSTEPS_WORD: od.MICROSTEPS_CHOICES,
     od.INVERT_MASK: (0, INVERT_DIR),
     od.POLARITY: (0, REVERSED),  # position and velocity can only be reversed together
 }
@@ -65,20 +66,34 @@ class DriverSettings:
         if value not in _CHOICES.get(address, (value,)):
             raise SdoAbortError(AbortCode.VALUE_RANGE)
         self._records.discard()
+        if address == od.MICROSTEPS:
+            self._dictionary.set(od.MICROSTEPS_WORD, value)
+        elif address == od.MICROSTEPS_WORD:
+            self._dictionary.set(od.MICROSTEPS, min(value, _BYTE_MAX))
         self.apply({address: value})
+
+    @property
+    def microsteps(self) -> int:
+        """Microsteps per full step of the step configuration."""
+        return self._motion.config.microsteps
 
     def apply(self, changes: dict[int, int] | None = None) -> None:
         """Configure the motion and the driver as the dictionary says; `changes` holds values that are being written."""
         changes, get = changes or {}, self._dictionary.get
-        config = StepConfig(*(changes.get(address, get(address)) for address in _STEP_ENTRIES))
+        word = changes.get(od.MICROSTEPS_WORD, self._dictionary.cell(od.MICROSTEPS_WORD).value)
+        microsteps = word if word > _BYTE_MAX else changes.get(od.MICROSTEPS, get(od.MICROSTEPS))
+        config = StepConfig(microsteps, *(changes.get(address, get(address)) for address in _STEP_ENTRIES))
         if config.microsteps != self._motion.config.microsteps:
             self._select_microsteps(config.microsteps)
         self._motion.configure(config)
 
     def _select_microsteps(self, microsteps: int) -> None:
-        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted."""
+        """Select another excitation mode; its reset turns the rotor to that mode's initial angle, uncounted.
+
+        A TB6560 has no mode for some: they are those of drivers with switches of their own.
+        """
         self._pins.set(Pin.RESET, 0)
-        self._set(Pin.M2, Pin.M1, MODE_LEVELS[microsteps])
+        self._set(Pin.M2, Pin.M1, MODE_LEVELS.get(microsteps, (0, 0)))
         self._pins.set(Pin.RESET, 1)
         self._reference.lose()
 

@@ -63,9 +63,9 @@
 
 /* One axis. The comment behind a member is the range that it keeps. */
 typedef struct {
-    int64_t position_q16;          /* -2^39 .. 2^39 - 1 */
-    int64_t start_q16;             /* -2^39 .. 2^39 - 1 */
-    int64_t tail_q16;              /* -2^39 .. 2^39 - 1; where the next segment starts */
+    int64_t position_q16;          /* -2^41 .. 2^41 - 1 */
+    int64_t start_q16;             /* -2^41 .. 2^41 - 1 */
+    int64_t tail_q16;              /* -2^41 .. 2^41 - 1; where the next segment starts */
     int64_t earliest_rise_counts;  /* -2^62 .. 2^62 - 1 */
     int64_t last_rise_counts;      /* -2^62 .. 2^62 - 1 */
     int32_t steplen_counts;        /* 0 .. 2^17 - 1; CLK is high for it */
@@ -84,7 +84,7 @@ typedef struct {
     int32_t clk_edges;             /* 0 .. 2^30 - 1; in the axis' row, and so are dir_edges */
     int32_t dir_edges;             /* 0 .. 2^30 - 1 */
     uint16_t duration_ticks;       /* 1 .. 1020 */
-    uint8_t microsteps;            /* 1 .. 16 */
+    uint16_t microsteps;           /* 1 .. 256 */
     uint8_t dir_inverted;          /* 0 .. 1 */
     uint8_t running;               /* 0 .. 1 */
     uint8_t in_group;              /* 0 .. 1; whether the group's rate is its own */
@@ -96,7 +96,7 @@ typedef struct {
 
 /* A cubic in the queue. */
 typedef struct {
-    int64_t start_q16;    /* -2^39 .. 2^39 - 1 */
+    int64_t start_q16;    /* -2^41 .. 2^41 - 1 */
     int32_t a;            /* -2^31 .. 2^31 - 1 */
     int32_t b;            /* -2^31 .. 2^31 - 1 */
     int32_t c;            /* -2^31 .. 2^31 - 1 */

@@ -30,6 +30,7 @@ from steptwin.protocol.frame import COB_NMT, COB_RPDO, COB_TPDO
 from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.pvt import PvtFlag, PvtStatus
 
+_BYTE: Final = range(256)
 Objects = list[tuple[int, int]]
 """Dictionary entries with their values, as (address, value), in the order of writing."""
 
@@ -50,7 +51,7 @@ class AxisSettings:
     def objects(self) -> Objects:
         """Return the entries that hold these settings."""
         return [
-            (od.MICROSTEPS, self.microsteps),
+            (od.MICROSTEPS if self.microsteps in _BYTE else od.MICROSTEPS_WORD, self.microsteps),
             (od.STEPLEN_NS, self.steplen_ns),
             (od.STEPSPACE_NS, self.stepspace_ns),
             (od.DIRSETUP_NS, self.dirsetup_ns),

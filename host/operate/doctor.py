@@ -100,7 +100,7 @@ def _settings(session: Session, axis: AxisClient) -> Check:
     stay as they are.
     """
     name, filed = f"{axis.name} settings", axis_settings(session.robot.joint(axis.name), session.robot.board).microsteps
-    found = axis.read(od.MICROSTEPS)
+    found = axis.read(od.MICROSTEPS_WORD)
     made = _driver_microsteps(axis) or found
     microsteps = Microsteps(axis.name, made, found, filed)
     says = str(microsteps).removeprefix(f"{axis.name}: ")

@@ -103,7 +103,8 @@ def _passes(robot: Robot, trajectory: Trajectory, point_ms: int) -> bool:
 def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: checks.TooFastError) -> str:
     """Return which drives would make few enough steps, if the motion then passes; an empty text otherwise."""
     parts = {peak.joint: peak.limit / peak.value for peak in error.peaks if peak.quantity is Quantity.STEP_RATE}
-    changed = {name: with_fewer_steps(robot.joint(name), part) for name, part in parts.items()}
+    choices = robot.board.profile.chip.microsteps
+    changed = {name: with_fewer_steps(robot.joint(name), part, choices) for name, part in parts.items()}
     drives = {name: drive for name, (drive, _) in changed.items()}
     joints = tuple(replace(joint, transmission=drives.get(joint.name, joint.transmission)) for joint in robot.joints)
     if not changed or not _passes(replace(robot, joints=joints), trajectory, point_ms):

@@ -1,5 +1,6 @@
 """A joint of a robot, which one axis of the board drives through a transmission."""
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from functools import partial
@@ -11,10 +12,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.host.robots.motor import JointLink, JointMotor
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.protocol.od import UNITS_PER_FULL_STEP
-
-MICROSTEPS: Final = (1, 2, 8, 16)
-"""Microsteps per full step that a TB6560's pins M1 and M2 can choose."""
+from steptwin.protocol.drivers import one_of
+from steptwin.protocol.od import MICROSTEPS_CHOICES, UNITS_PER_FULL_STEP
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +39,10 @@ class Transmission:
         )
 
     def _check_microsteps(self) -> None:
-        if self.microsteps not in MICROSTEPS:
-            raise InputError(f"microsteps: {self.microsteps} is not one of the TB6560's {MICROSTEPS}")
+        try:
+            one_of(self.microsteps, MICROSTEPS_CHOICES, "the drivers'")
+        except ValueError as error:
+            raise InputError(f"microsteps: {error}") from error
 
     @property
     def travel_per_rev(self) -> float:
@@ -157,14 +158,14 @@ _ROUNDING: Final = 1e-12
 """Part of a ratio that is taken for a rounding error of its computation."""
 
 
-def with_fewer_steps(joint: Joint, part: float) -> tuple[Transmission, str]:
+def with_fewer_steps(joint: Joint, part: float, choices: Collection[int]) -> tuple[Transmission, str]:
     """Return a drive that makes at most this part of the joint's steps, and the robot file's keys and values.
 
-    The drive keeps as many microsteps as it can. If full steps are still too many, it has a longer travel per motor
-    turn as well: a longer lead of the screw, or a smaller ratio of the gears.
+    The drive keeps as many microsteps as it can, of the driver's choices. If the fewest are still too many, it has a
+    longer travel per motor turn as well: a longer lead of the screw, or a smaller ratio of the gears.
     """
     old = joint.transmission
-    microsteps = max((number for number in MICROSTEPS if number <= part * old.microsteps), default=min(MICROSTEPS))
+    microsteps = max((number for number in choices if number <= part * old.microsteps), default=min(choices))
     drive = replace(old, microsteps=microsteps)
     changed = [f"microsteps = {microsteps}"] if drive != old else []
     part *= (1 + _ROUNDING) * old.microsteps / microsteps

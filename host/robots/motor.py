@@ -170,7 +170,7 @@ class Dynamics:
         payload_held_by: output while which is on the payload hangs at the tool; empty: always.
 
     Raises:
-        InputError: a supply that a TB6560 does not take, one that sags without capacitors, or a negative figure.
+        InputError: no supply, one that sags without capacitors, or a negative figure.
     """
 
     supply_v: float
@@ -180,14 +180,7 @@ class Dynamics:
     payload_held_by: str = ""
 
     def __post_init__(self) -> None:
-        check_all(self._check_voltage, self._check_sag, self._check_payload)
-
-    def _check_voltage(self) -> None:
-        if not SUPPLY_MIN_V <= self.supply_v <= SUPPLY_MAX_V:
-            raise InputError(
-                f"supply_v: {self.supply_v:g} V is outside {SUPPLY_MIN_V:g}..{SUPPLY_MAX_V:g} V,"
-                " the TB6560AHQ's operating range"
-            )
+        check_all(partial(require_positive, self, "supply_v"), self._check_sag, self._check_payload)
 
     def _check_sag(self) -> None:
         for key, unit in (("supply_ohm", "ohm"), ("supply_uf", "uF")):
@@ -205,9 +198,6 @@ class Dynamics:
             raise InputError(f"payload_kg: {self.payload_kg:g} kg is negative")
 
 
-SUPPLY_MIN_V: Final = 4.5
-SUPPLY_MAX_V: Final = 34.0
-"""Operating range of VM (TB6560AHQ datasheet, page 6)."""
 SUPPLY_UF_MIN: Final = 100.0
 """Less than any board has; the voltage would change by volts within a step of integration."""
 

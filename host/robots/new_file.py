@@ -45,6 +45,7 @@ _BOARD_NOTES: Final = {
     "step_rate_max_hz": "the TB6560's limit",
 }
 
+_MICROSTEPS: Final = "{}, {}, {} or {}".format(*BOARD.profile.chip.microsteps)
 _FULL_STEPS_PER_REV: Final = 200
 _RATE_PART: Final = 0.8
 """Part of the driver's highest step rate that a joint's highest speed takes."""
@@ -98,7 +99,7 @@ class NewJoint:
             "lower": (f"least position in {self.unit}", self.lower),
             "upper": (f"greatest position in {self.unit}", self.upper),
             self.turn_key: (turn, self.turn),
-            "microsteps": ("microsteps, 1, 2, 8 or 16", float(self.microsteps)),
+            "microsteps": (f"microsteps, {_MICROSTEPS}", float(self.microsteps)),
         }
 
     @property
@@ -109,6 +110,10 @@ class NewJoint:
     @property
     def transmission(self) -> Transmission:
         """The transmission; InputError if a value is out of range."""
+        try:
+            BOARD.profile.mode(self.microsteps)
+        except ValueError as error:
+            raise InputError(f"microsteps: {error}") from error
         if self.unit is Unit.MM:
             return Transmission(_FULL_STEPS_PER_REV, self.microsteps, self.turn)
         return Transmission(_FULL_STEPS_PER_REV, self.microsteps, 360.0, self.turn)
@@ -281,7 +286,7 @@ def _joint_text(joint: NewJoint) -> str:
         "speed_max": f"{joint.unit}/s, {speed * joint.transmission.steps_per_unit:.0f} steps/s",
         "acceleration_max": f"{joint.unit}/s2",
         "full_steps_per_rev": "a motor of 1.8 deg",
-        "microsteps": "1, 2, 8 or 16, as the driver is set",
+        "microsteps": f"{_MICROSTEPS}, as the driver is set",
         joint.turn_key: _TURN_NOTES[joint.unit],
     }
     switches = {"negative_limit": joint.lower - _BEYOND, "positive_limit": joint.upper + _BEYOND}

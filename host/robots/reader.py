@@ -400,18 +400,18 @@ _JOINT_TABLES: Final[dict[str, Reading]] = {
 
 def _check_speeds(robot: Robot) -> None:
     """Raise InputError if joints' highest speeds need higher step rates than the driver's limit."""
-    limit_hz = robot.board.driver_rate_max_hz
-    check_all(*(partial(_check_speed, joint, limit_hz) for joint in robot.joints))
+    check_all(*(partial(_check_speed, joint, robot.board) for joint in robot.joints))
 
 
-def _check_speed(joint: Joint, limit_hz: float) -> None:
+def _check_speed(joint: Joint, board: BoardSettings) -> None:
+    limit_hz = board.driver_rate_max_hz
     if joint.step_rate_max_hz > limit_hz * (1 + _ROUNDING):
         key, speed = (
             ("axis_speed_max", joint.axis_speed_max) if joint.axis_speed_max else ("speed_max", joint.speed_max)
         )
         rate, limit = apart(joint.step_rate_max_hz / 1e3, limit_hz / 1e3)
         fastest = at_most(limit_hz / joint.transmission.steps_per_unit * (1 + _ROUNDING / 2))
-        _, drive = with_fewer_steps(joint, limit_hz / joint.step_rate_max_hz)
+        _, drive = with_fewer_steps(joint, limit_hz / joint.step_rate_max_hz, board.profile.chip.microsteps)
         raise InputError(
             f"joints.{joint.name}.{key}: {speed:g} {joint.unit}/s takes {rate} kHz of steps,"
             f" more than the driver's {limit} kHz; {key} = {fastest} or {drive} would do"

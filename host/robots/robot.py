@@ -90,6 +90,8 @@ class Robot:
             self._check_boxes,
             self._check_shelf,
             self._check_payload,
+            self._check_supply,
+            *(partial(self._check_microsteps, joint) for joint in self.joints),
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
@@ -142,6 +144,22 @@ class Robot:
         holder = self.dynamics.payload_held_by if self.dynamics else ""
         if holder and holder not in self.outputs:
             raise unknown("dynamics.payload_held_by: output", holder, self.outputs)
+
+    def _check_supply(self) -> None:
+        if self.dynamics:
+            low_v, high_v = self.board.profile.chip.supply_v.value
+            if not low_v <= self.dynamics.supply_v <= high_v:
+                raise InputError(
+                    f"dynamics.supply_v: {self.dynamics.supply_v:g} V is outside {low_v:g}..{high_v:g} V,"
+                    f" the {self.board.profile.chip.name}'s operating range"
+                )
+
+    def _check_microsteps(self, joint: Joint) -> None:
+        """Check that the drivers have a joint's microsteps."""
+        try:
+            self.board.profile.mode(joint.transmission.microsteps)
+        except ValueError as error:
+            raise InputError(f"joints.{joint.name}.microsteps: {error}") from error
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

@@ -12,6 +12,7 @@ from steptwin.protocol.drivers.driver_profile import (
     CurrentSetting,
     DriverProfile,
     InputLevels,
+    one_of,
 )
 from steptwin.protocol.drivers.facts import Fact, Grade
 from steptwin.protocol.drivers.oscillator import OSC_PF_MIN, Oscillator
@@ -43,4 +44,5 @@ __all__ = [
     "Shutdown",
     "StepTimes",
     "bare_chip",
+    "one_of",
 ]

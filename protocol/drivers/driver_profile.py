@@ -121,7 +121,7 @@ class DriverProfile:
 
     def mode(self, microsteps: int) -> int:
         """Return microsteps that the driver has; raise ValueError, with the nearest ones, for others."""
-        return _one_of(microsteps, self.chip.microsteps, "microsteps", f"{self.name} has")
+        return one_of(microsteps, self.chip.microsteps, f"{self.name}'s")
 
     def current(self, current_a: float) -> CurrentSetting:
         """Return how the driver is set to a current.
@@ -135,28 +135,27 @@ class DriverProfile:
                 raise ValueError(f"{current_a:g} A is not above 0 and up to {most_a:g} A, the most of {self.name}")
             return CurrentSetting(current_a, current_a)
         settings = {setting.printed_a: setting for setting in self.currents.value}
-        return settings[_one_of(current_a, tuple(settings), "A", f"{self.name} has switches for")]
+        return settings[one_of(current_a, tuple(settings), f"{self.name}'s", " A")]
 
     def idle(self, percent: int) -> int:
         """Return a current at standstill that the driver has; raise ValueError, with the nearest ones, for others."""
-        return _one_of(percent, self.idle_percents, "% at standstill", f"{self.name} has")
+        return one_of(percent, self.idle_percents, f"{self.name}'s", " %")
 
     def fast_decay(self, percent: int) -> int:
         """Return a part of fast decay that the driver has; raise ValueError, with the nearest ones, for others."""
-        return _one_of(percent, self.chip.fast_decay_percent.value.values, "% fast decay", f"{self.name} has")
+        return one_of(percent, self.chip.fast_decay_percent.value.values, f"{self.name}'s", " %")
 
 
 Number = TypeVar("Number", int, float)
 
 
-def _one_of(value: Number, choices: Sequence[Number], unit: str, whose: str) -> Number:
-    """Return a value if it is one of the choices; raise ValueError, naming all and the nearest, if not."""
+def one_of(value: Number, choices: Sequence[Number], whose: str, unit: str = "") -> Number:
+    """Return a value if it is one of the choices; raise ValueError, which names all and the nearest ones, if not."""
     if value in choices:
         return value
     ordered = sorted(choices)
     place = bisect(ordered, value)
-    around = ordered[max(place - 1, 0) : place + 1]
-    nearest = " and ".join(f"{each:g}" for each in around)
-    verb = "are" if len(around) > 1 else "is"
+    nearest = [f"{each:g}{unit}" for each in ordered[max(place - 1, 0) : place + 1]]
     listed = ", ".join(f"{each:g}" for each in ordered)
-    raise ValueError(f"{value:g} {unit}: {whose} {listed}; the nearest {verb} {nearest}")
+    says = "the nearest are" if len(nearest) > 1 else "the nearest is"
+    raise ValueError(f"{value:g}{unit} is not one of {whose} {listed}{unit}: {says} {' and '.join(nearest)}")

@@ -137,7 +137,7 @@ class TestThreeAmpModule:
         assert not executed(short, job, fast_kernel, **options).report.passed
 
     def test_has_no_other_currents_than_its_switches(self) -> None:
-        with pytest.raises(InputError, match=r"^current_a: 1\.3 A: 3a-module has .*; the nearest are 1\.2 and 1\.4$"):
+        with pytest.raises(InputError, match=r"^current_a: 1\.3 A is not one of .* 1\.2 A and 1\.4 A$"):
             with_board("teaching-scara", osc_pf=None, driver_profile="3a-module", current_a=1.3)
 
     @pytest.mark.parametrize(

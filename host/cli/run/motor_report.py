@@ -50,7 +50,12 @@ class LoadOptions:
         try:
             return replace(robot, dynamics=replace(robot.dynamics, **changes))
         except InputError as error:
-            said = str(error).replace("payload_kg:", "--payload:").replace("supply_v:", "--supply:")
+            said = (
+                str(error)
+                .removeprefix("dynamics.")
+                .replace("payload_kg:", "--payload:")
+                .replace("supply_v:", "--supply:")
+            )
             raise InputError(said) from error
 
 

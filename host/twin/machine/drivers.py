@@ -7,7 +7,6 @@ from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings
-from steptwin.host.robots.joint import MICROSTEPS
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.drivers import PROFILES, ActiveEdge, ChipSheet, DriverProfile
 
@@ -91,7 +90,7 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
     """Return the microsteps for which each joint's driver is fitted: the file's, or those set `otherwise` by switches.
 
     Raises:
-        InputError: the robot has no joint of that name, its drivers have no switches, or these have no such setting.
+        InputError: the robot has no joint of that name, its drivers have no switches, or they lack the microsteps.
     """
     chosen = {joint.name: joint.transmission.microsteps for joint in robot.joints}
     for name, microsteps in otherwise.items():
@@ -99,10 +98,13 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
             raise unknown(f"dip_microsteps={name}: joint", name, chosen)
         if not profile.switched:
             raise InputError(f"dip_microsteps={name}: {profile.name} has no switches for its microsteps; 3a-module has")
-        if microsteps not in MICROSTEPS:
-            choices = ", ".join(map(str, MICROSTEPS))
-            raise InputError(f"dip_microsteps={name}: {microsteps} is not one of the TB6560's {choices}")
         chosen[name] = microsteps
+    for name, microsteps in chosen.items():
+        try:
+            profile.mode(microsteps)
+        except ValueError as error:
+            option = f"dip_microsteps={name}" if name in otherwise else f"driver_profile={profile.name}: {name}"
+            raise InputError(f"{option}: {error}") from error
     return list(chosen.values())
 
 

@@ -5,12 +5,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from steptwin.host.robots.motor import SUPPLY_MAX_V, SUPPLY_MIN_V
 from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.motors.drives import motor_of
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.twin.motors.torques import Torques
+from steptwin.protocol.drivers import ChipSheet
 
 MARGIN_MIN: Final = 0.30
 """Torque that should be left: what builders keep in hand for what a model does not know."""
@@ -66,6 +66,7 @@ class MotorVerdict:
         supply_v_max: highest, while motors brake.
         tool: how far the tool really is from where the drivers have counted it.
         joints: in the robot's order.
+        chip: of the drivers.
         other_payloads_kg: masses that the payload was given in the course of the run: the rotors felt them, but what
             the plan needs of the motors is told for `payload_kg`.
     """
@@ -76,6 +77,7 @@ class MotorVerdict:
     supply_v_max: float
     tool: ToolReached
     joints: tuple[JointLoad, ...]
+    chip: ChipSheet
     other_payloads_kg: tuple[float, ...] = ()
 
     @property
@@ -104,12 +106,12 @@ class MotorVerdict:
         )
 
     def _supply_warnings(self) -> tuple[str, ...]:
-        lines = []
-        if self.supply_v_min < SUPPLY_MIN_V:
-            lines.append(f"supply: falls to {self.supply_v_min:.1f} V, and a TB6560 needs {SUPPLY_MIN_V:g} V")
-        if self.supply_v_max > SUPPLY_MAX_V:
+        (low_v, high_v), chip, lines = self.chip.supply_v.value, self.chip.name, []
+        if self.supply_v_min < low_v:
+            lines.append(f"supply: falls to {self.supply_v_min:.1f} V, and a {chip} needs {low_v:g} V")
+        if self.supply_v_max > high_v:
             lines.append(
-                f"supply: braking motors raise it to {self.supply_v_max:.1f} V, and a TB6560 bears {SUPPLY_MAX_V:g} V"
+                f"supply: braking motors raise it to {self.supply_v_max:.1f} V, and a {chip} bears {high_v:g} V"
             )
         return tuple(lines)
 
@@ -148,7 +150,7 @@ def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: T
     dynamics = driving.dynamics
     loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.joints)))
     return MotorVerdict(
-        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, trace.other_payloads_kg
+        dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, driving.chip, trace.other_payloads_kg
     )
 
 

@@ -300,7 +300,7 @@ class TestIndependence:
     @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
     @given(
         axes=st.lists(SEGMENTS, min_size=1, max_size=3),
-        microsteps=st.sampled_from([1, 2, 8, 16]),
+        microsteps=st.sampled_from([1, 2, 5, 8, 16, 125, 256]),
         timing=st.one_of(st.just(Timing(300, 300, 500, 500)), TIMINGS),
         inverted=st.integers(0, 1),
     )

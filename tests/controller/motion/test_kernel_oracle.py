@@ -19,7 +19,7 @@ FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
 
 
 @given(
-    microsteps=st.sampled_from([1, 2, 8, 16]),
+    microsteps=st.sampled_from([1, 2, 5, 8, 16, 125, 256]),
     start_velocity=st.integers(-3_000_000, 3_000_000),
     displacement=st.integers(-500_000, 500_000),
     end_velocity=st.integers(-3_000_000, 3_000_000),
@@ -69,7 +69,7 @@ def test_positions_and_edges_against_exact_arithmetic(
     displacement=st.integers(-(1 << 23), (1 << 23) - 1),
     end_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
     duration_ticks=st.integers(1, 255 * TICKS_PER_MS),
-    microsteps=st.sampled_from([1, 2, 8, 16]),
+    microsteps=st.sampled_from([1, 2, 5, 8, 16, 125, 256]),
 )
 @settings(max_examples=500)
 def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(

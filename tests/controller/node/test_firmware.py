@@ -200,14 +200,39 @@ class TestNetwork:
 
 
 class TestConfiguration:
-    @pytest.mark.parametrize("microsteps", [1, 2, 8, 16])
-    def test_microstep_settings_of_the_chip(self, board: BenchBoard, microsteps: int) -> None:
+    @pytest.mark.parametrize("microsteps", [1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128])
+    def test_microstep_settings_of_drivers(self, board: BenchBoard, microsteps: int) -> None:
         assert board.write(od.MICROSTEPS, microsteps) == 0
         assert board.firmware.motion.axes[0].config.microsteps == microsteps
+        assert (board.value(od.MICROSTEPS), board.value(od.MICROSTEPS_WORD)) == (microsteps, microsteps)
 
-    @pytest.mark.parametrize("microsteps", [3, 4, 15])
-    def test_settings_that_the_chip_does_not_have(self, board: BenchBoard, microsteps: int) -> None:
-        assert board.write(od.MICROSTEPS, microsteps) == AbortCode.VALUE_RANGE
+    def test_256_microsteps_are_set_by_a_word(self, board: BenchBoard) -> None:
+        """A byte shows 255 for them, which cannot be written; after them a byte counts again, and so does a word."""
+        assert board.write(od.MICROSTEPS_WORD, 256) == 0
+        assert board.firmware.motion.axes[0].config.microsteps == 256
+        assert (board.value(od.MICROSTEPS), board.value(od.MICROSTEPS_WORD)) == (255, 256)
+        assert board.write(od.MICROSTEPS, 255) == AbortCode.VALUE_TOO_HIGH
+        for address, microsteps in ((od.MICROSTEPS, 8), (od.MICROSTEPS_WORD, 256), (od.MICROSTEPS_WORD, 32)):
+            assert board.write(address, microsteps) == 0
+            assert board.firmware.motion.axes[0].config.microsteps == board.value(od.MICROSTEPS_WORD) == microsteps
+        assert board.value(od.MICROSTEPS) == 32
+
+    @pytest.mark.parametrize("microsteps", [3, 15, 126])
+    @pytest.mark.parametrize("address", [od.MICROSTEPS, od.MICROSTEPS_WORD])
+    def test_settings_that_no_driver_has(self, board: BenchBoard, microsteps: int, address: int) -> None:
+        assert board.write(address, microsteps) == AbortCode.VALUE_RANGE
+
+    @pytest.mark.parametrize(
+        ("address", "value", "refused"),
+        [
+            (od.MICROSTEPS, 0, AbortCode.VALUE_TOO_LOW),
+            (od.MICROSTEPS, 129, AbortCode.VALUE_TOO_HIGH),
+            (od.MICROSTEPS_WORD, 0, AbortCode.VALUE_TOO_LOW),
+            (od.MICROSTEPS_WORD, 257, AbortCode.VALUE_TOO_HIGH),
+        ],
+    )
+    def test_microsteps_out_of_range(self, board: BenchBoard, address: int, value: int, refused: AbortCode) -> None:
+        assert board.write(address, value) == refused
 
     @pytest.mark.parametrize(
         ("address", "value"),

@@ -55,7 +55,7 @@ actions = st.one_of(
     write(od.MODE_OF_OPERATION, st.sampled_from([0, 1, 3, 6, 7, 8])),
     write(od.INTERPOLATION_PERIOD, st.sampled_from([1, 2])),
     action(cycles, axes, st.lists(st.integers(-20_000, 20_000), min_size=1, max_size=10)),
-    write(od.MICROSTEPS, st.sampled_from([1, 2, 8, 16])),
+    write(od.MICROSTEPS, st.sampled_from([1, 2, 8, 16, 125])),
     write(od.MAX_PROFILE_VELOCITY, st.sampled_from([1, 10**6, 8_000 * 16_384])),
     write(od.TARGET_POSITION, st.integers(-(10**7), 10**7)),
     write(od.POSITION_LIMIT_MIN, st.integers(-(10**7), 10**6)),

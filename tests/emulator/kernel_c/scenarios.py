@@ -40,7 +40,7 @@ def scenario(seed: int) -> Scenario:
     """Draw a scenario; one in eight has values at the limits of i32."""
     draw = Random(seed)
     extreme = seed % 8 == 0
-    axes, microsteps = draw.randint(1, 3), draw.choice((1, 2, 8, 16))
+    axes, microsteps = draw.randint(1, 3), draw.choice((1, 2, 8, 16, 125, 256))
     longest = draw.choice((1, 300, 2500))
     timing = Timing(*(draw.randint(1, longest) for _ in range(2)), *(draw.randint(0, 4 * longest) for _ in range(2)))
     rate = k.I32_MAX if extreme else draw.choice((15, 60, 200)) * k.STEP_Q16

@@ -152,7 +152,7 @@ def test_the_bounds_of_the_header_are_read() -> None:
     low, high = bounds("axis")
     assert len(low) == k.AXIS_FIELDS
     assert (low[k.COUNTER], high[k.COUNTER]) == (-(1 << 31), k.I32_MAX)
-    assert (low[k.MICROSTEPS], high[k.MICROSTEPS]) == (1, 16)
+    assert (low[k.MICROSTEPS], high[k.MICROSTEPS]) == (1, 256)
 
 
 def test_every_cell_keeps_the_range_in_its_members_comment() -> None:

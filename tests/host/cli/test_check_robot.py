@@ -21,7 +21,7 @@ WRONG = {
     "l2_mm = 100.0": "l2_mm = '100'",
     "osc_pf = 330": "osc_pf = 12",
     "bitrate = 1_000_000": "bitrate = 999",
-    "microsteps = 16": "microsteps = 4",
+    "microsteps = 16": "microsteps = 3",
     "ratio = 4.0": "",
     "th4 = 0.0 #": "th5 = 0.0 #",
     'joint = "th4", out = 1': 'joint = "th4", out = 9',
@@ -49,7 +49,7 @@ def test_all_mistakes_are_named_at_once(arm: Path, capsys: pytest.CaptureFixture
         "joints.th1.ratio: is missing",
         "home.th5: key 'th5' is unknown: did you mean th4",
         "outputs.gripper.out: 9 is not from 1",
-        "joints.th1.microsteps: 4 is not one of the TB6560's",
+        "joints.th1.microsteps: 3 is not one of the drivers'",
     ):
         assert len([message for message in messages if words in message]) == 1, (words, messages)
     assert len(messages) == len(WRONG)
@@ -63,7 +63,7 @@ MISTAKES = {
     "step_rate_max_hz = 15_000": "step_rate_max_hz = 16_000",
     "lower = -360.0": "lower = 361.0",
     "upper = 150.0": "uper = 150.0",
-    "microsteps = 16": "microsteps = 4",
+    "microsteps = 16": "microsteps = 3",
     "ratio = 4.0": "gear = 4.0",
     "negative_limit = -135.0": "negative_limit = -100.0",
     "search_speed = 45.0": "search_speed = 500.0",

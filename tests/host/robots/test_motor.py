@@ -58,7 +58,7 @@ def test_what_is_just_possible_is_taken(made: Any) -> None:
 @pytest.mark.parametrize(
     ("made", "line"),
     [
-        (lambda: Dynamics(4.4), "supply_v: 4.4 V is outside 4.5..34 V, the TB6560AHQ's operating range"),
+        (lambda: Dynamics(0.0), "supply_v: 0 is not above 0"),
         (lambda: Dynamics(24.0, supply_ohm=-0.1), "supply_ohm: -0.1 ohm is negative"),
         (
             lambda: Dynamics(24.0, supply_ohm=0.1, supply_uf=99.0),
@@ -139,3 +139,15 @@ class TestEndStops:
             "belt.toml: joints.th2.link.stop_upper: 170 deg is for a joint that its own motor alone moves,"
             " but this one is coupled; leave it out"
         )
+
+
+@pytest.mark.parametrize(("supply_v", "refused"), [(4.4, True), (4.5, False), (34.0, False), (34.1, True)])
+def test_the_supply_is_in_the_range_of_the_drivers(supply_v: float, refused: bool) -> None:
+    robot = load_robot("lab-scara")
+    assert robot.dynamics is not None
+    dynamics = replace(robot.dynamics, supply_v=supply_v)
+    if not refused:
+        assert replace(robot, dynamics=dynamics).dynamics == dynamics
+        return
+    with pytest.raises(InputError, match=rf"^dynamics\.supply_v: {supply_v:g} V is outside 4\.5\.\.34 V, the TB6560AHQ's"):
+        replace(robot, dynamics=dynamics)

@@ -13,7 +13,7 @@ from steptwin.emulator.drivers.driver import Driver
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
 from steptwin.host.robots.board_settings import Output
-from steptwin.host.robots.joint import MICROSTEPS, Joint, Transmission, Unit
+from steptwin.host.robots.joint import Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import board_configs
@@ -135,17 +135,28 @@ class TestEachRobot:
 
 
 class TestTransmissions:
-    @pytest.mark.parametrize("microsteps", MICROSTEPS)
+    @pytest.mark.parametrize("microsteps", [1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128, 256])
     def test_wire_units_do_not_depend_on_microsteps(self, microsteps: int) -> None:
         transmission = Transmission(200, microsteps, 360.0, 5.0)
         assert transmission.wire_units_per_unit == 200 * 5 * 16384 / 360
         assert transmission.steps_per_unit == 200 * microsteps * 5 / 360
         assert transmission.travel_per_rev == 72.0
 
-    @pytest.mark.parametrize("microsteps", [0, 3, 4, 32, -1])
-    def test_the_driver_has_no_other_microsteps(self, microsteps: int) -> None:
-        with pytest.raises(InputError, match=rf"microsteps: {microsteps} is not one of the TB6560's \(1, 2, 8, 16\)"):
+    @pytest.mark.parametrize(
+        ("microsteps", "nearest"), [(0, "is 1"), (3, "are 2 and 4"), (-1, "is 1"), (300, "is 256")]
+    )
+    def test_no_driver_has_other_microsteps(self, microsteps: int, nearest: str) -> None:
+        told = rf"microsteps: {microsteps} is not one of the drivers' 1, 2, 4, 5, .*, 256: the nearest {nearest}$"
+        with pytest.raises(InputError, match=told):
             Transmission(200, microsteps, 10.0)
+
+    @pytest.mark.parametrize(("microsteps", "nearest"), [(4, "are 2 and 8"), (32, "is 16")])
+    def test_a_joint_has_the_microsteps_of_its_driver(self, microsteps: int, nearest: str) -> None:
+        told = complaint(changed("microsteps = 16", f"microsteps = {microsteps}"))
+        assert told == (
+            f"mine.toml: joints.th1.microsteps: {microsteps} is not one of chip-330pf's 1, 2, 8, 16:"
+            f" the nearest {nearest}"
+        )
 
     def test_the_wire_ends_at_131_072_full_steps(self) -> None:
         """655.36 turns of 200 full steps, less one unit: 6553.6 mm with a lead of 10 mm."""
@@ -248,13 +259,13 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nidle_percent = 30',
-                "board.idle_percent: 30 % at standstill: 3a-module has 20, 50; the nearest are 20 and 50",
+                "board.idle_percent: 30 % is not one of 3a-module's 20, 50 %: the nearest are 20 % and 50 %",
                 id="idle current",
             ),
             pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nfast_decay_percent = 75',
-                "board.fast_decay_percent: 75 % fast decay: 3a-module has 0, 25, 50, 100; the nearest are 50 and 100",
+                "board.fast_decay_percent: 75 % is not one of 3a-module's 0, 25, 50, 100 %: the nearest are 50 % and 100 %",
                 id="decay",
             ),
             pytest.param(

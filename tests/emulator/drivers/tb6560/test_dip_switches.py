@@ -68,16 +68,16 @@ def test_idle_torque(idle: int, levels: tuple[int, int]) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ({"current_a": 1.3, "microsteps": 16}, r"1\.3 A: 3a-module has switches for .* nearest are 1\.2 and 1\.4$"),
-        ({"current_a": 9, "microsteps": 16}, r"9 A: .*; the nearest is 3$"),
-        ({"current_a": 1, "microsteps": 4}, "4 microsteps: 3a-module has 1, 2, 8, 16; the nearest are 2 and 8"),
+        ({"current_a": 1.3, "microsteps": 16}, r"1\.3 A is not one of 3a-module's 0\.3, .*: the nearest are 1\.2 A and 1\.4 A$"),
+        ({"current_a": 9, "microsteps": 16}, r"9 A is not one .*: the nearest is 3 A$"),
+        ({"current_a": 1, "microsteps": 4}, "4 is not one of 3a-module's 1, 2, 8, 16: the nearest are 2 and 8"),
         (
             {"current_a": 1, "microsteps": 1, "fast_decay_percent": 30},
-            "30 % fast decay: 3a-module has 0, 25, 50, 100; the nearest are 25 and 50",
+            "30 % is not one of 3a-module's 0, 25, 50, 100 %: the nearest are 25 % and 50 %",
         ),
         (
             {"current_a": 1, "microsteps": 1, "idle_percent": 0},
-            "0 % at standstill: 3a-module has 20, 50; the nearest is 20",
+            "0 % is not one of 3a-module's 20, 50 %: the nearest is 20 %",
         ),
     ],
 )

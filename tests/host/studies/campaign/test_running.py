@@ -21,6 +21,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
 from steptwin.host.twin.motors.reached import ToolReached
 from steptwin.host.verify import AxisEvidence
+from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.host.studies.campaign.campaigns import SMALL, campaign_of
 
@@ -39,7 +40,8 @@ def seeds(small: Campaign) -> dict[str, int]:
 def _motors(**changes: Any) -> MotorVerdict:
     """Return a verdict in which a joint kept step, unless the changes say otherwise."""
     figures: dict[str, Any] = {field.name: 0.25 for field in fields(JointLoad)} | {"name": "th1", "first_slip_s": None}
-    return MotorVerdict(0.3, 24.0, 23.9, 24.1, ToolReached(0.0, 0.0, 0.0, 0.0, 0.0), (JointLoad(**figures | changes),))
+    reached, load, chip = ToolReached(0.0, 0.0, 0.0, 0.0, 0.0), JointLoad(**figures | changes), bare_chip(330).chip
+    return MotorVerdict(0.3, 24.0, 23.9, 24.1, reached, (load,), chip)
 
 
 @pytest.fixture(scope="module")
