@@ -7,6 +7,7 @@ from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import contradictions, motor_moves
 from steptwin.host.verify.evidence import (
     NO_SLIPS,
+    SIXTEENTHS,
     AxisEvidence,
     DriverLimit,
     DriverViolations,
@@ -30,6 +31,7 @@ from steptwin.host.verify.verifier import (
 __all__ = [
     "NO_SLIPS",
     "POSITION_ERROR_LIMIT_STEPS",
+    "SIXTEENTHS",
     "THRESHOLD_TOLERANCE_STEPS",
     "AxisEvidence",
     "BusReport",

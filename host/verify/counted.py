@@ -3,22 +3,17 @@
 As long as no limit of the driver was broken, the pins decide: each CLK rise outside reset is a step, and DIR gives its
 direction. After a violation the driver's model decides, and the run has failed anyway.
 
-A driver makes the steps of its own mode, which its pins M1 and M2 or its module's switches select. A full step is a
-quarter of an electrical cycle of 64 sixteenths, so a step turns the field by 16, 8, 2 or 1 of them.
+A driver makes the steps of its own mode, which its pins or its own switches select: a full step is a quarter of an
+electrical cycle, and the angle by which a step turns the field tells the mode.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.verify.evidence import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
-
-SIXTEENTHS: Final = 16
-"""Sixteenths of a full step in a full step."""
-_CYCLE_SIXTEENTHS: Final = 4 * SIXTEENTHS
 
 
 def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
@@ -30,18 +25,18 @@ def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
     moves: FloatArray = axis.step_signs.astype(np.float64)
     if planned is None:
         return moves
-    sixteenths, expected = _turns_sixteenths(axis), SIXTEENTHS // planned
-    return moves if (sixteenths == expected).all() else moves * np.where(sixteenths, sixteenths / expected, 1.0)
+    turns, per_full_step = planned * _turns_substeps(axis), axis.phases.per_full_step
+    return moves if (turns == per_full_step).all() else moves * np.where(turns, turns / per_full_step, 1.0)
 
 
-def _turns_sixteenths(axis: AxisEvidence) -> Int64Array:
+def _turns_substeps(axis: AxisEvidence) -> Int64Array:
     """Return the angle by which each step turned the field, shape (steps,); 0 where the record does not tell."""
-    angles, half = axis.phases.sixteenths.astype(np.int64), _CYCLE_SIXTEENTHS // 2
-    turns = np.abs((np.diff(angles) + half) % _CYCLE_SIXTEENTHS - half)
+    angles, cycle = axis.phases.substeps.astype(np.int64), axis.phases.cycle
+    turns = np.abs((np.diff(angles) + cycle // 2) % cycle - cycle // 2)
     turned = np.flatnonzero(turns)
     at = np.searchsorted(axis.phases.counts[turned + 1], axis.step_counts)  # a module turns the field a little later
-    sixteenths: Int64Array = np.append(turns[turned], 0)[at]
-    return sixteenths
+    substeps: Int64Array = np.append(turns[turned], 0)[at]
+    return substeps
 
 
 def contradictions(axis: AxisEvidence) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int32Array, Int64Array
 from steptwin.protocol.drivers import ActiveEdge
 
 
@@ -62,21 +62,32 @@ class DriverViolations:
     values: FloatArray
 
 
+SIXTEENTHS: Final = 16
+"""Substeps in a full step of a driver without finer modes, such as a TB6560, and of any run's record once."""
+
+
 @dataclass(frozen=True, slots=True)
 class Phases:
     """Electrical angle and phase currents that one driver sets, from each instant on; all arrays have shape (n,).
 
     Attributes:
         counts: instants of the changes, sorted.
-        sixteenths: electrical angle of the field, in sixteenths of a full step from 0 to 63; it grows with DIR low.
+        substeps: electrical angle of the field within its cycle of four full steps; it grows with DIR low.
         a_ma: current to which the driver regulates phase A, in mA.
         b_ma: current to which the driver regulates phase B, in mA.
+        per_full_step: substeps in a full step: so many that each step of each of the driver's modes is whole.
     """
 
     counts: Int64Array
-    sixteenths: Int8Array
+    substeps: Int32Array
     a_ma: Int16Array
     b_ma: Int16Array
+    per_full_step: int = SIXTEENTHS
+
+    @property
+    def cycle(self) -> int:
+        """Substeps in the field's cycle."""
+        return 4 * self.per_full_step
 
 
 @dataclass(frozen=True, slots=True)

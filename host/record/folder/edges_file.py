@@ -24,6 +24,7 @@ from steptwin.host.record.folder.npz_file import Arrays, opened_npz
 from steptwin.host.robots.robot import AXES_MAX
 from steptwin.host.verify import (
     NO_SLIPS,
+    SIXTEENTHS,
     AxisEvidence,
     DriverLimit,
     DriverViolations,
@@ -90,14 +91,24 @@ EDGE_TYPES: Final = (
     {"clk_rise_counts": "<i8", "clk_fall_counts": "<i8", "dir_edge_counts": "<i8", "dir_levels": "|i1"}
     | {"step_counts": "<i8", "step_signs": "|i1"}
     | {"violation_counts": "<i8", "violation_which": "|i1", "violation_values": "<f8"}
-    | {"phase_counts": "<i8", "phase_sixteenths": "|i1", "phase_a_ma": "<i2", "phase_b_ma": "<i2"}
+    | {"phase_counts": "<i8", "phase_a_ma": "<i2", "phase_b_ma": "<i2"}
     | {f"{pin}_{column}": code for pin in PINS for column, code in (("counts", "<i8"), ("levels", "|i1"))}
 )
-"""Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name."""
+"""Numpy's code for the values of each array of `edge_arrays`, by its key without the axis' name, but for the angles."""
 
+ANGLE_TYPES: Final = {"phase_sixteenths": "|i1", "phase_substeps": "<i4"}
+"""The same for the field's angles, of which an axis has the one or the other."""
 SLIP_TYPES: Final = {"slip_counts": "<i8", "slip_full_steps": "<i4"}
 """The same for the arrays that only axes have whose motors slipped."""
-ARRAY_TYPES: Final = EDGE_TYPES | SLIP_TYPES
+ARRAY_TYPES: Final = EDGE_TYPES | ANGLE_TYPES | SLIP_TYPES
+PER_FULL_STEP_MAX: Final = 32_000
+"""The least common multiple of all microsteps."""
+
+
+def angle_column(per_full_step: int) -> str:
+    """Return the array of the field's angles of an axis, by the substeps in a full step: old files have sixteenths."""
+    return "phase_sixteenths" if per_full_step == SIXTEENTHS else "phase_substeps"
+
 
 _INT16: Final = (-(1 << 15), (1 << 15) - 1)
 _INT32: Final = (-(1 << 31), (1 << 31) - 1)
@@ -111,13 +122,17 @@ class AxisTotals(NamedTuple):
     start_steps: int
     active_edge: ActiveEdge
     limits: tuple[DriverLimit, ...]
+    per_full_step: int = SIXTEENTHS
+
+    @classmethod
+    def of(cls, axis: AxisEvidence) -> "AxisTotals":
+        """Return the facts of an axis."""
+        return cls(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits, axis.phases.per_full_step)
 
 
 def write_edges(path: Path, evidence: Evidence) -> None:
     """Write the evidence without the outputs' names, which robot.toml has."""
-    totals = [
-        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
-    ]
+    totals = [AxisTotals.of(axis) for axis in evidence.axes]
     arrays: dict[str, Any] = {**header_arrays(evidence.start_counts, totals)}
     for axis in evidence.axes:
         arrays |= edge_arrays(axis)
@@ -136,6 +151,8 @@ def header_arrays(start_counts: int, axes: Sequence[AxisTotals]) -> dict[str, Ar
     for axis in axes:
         values[f"{axis.name}_start_steps"] = np.int64(axis.start_steps)
         values[f"{axis.name}_active_edge"] = np.array(axis.active_edge.value, np.str_)
+        if axis.per_full_step != SIXTEENTHS:
+            values[f"{axis.name}_substeps_per_full_step"] = np.int64(axis.per_full_step)
         values |= _limit_arrays(axis.name, axis.limits)
     return values
 
@@ -155,6 +172,8 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
     parts: dict[str, _AnySeries] = {"violation": axis.violations, "phase": axis.phases, **pins}
     for prefix, part in parts.items():
         arrays |= {f"{name}_{prefix}_{column}": values for column, values in _columns(part).items()}
+    if axis.phases.per_full_step == SIXTEENTHS:
+        arrays[f"{name}_phase_sixteenths"] = arrays.pop(f"{name}_phase_substeps").astype(np.int8)
     if axis.slips.counts.size:
         arrays[f"{name}_slip_counts"] = axis.slips.counts
         arrays[f"{name}_slip_full_steps"] = axis.slips.full_steps.astype(SLIP_TYPES["slip_full_steps"])
@@ -260,11 +279,14 @@ def _limits(arrays: Arrays, name: str) -> tuple[DriverLimit, ...]:
 
 
 def _phases(arrays: Arrays, name: str) -> Phases:
-    key = f"{name}_phase_counts"
+    key, unit = f"{name}_phase_counts", f"{name}_substeps_per_full_step"
     counts = arrays.instants(key)
+    per_full_step = arrays.integer(unit, (1, PER_FULL_STEP_MAX)) if unit in arrays else SIXTEENTHS
+    angles = f"{name}_{angle_column(per_full_step)}"
     return Phases(
         counts,
-        arrays.bounded(f"{name}_phase_sixteenths", (0, 63), key, counts.size).astype(np.int8),
-        arrays.bounded(f"{name}_phase_a_ma", _INT16, key, counts.size),
-        arrays.bounded(f"{name}_phase_b_ma", _INT16, key, counts.size),
+        arrays.bounded(angles, (0, 4 * per_full_step - 1), key, counts.size).astype(np.int32),
+        arrays.bounded(f"{name}_phase_a_ma", _INT16, key, counts.size).astype(np.int16),
+        arrays.bounded(f"{name}_phase_b_ma", _INT16, key, counts.size).astype(np.int16),
+        per_full_step,
     )

@@ -20,7 +20,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int64Array
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import (
@@ -107,7 +107,7 @@ class Arrays:
             raise ContradictionError(f"{key}: contains other numbers than {choices[0]} and {choices[1]}")
         return values
 
-    def bounded(self, key: str, bounds: tuple[int, int], like: str, length: int) -> Int16Array:
+    def bounded(self, key: str, bounds: tuple[int, int], like: str, length: int) -> NDArray[Any]:
         """Return a whole number within bounds for each of the `length` elements of the array `like`."""
         values = self._integers(key)
         _check_length(key, values, like, length)
@@ -115,7 +115,7 @@ class Arrays:
             raise ContradictionError(
                 f"{key}: goes from {values.min()} to {values.max()}, beyond {bounds[0]}..{bounds[1]}"
             )
-        return values.astype(np.int16)
+        return values
 
     def integers(self, key: str, like: str, length: int) -> Int64Array:
         """Return a whole number for each of the `length` elements of the array `like`."""

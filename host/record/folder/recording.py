@@ -18,7 +18,15 @@ import numpy as np
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.own_files import refuse_link
 from steptwin.host.common.whole_file import append, whole_file, write_json, write_whole
-from steptwin.host.record.folder.edges_file import ARRAY_TYPES, EDGE_TYPES, SLIP_TYPES, edge_arrays, header_arrays
+from steptwin.host.record.folder.edges_file import (
+    ANGLE_TYPES,
+    ARRAY_TYPES,
+    EDGE_TYPES,
+    SLIP_TYPES,
+    angle_column,
+    edge_arrays,
+    header_arrays,
+)
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
@@ -226,7 +234,8 @@ class Recording:
                 with archive.open(_member(key), "w") as member:
                     np.lib.format.write_array(member, np.asarray(value))
             for axis in self._header.axes:
-                for column, code in EDGE_TYPES.items():
+                angles = angle_column(axis.per_full_step)
+                for column, code in {**EDGE_TYPES, angles: ANGLE_TYPES[angles]}.items():
                     self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
                 for column, code in SLIP_TYPES.items():
                     if f"{axis.name}_{column}" in self._sizes:

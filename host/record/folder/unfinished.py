@@ -29,13 +29,14 @@ from steptwin.host.record.folder.edges_file import (
     ARRAY_TYPES,
     EDGE_TYPES,
     AxisTotals,
+    angle_column,
     evidence_of,
     evidence_until,
     header_arrays,
 )
 from steptwin.host.record.folder.layout import FOLDER_VERSION, LIVE_JOB, RECORDING, VERSION_KEY, check_version
 from steptwin.host.record.folder.npz_file import Arrays
-from steptwin.host.verify import BusReport, DriverLimit, Evidence, RunInfo
+from steptwin.host.verify import SIXTEENTHS, BusReport, DriverLimit, Evidence, RunInfo
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -88,7 +89,8 @@ class Header:
 
 def _totals(axis: Table) -> AxisTotals:
     edge = axis.choice("active_edge", ActiveEdge)
-    return AxisTotals(axis.text("name"), axis.integer("start_steps"), edge, axis.each("limits", _limit))
+    per_full_step = axis.integer("per_full_step") if "per_full_step" in axis else SIXTEENTHS
+    return AxisTotals(axis.text("name"), axis.integer("start_steps"), edge, axis.each("limits", _limit), per_full_step)
 
 
 def _limit(limit: Table) -> DriverLimit:
@@ -218,7 +220,7 @@ class _ArrayFiles:
             f"{axis.name}_{column}": np.dtype(code)
             for axis in recording.header.axes
             for column, code in ARRAY_TYPES.items()
-            if column in EDGE_TYPES or f"{axis.name}_{column}" in recording.sizes
+            if column in (*EDGE_TYPES, angle_column(axis.per_full_step)) or f"{axis.name}_{column}" in recording.sizes
         }
 
     def __contains__(self, key: str) -> bool:

@@ -376,7 +376,7 @@ def _motor_position(axis: AxisEvidence, joint: Joint) -> FloatArray:
 def phases(axis: AxisEvidence) -> Iterator[Signal]:
     """Yield the field's electrical angle, 360 deg in four full steps, and the currents that the driver regulates to."""
     set_at = axis.phases
-    angle_deg = set_at.sixteenths * (90.0 / 16.0)
+    angle_deg = set_at.substeps * (90.0 / set_at.per_full_step)
     yield Signal(axis.name, "angle_deg", SignalKind.REAL, HeldValues(set_at.counts, angle_deg))
     yield Signal(axis.name, "phase_a_ma", SignalKind.REAL, HeldValues(set_at.counts, set_at.a_ma))
     yield Signal(axis.name, "phase_b_ma", SignalKind.REAL, HeldValues(set_at.counts, set_at.b_ma))

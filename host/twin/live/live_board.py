@@ -166,6 +166,7 @@ class LiveBoard:
                 joint.start_steps,
                 joint.active_edge,
                 driver_violations(board.trace(axis).violations).limits,
+                self.driver_profile.chip.substeps,
             )
             for joint, (board, axis) in zip(self._joints, self._machine.axes, strict=True)
         )

@@ -170,9 +170,7 @@ class UnplannedRun:
 
     def _header(self, evidence: Evidence) -> Header:
         machine = self._machine
-        axes = tuple(
-            AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
-        )
+        axes = tuple(map(AxisTotals.of, evidence.axes))
         return Header(machine.robot.name, machine.parts.driver_profile.name, machine.bus.bitrate, axes)
 
     def _all(self, evidence: Evidence, shown: RecordedMotion) -> Piece:

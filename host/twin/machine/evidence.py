@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
-from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int64Array
+from steptwin.emulator.board.edges import NO_COUNTS, Int64Array
 from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver_bank import AxisTrace
@@ -26,9 +26,7 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
 }
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
-_SIXTEENTHS: Final = 16
-"""In a full step: the evidence's unit of the field's angle."""
-_NO_PHASES: Final = Phases(NO_COUNTS, NO_LEVELS, np.empty(0, np.int16), np.empty(0, np.int16))
+_NO_CURRENTS: Final = np.empty(0, np.int16)
 
 
 def axes_evidence(machine: Target, *, currents: bool = True) -> tuple[AxisEvidence, ...]:
@@ -86,7 +84,7 @@ def axis_evidence(
         step_counts=trace.step_counts,
         step_signs=trace.step_signs,
         violations=driver_violations(trace.violations),
-        phases=_phases(trace.outputs, trace.substeps) if currents else _NO_PHASES,
+        phases=_phases(trace.outputs, trace.substeps, currents=currents),
         pins=pins,
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
     )
@@ -128,22 +126,23 @@ def driver_violations(violations: Violations) -> DriverViolations:
     return DriverViolations(limits, violations.counts, violations.which, values)
 
 
-def _phases(outputs: ChipOutputs, substeps: int) -> Phases:
+def _phases(outputs: ChipOutputs, per_full_step: int, *, currents: bool) -> Phases:
     """Sample the phases at each instant when they may change; keep those where they do, and power-up."""
-    counts = outputs.instants()
+    counts = outputs.instants() if currents else NO_COUNTS
     if not counts.size:
-        return _NO_PHASES
-    values, before = _phase_values(outputs, substeps, counts), _phase_values(outputs, substeps, counts[:1] - 1)
+        return Phases(NO_COUNTS, np.empty(0, np.int32), _NO_CURRENTS, _NO_CURRENTS, per_full_step)
+    values, before = _phase_values(outputs, counts), _phase_values(outputs, counts[:1] - 1)
     changed = (values != np.concatenate((before, values[:-1]))).any(axis=1)
     changed[:1] |= outputs.from_counts == 0
     angle, a_ma, b_ma = values[changed].T
-    return Phases(counts[changed], angle.astype(np.int8), a_ma.astype(np.int16), b_ma.astype(np.int16))
+    changes = (angle.astype(np.int32), a_ma.astype(np.int16), b_ma.astype(np.int16))
+    return Phases(counts[changed], *changes, per_full_step)
 
 
-def _phase_values(outputs: ChipOutputs, substeps: int, counts: Int64Array) -> NDArray[np.int64]:
-    """Return the angle in sixteenths of a full step and both currents in mA, shape (n, 3)."""
+def _phase_values(outputs: ChipOutputs, counts: Int64Array) -> NDArray[np.int64]:
+    """Return the angle in substeps and both currents in mA, shape (n, 3)."""
     currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
-    return np.column_stack([outputs.field_substeps(counts) * _SIXTEENTHS // substeps, currents_ma])
+    return np.column_stack([outputs.field_substeps(counts), currents_ma])
 
 
 def level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:

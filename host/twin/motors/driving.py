@@ -26,9 +26,6 @@ from steptwin.host.verify import AxisEvidence, Evidence, LevelEdges
 from steptwin.protocol.drivers import ChipSheet, DriverProfile
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
-_CYCLE: Final = 64
-"""Sixteenths of a full step in an electrical turn."""
-_RAD_PER_SIXTEENTH: Final = 2.0 * pi / _CYCLE
 _DECAY_PINS: Final = ("dcy1", "dcy2")
 
 
@@ -64,7 +61,7 @@ class DriverRecord:
         counts, at = counts[at >= 0], at[at >= 0]
         return cls(
             counts=counts,
-            field_rad=-_RAD_PER_SIXTEENTH * _counted_through(phases.sixteenths[at].astype(np.int64)),
+            field_rad=-(2.0 * pi / phases.cycle) * _counted_through(phases.substeps[at].astype(np.int64), phases.cycle),
             a_amp=1e-3 * phases.a_ma[at].astype(np.float64),
             b_amp=-1e-3 * phases.b_ma[at].astype(np.float64),
             on=(phases.a_ma[at] != 0) | (phases.b_ma[at] != 0),
@@ -117,10 +114,10 @@ def stretched_counts(counts: Int64Array, factor: float, from_counts: int) -> Int
     return np.asarray(np.minimum(counts, from_counts) + np.rint(later * factor).astype(np.int64), dtype=np.int64)
 
 
-def _counted_through(sixteenths: Int64Array) -> FloatArray:
-    """Return angles in sixteenths without jumps from the end of a cycle to its beginning."""
-    moves = np.diff(sixteenths, prepend=sixteenths[:1])
-    through = sixteenths[:1] + np.cumsum((moves + _CYCLE // 2) % _CYCLE - _CYCLE // 2)
+def _counted_through(substeps: Int64Array, cycle: int) -> FloatArray:
+    """Return angles without jumps from the end of a cycle to its beginning."""
+    moves = np.diff(substeps, prepend=substeps[:1])
+    through = substeps[:1] + np.cumsum((moves + cycle // 2) % cycle - cycle // 2)
     return np.asarray(through, dtype=np.float64)
 
 

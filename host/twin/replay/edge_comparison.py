@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.record.folder.edges_file import edge_arrays
+from steptwin.host.record.folder.edges_file import angle_column, edge_arrays
 from steptwin.host.twin.replay.frame_comparison import NOTHING, Difference, instant
 from steptwin.host.verify import AxisEvidence, Evidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -27,7 +27,6 @@ _SIGNALS: Final = (
     _EdgeSignal("DIR", "dir_edge_counts", ("dir_levels",)),
     _EdgeSignal("step of the driver", "step_counts", ("step_signs",)),
     _EdgeSignal("broken limit", "violation_counts", ("violation_which", "violation_values")),
-    _EdgeSignal("phase currents", "phase_counts", ("phase_sixteenths", "phase_a_ma", "phase_b_ma")),
     _EdgeSignal("slip of the motor", "slip_counts", ("slip_full_steps",)),
 )
 
@@ -48,8 +47,10 @@ def first_difference_of_edges(recorded: Evidence, replayed: Evidence) -> Differe
 def _differences(old: AxisEvidence, new: AxisEvidence) -> Iterator[Difference]:
     """Yield the first difference of each signal of an axis."""
     old_arrays, new_arrays = edge_arrays(old), edge_arrays(new)
+    angles = angle_column(old.phases.per_full_step)
+    currents = _EdgeSignal("phase currents", "phase_counts", (angles, "phase_a_ma", "phase_b_ma"))
     pins = (_EdgeSignal(pin.upper(), f"{pin}_counts", (f"{pin}_levels",)) for pin in old.pins)
-    for signal in (*_SIGNALS, *pins):
+    for signal in (*_SIGNALS, currents, *pins):
         keys = [f"{old.name}_{key}" for key in (signal.counts, *signal.values)]
         was_arrays, now_arrays = ([arrays.get(key, _NONE) for key in keys] for arrays in (old_arrays, new_arrays))
         if all(map(np.array_equal, was_arrays, now_arrays)):

@@ -149,5 +149,7 @@ def test_the_supply_is_in_the_range_of_the_drivers(supply_v: float, refused: boo
     if not refused:
         assert replace(robot, dynamics=dynamics).dynamics == dynamics
         return
-    with pytest.raises(InputError, match=rf"^dynamics\.supply_v: {supply_v:g} V is outside 4\.5\.\.34 V, the TB6560AHQ's"):
+    with pytest.raises(
+        InputError, match=rf"^dynamics\.supply_v: {supply_v:g} V is outside 4\.5\.\.34 V, the TB6560AHQ's"
+    ):
         replace(robot, dynamics=dynamics)

@@ -32,7 +32,7 @@ CLK_HIGH_COUNTS = 2_376  # 33 us
 RUN = RunInfo("test-arm", "test", 1.0, BusReport(1_000_000, 0, 0.0), 1.05, 0.01)
 
 NO_VIOLATIONS = DriverViolations((), np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0))
-NO_PHASES = Phases(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0, np.int16), np.empty(0, np.int16))
+NO_PHASES = Phases(np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0, np.int16), np.empty(0, np.int16))
 
 Scalar = Callable[[FloatArray], FloatArray]
 

@@ -1,12 +1,14 @@
 """Compare the count around an instant with a count of the steps by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.verify.counted import counted_steps
-from steptwin.host.verify.evidence import NO_SLIPS, AxisEvidence, Slips
+from steptwin.host.verify.counted import counted_steps, motor_moves
+from steptwin.host.verify.evidence import NO_SLIPS, AxisEvidence, Phases, Slips
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.verify.motions import NO_PHASES, NO_VIOLATIONS
@@ -64,3 +66,24 @@ def test_a_slip_before_t_0_is_in_the_count_at_the_start(slip_counts: int, start_
     counted = counted_steps(stepping([(20, 1)], slips), 10, microsteps=8)
     assert counted.start_steps == start_steps
     assert counted.positions.tolist() == [140, 141]
+
+
+@pytest.mark.parametrize(
+    ("per_full_step", "step", "planned", "move"),
+    [
+        pytest.param(16, 1, 16, 1.0, id="1/16 as planned"),
+        pytest.param(16, 2, 16, 2.0, id="1/8 for 1/16"),
+        pytest.param(16_000, 125, 128, 1.0, id="1/128 as planned"),
+        pytest.param(16_000, 3200, 5, 1.0, id="1/5 as planned"),
+        pytest.param(16_000, 128, 128, 1.024, id="1/125 for 1/128"),
+        pytest.param(256, 1, 256, 1.0, id="1/256 as planned"),
+    ],
+)
+def test_a_step_is_as_long_as_the_field_turned(per_full_step: int, step: int, planned: int, move: float) -> None:
+    """Three steps up, against the field, across the end of its cycle."""
+    instants = np.array([100, 200, 300])
+    angles = (step - step * np.arange(4)) % (4 * per_full_step)
+    currents = np.zeros(4, np.int16)
+    phases = Phases(np.array([0, *instants]), angles.astype(np.int32), currents, currents, per_full_step)
+    axis = replace(stepping([(at, 1) for at in instants]), phases=phases)
+    assert motor_moves(axis, planned).tolist() == [move] * 3

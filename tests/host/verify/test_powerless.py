@@ -31,7 +31,7 @@ def test_steps_without_current_are_told(fast_kernel: Kernel) -> None:
 def test_evidence_without_currents_has_none(fast_kernel: Kernel) -> None:
     axis = execute(carry(), "carry", fast_kernel).comparison.evidence.axes[0]
     assert powerless_steps(axis, 0) == 0
-    nothing = Phases(axis.phases.counts[:0], axis.phases.sixteenths[:0], axis.phases.a_ma[:0], axis.phases.b_ma[:0])
+    nothing = Phases(axis.phases.counts[:0], axis.phases.substeps[:0], axis.phases.a_ma[:0], axis.phases.b_ma[:0])
     assert powerless_steps(replace(axis, phases=nothing), 0) == 0
 
 
@@ -39,7 +39,7 @@ def test_steps_before_the_first_known_current_do_not_count(fast_kernel: Kernel) 
     """The driver is off at the end: that says nothing about what was before the first change."""
     axis = execute(carry(), "carry", fast_kernel).comparison.evidence.axes[0]
     steps = np.array([50, 100, 101, 150, 201, 250])
-    angles = np.zeros(2, np.int8)
+    angles = np.zeros(2, np.int32)
     off_at_the_end = Phases(np.array([100, 200]), angles, np.array([1500, 0], np.int16), np.zeros(2, np.int16))
     assert powerless_steps(replace(axis, step_counts=steps, phases=off_at_the_end), 0) == 2
     assert powerless_steps(replace(axis, step_counts=steps, phases=off_at_the_end), 202) == 1

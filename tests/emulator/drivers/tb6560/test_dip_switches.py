@@ -68,7 +68,10 @@ def test_idle_torque(idle: int, levels: tuple[int, int]) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ({"current_a": 1.3, "microsteps": 16}, r"1\.3 A is not one of 3a-module's 0\.3, .*: the nearest are 1\.2 A and 1\.4 A$"),
+        (
+            {"current_a": 1.3, "microsteps": 16},
+            r"1\.3 A is not one of 3a-module's 0\.3, .*: the nearest are 1\.2 A and 1\.4 A$",
+        ),
         ({"current_a": 9, "microsteps": 16}, r"9 A is not one .*: the nearest is 3 A$"),
         ({"current_a": 1, "microsteps": 4}, "4 is not one of 3a-module's 1, 2, 8, 16: the nearest are 2 and 8"),
         (

@@ -19,9 +19,20 @@ EVIDENCE = altered(
     ),
     active_edge=ActiveEdge.FALLING,
     phases=Phases(
-        np.array([100, 200]), np.array([0, 63], np.int8), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
+        np.array([100, 200]), np.array([0, 63], np.int32), np.array([0, -1515], np.int16), np.array([3000, 0], np.int16)
     ),
 )
+FINE = altered(
+    EVIDENCE,
+    phases=Phases(
+        np.array([100, 200]),
+        np.array([0, 4 * 16_000 - 1], np.int32),
+        np.array([0, -1515], np.int16),
+        np.array([3000, 0], np.int16),
+        16_000,
+    ),
+)
+"""An axis whose driver has 5 to 128 microsteps, beside one without finer steps than a sixteenth."""
 
 
 def assert_same(first: object, second: object) -> None:

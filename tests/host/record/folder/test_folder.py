@@ -20,12 +20,23 @@ from steptwin.host.record.folder import ContradictionError, read_edges, read_run
 from steptwin.host.record.folder.edges_file import write_edges
 from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
 from steptwin.host.robots import load_robot
-from tests.host.record.folder.stored import EVIDENCE, arrays_of, assert_same
+from steptwin.host.verify import Evidence
+from tests.host.record.folder.stored import EVIDENCE, FINE, arrays_of, assert_same
 
 
-def test_evidence_reads_back_as_written(tmp_path: Path) -> None:
-    write_edges(tmp_path / "edges.npz", EVIDENCE)
-    assert_same(read_edges(tmp_path), EVIDENCE)
+@pytest.mark.parametrize("evidence", [EVIDENCE, FINE], ids=["sixteenths", "fine"])
+def test_evidence_reads_back_as_written(evidence: Evidence, tmp_path: Path) -> None:
+    write_edges(tmp_path / "edges.npz", evidence)
+    assert_same(read_edges(tmp_path), evidence)
+
+
+def test_angles_are_in_sixteenths_unless_a_driver_has_finer_steps(tmp_path: Path) -> None:
+    """So the files of before have no unit, and are read."""
+    write_edges(tmp_path / "edges.npz", FINE)
+    with np.load(tmp_path / "edges.npz") as arrays:
+        assert (arrays["a_phase_substeps"].dtype, arrays["b_phase_sixteenths"].dtype) == (np.int32, np.int8)
+        assert arrays["a_substeps_per_full_step"] == 16_000
+        assert not {"a_phase_sixteenths", "b_phase_substeps", "b_substeps_per_full_step"} & set(arrays.files)
 
 
 class TestInterruptedWriting:

@@ -33,7 +33,7 @@ from steptwin.host.record.folder import recording as recording_module
 from steptwin.host.record.folder.edges_file import PINS, evidence_until, write_edges
 from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
 from steptwin.protocol.frame import Frame
-from tests.host.record.folder.stored import EVIDENCE, assert_same
+from tests.host.record.folder.stored import EVIDENCE, FINE, assert_same
 
 
 def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvidence:
@@ -49,9 +49,9 @@ def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvi
     broken, which = within(axis.violations.counts, axis.violations.which)
     _, values = within(axis.violations.counts, axis.violations.values)
     violations = DriverViolations(axis.violations.limits, broken, which, values)
-    changes, sixteenths = within(axis.phases.counts, axis.phases.sixteenths)
-    currents_ma = [within(axis.phases.counts, values_ma)[1] for values_ma in (axis.phases.a_ma, axis.phases.b_ma)]
-    phases = Phases(changes, sixteenths, *currents_ma)
+    changes, substeps = within(axis.phases.counts, axis.phases.substeps)
+    a_ma, b_ma = (within(axis.phases.counts, values_ma)[1] for values_ma in (axis.phases.a_ma, axis.phases.b_ma))
+    phases = Phases(changes, substeps, a_ma, b_ma, axis.phases.per_full_step)
     pins = {pin: LevelEdges(*within(axis.pins[pin].counts, axis.pins[pin].levels)) for pin in PINS}
     return replace(
         axis,
@@ -72,9 +72,7 @@ TEXT = "t,a,b,v_a,v_b\n0.0,1.0,2.0,0.0,0.0\n"
 
 
 def totals(evidence: Evidence) -> tuple[AxisTotals, ...]:
-    return tuple(
-        AxisTotals(axis.name, axis.start_steps, axis.active_edge, axis.violations.limits) for axis in evidence.axes
-    )
+    return tuple(map(AxisTotals.of, evidence.axes))
 
 
 def begin(folder: Path, evidence: Evidence = EVIDENCE) -> Recording:
@@ -110,9 +108,10 @@ def test_pieces_read_back_joined(tmp_path: Path, cuts: list[int]) -> None:
     assert (tmp_path / "trajectory.csv").read_text() == TEXT
 
 
-def test_both_ways_to_write_give_the_same_arrays(tmp_path: Path) -> None:
-    write_edges(tmp_path / "one.npz", EVIDENCE)
-    record(tmp_path, EVIDENCE, []).finish({})
+@pytest.mark.parametrize("evidence", [EVIDENCE, FINE], ids=["sixteenths", "fine"])
+def test_both_ways_to_write_give_the_same_arrays(evidence: Evidence, tmp_path: Path) -> None:
+    write_edges(tmp_path / "one.npz", evidence)
+    record(tmp_path, evidence, [90_000_000]).finish({})
     with np.load(tmp_path / "one.npz") as one, np.load(tmp_path / "edges.npz") as two:
         assert sorted(one.files) == sorted(two.files)
         for key in one.files:

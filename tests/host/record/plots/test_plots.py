@@ -554,7 +554,7 @@ class TestThePhases:
         angle = 2 * np.pi * sixteenths / 64
         a_ma, b_ma = (np.rint(1500 * wave).astype(np.int16) for wave in (np.cos(angle), np.sin(angle)))
         counts = START_COUNTS + 72_000_000 + np.arange(16) * 4_500_000
-        phases = Phases(counts, sixteenths.astype(np.int8), a_ma, b_ma)
+        phases = Phases(counts, sixteenths.astype(np.int32), a_ma, b_ma)
         comparison = swinging()
         return PICTURES["phases"](compare(comparison.expected, altered(comparison.evidence, phases=phases)), RUN, view)
 

@@ -197,7 +197,11 @@ class TestSwitchesOfAModule:
         ("profile", "dip", "says"),
         [
             (MODULE, {"th9": 8}, "dip_microsteps=th9: joint 'th9' is unknown"),
-            (MODULE, {"th2": 4}, "dip_microsteps=th2: 4 is not one of 3a-module's 1, 2, 8, 16: the nearest are 2 and 8"),
+            (
+                MODULE,
+                {"th2": 4},
+                "dip_microsteps=th2: 4 is not one of 3a-module's 1, 2, 8, 16: the nearest are",
+            ),
             (None, {"th2": 8}, "dip_microsteps=th2: chip-330pf has no switches for its microsteps; 3a-module has"),
         ],
     )

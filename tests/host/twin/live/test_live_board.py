@@ -160,7 +160,7 @@ def test_currents_are_recorded_across_pieces(fast_kernel: Kernel, tmp_path: Path
     session.end()
     axis = read_edges(tmp_path).axes[JOINT]
     moved = np.isin(axis.phases.counts, axis.step_counts)
-    sixteenths = axis.phases.sixteenths[moved]
+    sixteenths = axis.phases.substeps[moved]
     turn = 16 // ROBOT.joints[JOINT].transmission.microsteps
     expected = [-turn * steps % 64 for steps in (*range(1, 21), *range(19, -1, -1))]
     assert sixteenths.tolist() == expected
