@@ -1,5 +1,7 @@
 """Nothing but its profile knows what chip a driver has: a chip of another kind runs jobs on the same board."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.faults.drivers import OscCapacitor
+from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.drivers import PROFILES, Coupler, DriverProfile, Fact, InputLevels
@@ -37,38 +41,48 @@ def counters(monkeypatch: pytest.MonkeyPatch) -> str:
     return "counter"
 
 
-def test_it_runs_a_job_with_the_same_edges_and_counts_each(fast_kernel: Kernel, counters: str) -> None:
-    planned, boards = plan(ROBOT, make_job(ROBOT, "spiral", {})), list[EmbeddedBoard]()
-    starts_steps: list[float] = []
+def tenths(drivers: str | None) -> Robot:
+    """Return the laboratory arm with 10 microsteps at all joints."""
+    joints = (replace(each, transmission=replace(each.transmission, microsteps=SUBSTEPS)) for each in ROBOT.joints)
+    board = replace(ROBOT.board, osc_pf=None, driver_profile=drivers, current_a=None)
+    return replace(ROBOT, joints=tuple(joints), board=board)
+
+
+def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) -> None:
+    """Ten steps a full step, neither a power of two nor of the wire's units: the verdict is as exact as ever."""
+    robot, boards, starts_steps = tenths(counters), list[EmbeddedBoard](), list[float]()
 
     def look(board: EmbeddedBoard) -> None:
         boards.append(board)
         starts_steps.extend(board.motor_positions())
 
-    usual = execute(planned, "spiral", fast_kernel).comparison.evidence
-    outcome = execute(planned, "spiral", fast_kernel, driver_profile=counters, on_board=look)
-    assert outcome.report.passed is False, "the drivers make steps of another size than the robot's file says"
-    for axis, other in zip(outcome.comparison.evidence.axes, usual.axes, strict=True):
-        for name in ("clk_rise_counts", "clk_fall_counts", "dir_edge_counts", "step_counts", "step_signs"):
-            np.testing.assert_array_equal(getattr(axis, name), getattr(other, name))
-        assert axis.violations.counts.size == 0
+    outcome = execute(plan(robot, make_job(robot, "spiral", {})), "spiral", fast_kernel, on_board=look)
+    assert outcome.report.passed, outcome.report.reasons
     assert [each.driver for each in boards[0].microsteps()] == [SUBSTEPS] * len(ROBOT.joints)
-    for joint, start, end, axis in zip(
-        ROBOT.joints, starts_steps, boards[0].motor_positions(), usual.axes, strict=True
+    ends_steps = boards[0].motor_positions()
+    for start, end, axis in zip(starts_steps, ends_steps, outcome.comparison.evidence.axes, strict=True):
+        np.testing.assert_array_equal(axis.step_counts, axis.clk_rise_counts)
+        assert end - start == int(axis.step_signs.sum(dtype=np.int64))
+        assert axis.violations.counts.size == 0
+        assert axis.phases.per_full_step == SUBSTEPS
+
+
+def test_a_robot_with_other_microsteps_is_refused(fast_kernel: Kernel, counters: str) -> None:
+    planned = plan(ROBOT, make_job(ROBOT, "spiral", {}))
+    with pytest.raises(
+        InputError, match=r"^driver_profile=counter: d1: 8 is not one of counter's 10: the nearest is 10$"
     ):
-        full_steps = int(axis.step_signs.sum(dtype=np.int64)) / SUBSTEPS
-        assert end - start == pytest.approx(full_steps * joint.transmission.microsteps)
+        execute(planned, "spiral", fast_kernel, driver_profile=counters)
 
 
 def test_motors_turn_with_it(fast_kernel: Kernel, counters: str) -> None:
-    """The way is 16/10 of what was planned, in the same time: the third motor falls out of step, the others do not."""
-    boards = list[EmbeddedBoard]()
-    planned = plan(ROBOT, make_job(ROBOT, "spiral", {}))
-    execute(planned, "spiral", fast_kernel, driver_profile=counters, motors=True, on_board=boards.append)
+    robot, boards = tenths(counters), list[EmbeddedBoard]()
+    planned = plan(robot, make_job(robot, "spiral", {}))
+    execute(planned, "spiral", fast_kernel, motors=True, on_board=boards.append)
     rotors, held = boards[0].rotor_positions(), boards[0].held_positions()
-    for joint, rotor, place in zip(ROBOT.joints, rotors, held, strict=True):
-        assert rotor == pytest.approx(place, abs=2 * joint.transmission.microsteps), joint.name
-    assert [slip == 0.0 for slip in boards[0].rotor_slips()] == [True, True, False, True]
+    for name, rotor, place in zip(robot.joint_names, rotors, held, strict=True):
+        assert rotor == pytest.approx(place, abs=2 * SUBSTEPS), name
+    assert boards[0].rotor_slips() == [0.0] * len(robot.joints)
 
 
 def test_it_has_no_capacitor_at_osc(fast_kernel: Kernel) -> None:
