@@ -49,6 +49,21 @@ def test_reconfiguring_moves_no_counter(kernel: Kernel) -> None:
     assert (motion.axes[0].demand_units, motion.axes[0].counter_units) == (570, 0)
 
 
+@pytest.mark.parametrize(("steplen_ns", "later_counts"), [(33_000, 0), (1_000_000, 0), (1_000_014, 2)])
+def test_a_pulse_that_is_placed_keeps_its_length(kernel: Kernel, steplen_ns: int, later_counts: int) -> None:
+    """A pulse of 1 ms ends when it would have, or later by what a longer one takes more."""
+    motion = moving(kernel, config=StepConfig(16, 1_000_000, 1_000_000, 0, 0, 400 * STEP))
+    (axis,) = motion.axes
+    axis.push(STEP, 0, 20)
+    axis.start()
+    motion.advance(80)
+    motion.take_events()
+    fall_counts = int(motion.take_edges()[0].clk_counts[-1])
+    assert axis.last_fall_counts == fall_counts
+    axis.configure(StepConfig(16, steplen_ns, 33_666, 0, 0, 400 * STEP))
+    assert axis.last_fall_counts == fall_counts + later_counts
+
+
 @pytest.mark.parametrize(("microsteps", "counter_units"), [(1, 16_384), (2, 24_576), (8, 20_480)])
 def test_a_new_microstep_setting_keeps_the_place(kernel: Kernel, microsteps: int, counter_units: int) -> None:
     motion = moving(kernel)
