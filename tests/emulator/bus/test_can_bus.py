@@ -181,6 +181,17 @@ def test_bus_off_lasts_128_times_11_recessive_bits() -> None:
     assert rig.heard[1] == [(sent, Frame(0x100, b""))]
 
 
+def test_a_second_station_in_bus_off_does_not_hasten_the_first() -> None:
+    rig = BusRig(stations=3)
+    rig.bus.throw_off(rig.stations[0], 0)
+    later = rig.bits(50 * 11)
+    rig.bus.throw_off(rig.stations[1], later)
+    rig.run()
+    code = ErrorCode.CAN_BUS_OFF_RECOVERED
+    first = rig.bits(128 * 11)
+    assert rig.errors == [(first, 0, code, True), (later + first, 1, code, True)]
+
+
 def test_traffic_delays_the_way_back_from_bus_off() -> None:
     """A frame brings eleven recessive bits, at its end; a sequence of idle bits that it cuts short does not count."""
     rig = BusRig(stations=3)

@@ -1,4 +1,4 @@
-"""Which steps have a timing error: those at crossings that are not slow, by the figure that the documentation gives."""
+"""Which step answers a crossing, and which have a timing error: those at crossings that are not slow, by the docs."""
 
 import numpy as np
 
@@ -19,3 +19,10 @@ def test_crossings_slower_than_1_percent_of_the_fastest_have_no_timing_error() -
     counted = CountedSteps(time_s + late_us / 1e6, signs, np.arange(6), np.arange(6.0))
     errors_us = timing_errors_us(ideal, counted, match_steps(ideal, counted))
     assert np.round(errors_us, 3).tolist() == [3.0, 6.0, 12.0]
+
+
+def test_of_two_steps_that_are_equally_near_the_earlier_answers() -> None:
+    ideal = IdealSteps(0, np.array([1.0]), np.ones(1, np.int8), np.ones(1), np.ones(1))
+    counted = CountedSteps(np.array([0.5, 1.5]), np.ones(2, np.int8), np.arange(3), np.arange(3.0))
+    matching = match_steps(ideal, counted)
+    assert (matching.ideal.tolist(), matching.counted.tolist(), matching.unmatched) == ([0], [0], 1)
