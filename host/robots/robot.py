@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from steptwin.host.robots.switches import JointHoming
 AXES_MAX: Final = 8
 """Axes that a board drives: two 16-bit timers with four compare channels each."""
 
-Dimension = float | bool | str
-"""A dimension of a mechanism in mm or degrees, or one of its options."""
+Dimension = Any
+"""A dimension of a mechanism in mm or degrees, one of its options, or what its kind makes of a table or a list."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,14 +35,14 @@ def workspace(
     replace: Replace = False,
 ) -> None:
     """Compute the workspace: random positions of all joints, and exact sections with the slides at home."""
-    from steptwin.host.robots.workspace import monte_carlo, scan
+    from steptwin.host.robots.workspace import has_sections, monte_carlo, scan
 
     loaded = which.robot(robot)
     if out is not None:
         keep_files((Path(out) / name for name in _FILES), replace=replace)
     cloud = monte_carlo(loaded, wanted.samples, wanted.seed)
     folder = None if out is None else out_folder(out, _FILES)
-    scanned = scan(loaded, wanted.phi, wanted.z)
+    scanned = scan(loaded, wanted.phi, wanted.z) if has_sections(loaded) else None
     document = _document(loaded, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
     which.tell_of(loaded, document, lambda: _print_figures(document))
@@ -52,23 +52,26 @@ def workspace(
         )
 
 
-def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan") -> dict[str, Any]:
+def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan | None") -> dict[str, Any]:
     from steptwin.host.robots.base_frame import STATION
 
+    monte_carlo = {
+        "samples": cloud.samples,
+        "seed": cloud.seed,
+        "counted": cloud.counted,
+        "left_out": cloud.left_out,
+        **_span("radius", cloud.radius_mm),
+        **_span("z", cloud.z_mm),
+    }
+    if scanned is None:
+        return {"monte_carlo": monte_carlo, "plan": None, "profile": None}
     plan, profile = scanned.plan, scanned.profile
     axis_x_mm, axis_y_mm = scanned.axis_mm
     section = {"attitude_deg": scanned.attitude_deg, "slides": dict(scanned.slides), "axis_x_mm": axis_x_mm}
     if robot.base != STATION:
         section["axis_y_mm"] = axis_y_mm
     return {
-        "monte_carlo": {
-            "samples": cloud.samples,
-            "seed": cloud.seed,
-            "counted": cloud.counted,
-            "left_out": cloud.left_out,
-            **_span("radius", cloud.radius_mm),
-            **_span("z", cloud.z_mm),
-        },
+        "monte_carlo": monte_carlo,
         "plan": {"z_mm": plan.z_mm, **section, **_span("radius", plan.radius_mm), "area_mm2": plan.area_mm2},
         "profile": {
             "azimuth_deg": profile.azimuth_deg,
@@ -88,7 +91,7 @@ def _span(quantity: str, span_mm: tuple[float, float] | None) -> dict[str, float
 _FILES: Final = ("workspace.json", "cloud.csv", "workspace.png", "workspace-3d.png")
 
 
-def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan") -> bool:
+def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "MonteCarlo", scanned: "Scan | None") -> bool:
     """Write the folder; return False if the pictures had to be left out because matplotlib is not installed."""
     figures, points, *pictures = (folder / name for name in _FILES)
     write_json(figures, {"robot": robot.name, **document})
@@ -99,7 +102,8 @@ def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "Monte
         return False
     from steptwin.host.record.plots.workspace import write_workspace, write_workspace_3d
 
-    write_workspace(pictures[0], robot, cloud, scanned)
+    if scanned is not None:
+        write_workspace(pictures[0], robot, cloud, scanned)
     write_workspace_3d(pictures[1], robot, cloud)
     return True
 
@@ -109,12 +113,17 @@ _KEYS = ("radius_min_mm", "radius_max_mm", "z_min_mm", "z_max_mm", "area_mm2")
 
 def _print_figures(document: dict[str, Any]) -> None:
     cloud, plan, profile = document["monte_carlo"], document["plan"], document["profile"]
+    columns = ["", "r min mm", "r max mm", "z min mm", "z max mm", "area mm2"]
+    if plan is None:
+        print_table(columns, [["Monte Carlo", *(_figure(cloud, key) for key in _KEYS)]])
+        say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}")
+        say("no sections: the robot's inverse is no closed form")
+        return
     rows = {
         "Monte Carlo": cloud,
         f"plan at z = {plan['z_mm']:.6g} mm": plan,
         f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
     }
-    columns = ["", "r min mm", "r max mm", "z min mm", "z max mm", "area mm2"]
     print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
     left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
     say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")

@@ -38,9 +38,7 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
 def _document(robot: "Robot") -> dict[str, Any]:
     from steptwin.host.planning.jobs.carry import missed_presets
     from steptwin.host.planning.jobs.shelf_jobs import missed_places
-    from steptwin.host.robots.workspace import scan
 
-    scanned = scan(robot)
     return {
         "robot": robot.name,
         "mechanism": robot.kinematics,
@@ -48,13 +46,27 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
         "shelf_missed": [*missed_places(robot), *missed_presets(robot)],
-        "reach": {
-            "slides": dict(scanned.slides),
-            "radius_mm": scanned.plan.radius_mm,
-            "z_mm": scanned.profile.z_mm,
-            "area_mm2": scanned.plan.area_mm2,
-            "area_at_z_mm": scanned.plan.z_mm,
-        },
+        "reach": _reach(robot),
+    }
+
+
+def _reach(robot: "Robot") -> dict[str, Any] | None:
+    """Return where the tool can be, by exact sections or else by random joints; None without a tool."""
+    from steptwin.host.robots.kinematics import make_kinematics
+    from steptwin.host.robots.workspace import has_sections, monte_carlo, scan
+
+    if not make_kinematics(robot).task.width:
+        return None
+    if not has_sections(robot):
+        cloud = monte_carlo(robot, _SAMPLES, seed=1)
+        return {"slides": {}, "radius_mm": cloud.radius_mm, "z_mm": cloud.z_mm, "area_mm2": None, "area_at_z_mm": None}
+    scanned = scan(robot)
+    return {
+        "slides": dict(scanned.slides),
+        "radius_mm": scanned.plan.radius_mm,
+        "z_mm": scanned.profile.z_mm,
+        "area_mm2": scanned.plan.area_mm2,
+        "area_at_z_mm": scanned.plan.z_mm,
     }
 
 
@@ -103,7 +115,7 @@ def _term(element: float, joint: str) -> str:
 def _units_in_doubt(document: dict[str, Any]) -> list[str]:
     """Return warnings of dimensions that are probably in metres and limits that are probably in radians."""
     warnings = []
-    radius_mm = document["reach"]["radius_mm"]
+    radius_mm = document["reach"] and document["reach"]["radius_mm"]
     if radius_mm is not None and radius_mm[1] < _SMALL_MM:
         told = "are the dimensions in metres? They are read in mm"
         warnings.append(f"kinematics: the tool reaches no further than {radius_mm[1]:.3g} mm: {told}")
@@ -147,11 +159,17 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
         warn(warning)
     reach = document["reach"]
+    if reach is None:
+        return
     at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())
     if reach["radius_mm"] is None or reach["z_mm"] is None:
         say(f"the tool reaches nothing at the home position's height{at}")
         return
     (nearest_mm, farthest_mm), (lowest_mm, highest_mm) = reach["radius_mm"], reach["z_mm"]
+    if reach["area_mm2"] is None:
+        heights = f"z = {lowest_mm:.1f}..{highest_mm:.1f} mm"
+        say(f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm, {heights}, by {_SAMPLES} random joints")
+        return
     say(
         f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm at z = {reach['area_at_z_mm']:g} mm,"
         f" an area of {reach['area_mm2'] / 100:.0f} cm2; z = {lowest_mm:.1f}..{highest_mm:.1f} mm{at}"

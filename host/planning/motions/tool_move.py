@@ -1,6 +1,6 @@
 """Move the tool along a path in space by a time law, with the joints from inverse kinematics at every instant.
 
-The joints are checked and without jumps, on one branch of the arm.
+The joints are checked and without jumps: on one branch of the arm, or on the one nearest to where the arm just was.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,15 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     planner checks the joints' limits, this function does not. It raises InputError, with the time, if the path leaves
     the mechanism's reach or comes near a singularity.
     """
+    return _followed(robot, poses, t_s, branch, near).joints
+
+
+def _followed(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> Branch:
+    """Return the same joints with what the kinematics says about them."""
     kinematics = make_kinematics(robot)
     if branch not in kinematics.branches:
         raise unknown("branch", branch, kinematics.branches)
-    solved = kinematics.solve(poses, branch, near)
+    solved = kinematics.along(poses, branch, near)
     passes_until = partial(_passes_until, kinematics, branch, poses, near)
     _check(solved.mechanism, t_s, passes_until)
     _check(kinematics.singularities(solved.joints), t_s, passes_until)
@@ -42,7 +47,7 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
             joints[:, axis] = np.unwrap(joints[:, axis], period=360.0) + _turns_deg(joints[0, axis], near[axis])
-    return joints
+    return solved
 
 
 def present_branch(robot: Robot, joints: FloatArray) -> str:
@@ -81,7 +86,7 @@ def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: 
     """Return the last pose of a path before an index that passes in tenths of a mm and degree; nothing if none does."""
     task = kinematics.task
     tenths = task.of_figures(np.round(task.figures(poses[:end]), 1) + 0.0)
-    solved = kinematics.solve(tenths, branch, near)
+    solved = kinematics.along(tenths, branch, near) if end else kinematics.solve(tenths, branch, near)
     constraints = (*solved.mechanism, *kinematics.singularities(solved.joints))
     passing = np.flatnonzero(np.logical_and.reduce([constraint.kept for constraint in constraints]))
     return f"; it passes up to {task.words(tenths[passing[-1]])}" if len(passing) else ""
@@ -126,6 +131,7 @@ class ToolMove:
         guide_s: shape (m,), times for which the joints' turns are stored.
         guide_joints: shape (m, joints), the joints at these times, without jumps of a whole turn.
         rotary: columns of the rotary joints.
+        changes: times from which on the arm is on another branch, and its name; only where two branches meet.
     """
 
     joint_names: tuple[str, ...]
@@ -136,6 +142,7 @@ class ToolMove:
     guide_s: FloatArray
     guide_joints: FloatArray
     rotary: tuple[int, ...]
+    changes: tuple[tuple[float, str], ...] = ()
 
     switchings: ClassVar[tuple[Switching, ...]] = ()
 
@@ -156,19 +163,25 @@ class ToolMove:
             path = FreeAttitude(path)
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
         guide_ms, guide = [np.zeros(1, np.int64)], [np.array([start])]
+        changes: list[tuple[float, str]] = []
         for times_ms in windows_ms(round(1000 * law.duration_s)):
             t_s = times_ms / 1000
-            joints = follow(robot, path.poses(law.position(t_s)), from_s + t_s, branch, start)
+            near = start if kinematics.keeps_branch else guide[-1][-1]
+            followed = _followed(robot, path.poses(law.position(t_s)), from_s + t_s, branch, near)
+            joints = followed.joints
+            changes += [(float(t_s[i]), name) for i, name in followed.changes]
             if times_ms[0] == 0:
                 _check_start(robot, branch, start, joints[0], from_s)
                 guide[0] = joints[:1]
             else:  # the turns in which the window before has ended
                 joints[:, rotary] += 360.0 * np.round((guide[-1][-1] - joints[0])[list(rotary)] / 360.0)
+            _check_steps(robot, kinematics, joints, from_s + t_s)
             stored = np.flatnonzero((times_ms[1:] % _STEP_MS == 0) | (times_ms[1:] == times_ms[-1])) + 1
             guide_ms.append(times_ms[stored])
             guide.append(joints[stored])
         guide_s = np.concatenate(guide_ms) / 1000
-        return cls(robot.joint_names, kinematics, branch, path, law, guide_s, np.concatenate(guide), rotary)
+        guide_joints = np.concatenate(guide)
+        return cls(robot.joint_names, kinematics, branch, path, law, guide_s, guide_joints, rotary, tuple(changes))
 
     @property
     def duration_s(self) -> float:
@@ -186,18 +199,47 @@ class ToolMove:
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
-        solved = self.kinematics.solve(self.poses(t_s), self.branch, self.guide_joints[0]).joints
+        guides = self._guides(t_s)
+        solved = self.kinematics.at(self.poses(t_s), self.branch, self.guide_joints[0], guides)
         for axis in self.rotary:  # choose the turn that the guide is in
-            guide = np.interp(t_s, self.guide_s, self.guide_joints[:, axis])
-            solved[:, axis] += 360.0 * np.round((guide - solved[:, axis]) / 360.0)
+            solved[:, axis] += 360.0 * np.round((guides[:, axis] - solved[:, axis]) / 360.0)
         return solved
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints), by the inverse Jacobian."""
         s_mm = self.law.position(t_s)
         tool = self.law.velocity(t_s)[:, np.newaxis] * self.path.derivatives(s_mm)
-        joints = self.kinematics.solve(self.path.poses(s_mm), self.branch, self.guide_joints[0]).joints
+        joints = self.kinematics.at(self.path.poses(s_mm), self.branch, self.guide_joints[0], self._guides(t_s))
         return self.kinematics.joint_velocities(joints, tool)
+
+    def _guides(self, t_s: FloatArray) -> FloatArray:
+        """Return joints near those at times of shape (n,), shape (n, joints)."""
+        return np.column_stack([np.interp(t_s, self.guide_s, column) for column in self.guide_joints.T])
+
+
+_JUMP_DEG: Final = 0.1
+"""Step of a rotary joint in a millisecond from which on a path is looked at: 100 degrees a second."""
+
+
+def _check_steps(robot: Robot, kinematics: Kinematics, joints: FloatArray, t_s: FloatArray) -> None:
+    """Raise OutOfReachError where a joint's step in a millisecond is more than its speed, near a singularity.
+
+    A branch that is kept cannot jump; elsewhere a motion that is too fast is the planner's to refuse.
+    """
+    if kinematics.keeps_branch or len(joints) < 2:
+        return
+    steps, most = np.abs(np.diff(joints, axis=0)), np.array([joint.speed_max for joint in robot.joints])
+    fast = (steps > most * np.diff(t_s)[:, np.newaxis]) & (steps > _JUMP_DEG)
+    for row in np.flatnonzero(fast.any(axis=1)):
+        what = kinematics.near_what(joints[row])
+        if what:
+            axis = int(np.argmax(steps[row] / most))
+            pose = kinematics.task.words(np.round(kinematics.forward(joints[row : row + 1])[0], 3))
+            unit = robot.joints[axis].unit
+            raise OutOfReachError(
+                f"at t = {t_s[row + 1]:.3f} s the tool's path breaks off: {robot.joints[axis].name} would move by"
+                f" {steps[row, axis]:.3g} {unit} in a millisecond, {what}, at {pose}"
+            )
 
 
 def _check_start(robot: Robot, branch: str, start: FloatArray, begins: FloatArray, from_s: float) -> None:

@@ -17,6 +17,7 @@ from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 Check = Callable[[Pace], None]
@@ -87,19 +88,20 @@ _KEYS: Final = {
 }
 
 
-def passing_values(pace: Pace, error: TooFastError, checks: Iterable[Check]) -> list[str]:
+def passing_values(pace: Pace, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
     """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
 
     Each is the nearest one to the step's own, in three digits or whole milliseconds, that is slow enough.
 
     Args:
         pace: pace of the step, with which it is too fast.
+        names: its keys that may be changed.
         error: refusal of the step at the place where it is made first of all.
         checks: checks of the step at all places of the program where it is made, the one of `error` first.
     """
     places = tuple(checks)
     only_ramps = all(peak.quantity in (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION) for peak in error.peaks)
-    keys = [_KEYS[name] for name in pace.keys if only_ramps or not _KEYS[name].of_ramps]
+    keys = [_KEYS[name] for name in names if only_ramps or not _KEYS[name].of_ramps]
     values = ((key.name, _passing_value(pace, key, error.least_stretch, places)) for key in keys)
     return [f"{name} = {value:.10g}" for name, value in values if value is not None]
 
@@ -211,7 +213,9 @@ def _advice(step: Step, group: list[_FastStep]) -> str:
     worst_first = sorted(group, key=lambda fast: -fast.error.least_stretch)
     different = {fast.made.situation: fast for fast in reversed(worst_first)}
     places = sorted(different.values(), key=lambda fast: -fast.error.least_stretch)
-    values = passing_values(step.pace, places[0].error, [fast.made.check_speed for fast in places])
+    turns_in_space = not make_kinematics(places[0].made.robot).task.is_flat
+    names = [name for name in step.pace.keys if name != "speed_deg_s" or turns_in_space]
+    values = passing_values(step.pace, names, places[0].error, [fast.made.check_speed for fast in places])
     if not values:
-        return f"no {' and no '.join(step.pace.keys)} alone passes"
+        return f"no {' and no '.join(names)} alone passes"
     return f"{' or '.join(values)} passes"

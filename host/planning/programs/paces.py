@@ -94,12 +94,12 @@ class ToolPace:
     Attributes:
         speed_mm_s: speed along the path.
         ramp_s: time that the tool takes to its speed.
-        speed_deg_s: highest speed at which the tool turns; None: TURN_SPEED_DEG_S for a tool that turns in space.
+        speed_deg_s: highest speed at which a tool turns that turns in space.
     """
 
     speed_mm_s: float
     ramp_s: float = RAMP_S
-    speed_deg_s: float | None = None
+    speed_deg_s: float = TURN_SPEED_DEG_S
 
     def __post_init__(self) -> None:
         for name in self.keys:
@@ -108,8 +108,8 @@ class ToolPace:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys by which it becomes slower."""
-        return ("speed_mm_s", "ramp_s") if self.speed_deg_s is None else ("speed_mm_s", "ramp_s", "speed_deg_s")
+        """The keys by which it becomes slower; the last one only for a tool that turns in space."""
+        return ("speed_mm_s", "ramp_s", "speed_deg_s")
 
     def along(self, length_mm: float, turn_deg: float = 0.0) -> Law:
         """Return the law for a path's length, on which the tool turns in space by an angle."""
@@ -117,7 +117,7 @@ class ToolPace:
 
     def turning(self, turn_deg: float) -> Law:
         """Return the law for a turn in space on the spot."""
-        return SCurve.at_speed(turn_deg, self.speed_deg_s or TURN_SPEED_DEG_S, self.ramp_s)
+        return SCurve.at_speed(turn_deg, self.speed_deg_s, self.ramp_s)
 
     def share(self, length_mm: float, turn_deg: float = 0.0) -> Law:
         """Return the law for a path's length that covers a distance of 1 instead, for a move of the joints."""
@@ -127,7 +127,7 @@ class ToolPace:
         """Return the speed along a path that keeps both limits."""
         if not turn_deg:
             return self.speed_mm_s
-        return min(self.speed_mm_s, (self.speed_deg_s or TURN_SPEED_DEG_S) * length_mm / turn_deg)
+        return min(self.speed_mm_s, self.speed_deg_s * length_mm / turn_deg)
 
 
 Pace = JointPace | ToolPace

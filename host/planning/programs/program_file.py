@@ -14,7 +14,7 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
-from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, TURN_SPEED_DEG_S, JointPace, LawName, ToolPace
 from steptwin.host.planning.programs.positions import (
     JointPosition,
     Position,
@@ -341,4 +341,5 @@ def _joint_pace(table: Table) -> JointPace:
 
 def _tool_pace(table: Table) -> ToolPace:
     ramp_s = table.number("ramp_s") if "ramp_s" in table else RAMP_S
-    return ToolPace(table.number("speed_mm_s"), ramp_s, table.optional("speed_deg_s", table.number))
+    turning_deg_s = table.number("speed_deg_s") if "speed_deg_s" in table else TURN_SPEED_DEG_S
+    return ToolPace(table.number("speed_mm_s"), ramp_s, turning_deg_s)

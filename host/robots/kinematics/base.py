@@ -7,7 +7,8 @@ in the station's frame, where the robot's base stands; what their columns are, t
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from enum import StrEnum
-from typing import Any, Final, Protocol, TypeVar
+from functools import partial
+from typing import Any, Final, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from steptwin.host.common.bad_input import by, nearest, outside, prefixed, short
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Reading, Table
+from steptwin.host.robots.base_frame import BaseFrame
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
@@ -23,9 +25,12 @@ from steptwin.host.robots.poses import Task
 from steptwin.host.robots.robot import Dimension, Robot
 
 
-def dimension(meaning: str, usual: object, default: object = MISSING) -> Any:
-    """Return a dataclass field; `usual` is the value in a new robot file, `default` the value if the key is missing."""
-    metadata = {"meaning": meaning, "usual": usual}
+def dimension(meaning: str, usual: object, default: object = MISSING, reading: Reading | None = None) -> Any:
+    """Return a dataclass field; `usual` is the value in a new robot file, `default` the value if the key is missing.
+
+    `reading` makes of a table or a list in a file something that is neither.
+    """
+    metadata = {"meaning": meaning, "usual": usual, "reading": reading}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
@@ -92,12 +97,14 @@ class Branch:
         joints: shape (n, joints), beyond their limits where the pose requires it, NaN where the pose is out of reach.
         mechanism: constraints of the mechanism itself.
         limits: constraints of the joints' limits.
+        changes: along a path, the poses from which on the arm is on another branch, and its name.
     """
 
     name: str
     joints: FloatArray
     mechanism: tuple[Constraint, ...]
     limits: tuple[Constraint, ...]
+    changes: tuple[tuple[int, str], ...] = ()
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -128,6 +135,10 @@ class Kinematics(Protocol):
     @property
     def task(self) -> Task:
         """What the tool can be told, and so what the columns of poses are."""
+        ...
+
+    def on(self, base: BaseFrame) -> Self:
+        """Return the mechanism with its base at a place in the station."""
         ...
 
     @property
@@ -190,6 +201,32 @@ class Kinematics(Protocol):
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
         """Return one branch, by its name; otherwise like `inverse`."""
+        ...
+
+    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
+        """Return the joints along a path of poses, which begins near joints of shape (joints,) on a branch.
+
+        A mechanism that keeps its branch is on it all along; another one is on the branch that is nearest to where it
+        just was.
+        """
+        ...
+
+    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return joints of shape (n, joints) at some poses of such a path, near guides of that shape but for turns."""
+        ...
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True if many thousands of poses a second become joints, and every branch is known."""
+        ...
+
+    @property
+    def keeps_branch(self) -> bool:
+        """True if a path never changes the branch, because a named branch never jumps."""
+        ...
+
+    def near_what(self, joints: FloatArray) -> str:
+        """Return near which singularity joints of shape (joints,) are, in words; an empty text if near none."""
         ...
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
@@ -256,8 +293,16 @@ def keys_of(geometry: type[Any]) -> tuple[dict[str, Reading], dict[str, Reading]
     required: dict[str, Reading] = {}
     optional: dict[str, Reading] = {}
     for each in fields(geometry):
-        (required if each.default is MISSING else optional)[each.name] = _reading(each.type)
+        reading = each.metadata["reading"]
+        read = partial(_once, reading) if reading else _reading(each.type)
+        (required if each.default is MISSING else optional)[each.name] = read
     return required, optional
+
+
+def _once(reading: Reading, table: Table, key: str) -> object:
+    """Return what `reading` makes of a table or a list in a file; anything else has been read already."""
+    value = table.values.get(key)
+    return value if key in table and not isinstance(value, dict | list) else reading(table, key)
 
 
 def _reading(kind: object) -> Reading:

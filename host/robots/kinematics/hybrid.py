@@ -103,7 +103,6 @@ class HybridArm(OnBase):
         radius_mm: rho at z2 = 0.
         height_mm: the tool's height at z3 = 0.
         z2_max_mm: largest |z2| allowed.
-        dh: the equivalent serial chain R-P-P-R, with th1, z2, z3, th4 as variables.
         geometry: the dimensions.
     """
 
@@ -112,7 +111,6 @@ class HybridArm(OnBase):
     radius_mm: float
     height_mm: float
     z2_max_mm: float
-    dh: DhTable
     geometry: HybridGeometry
 
     @classmethod

@@ -1,7 +1,7 @@
 """The kinds of mechanisms as data: what each is, its dimensions and what makes its kinematics."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
@@ -17,7 +17,8 @@ from steptwin.host.robots.kinematics.paper_scaras import (
     teaching_scara,
     warehouse_scara,
 )
-from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
+from steptwin.host.robots.kinematics.serial.serial_arm import serial_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry, usual_scara
 from steptwin.host.robots.robot import Robot
 
@@ -35,7 +36,7 @@ class Kind:
 
     summary: str
     geometry: type[Any]
-    make: Callable[[Robot], Scara | HybridArm]
+    make: Callable[[Robot], Kinematics]
 
 
 KINDS: Final[dict[str, Kind]] = {
@@ -51,6 +52,7 @@ KINDS: Final[dict[str, Kind]] = {
         "a SCARA with a lift, carried by a horizontal and a vertical slide", WarehouseGeometry, warehouse_scara
     ),
     "hybrid-arm": Kind("a waist with a parallel mechanism of two sliders", HybridGeometry, HybridArm.of),
+    "chain": Kind("1 to 8 joints in a row, turning or sliding: six-axis arms and others", ChainGeometry, serial_arm),
 }
 
 
@@ -63,5 +65,4 @@ def kind_named(name: str) -> Kind:
 
 def make_kinematics(robot: Robot) -> Kinematics:
     """Return a robot's kinematics; raise InputError, with the key, if kind, dimensions or joints do not fit."""
-    made = kind_named(robot.kinematics).make(robot)
-    return replace(made, base=robot.base, dh=replace(made.dh, base=robot.base))
+    return kind_named(robot.kinematics).make(robot).on(robot.base)

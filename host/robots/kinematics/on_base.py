@@ -7,12 +7,14 @@ A mechanism's own formulas are in the frame of its base. A user gives and gets p
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.kinematics.base import Branch
+from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.poses import SCARA, Task
 from steptwin.host.robots.poses.rotations import wrapped_deg
@@ -23,13 +25,19 @@ class OnBase(ABC):
     """A mechanism's kinematics in the station's frame, from its formulas in the base's frame.
 
     Attributes:
+        dh: the mechanism as a DH table, and the base's place in the station.
         base: where the base stands in the station.
         slides: pairs of a joint's column and the coordinate of the base's frame along which it shifts the whole arm, 0
             for x or 2 for z.
     """
 
+    dh: DhTable
     base: BaseFrame = STATION
     slides: tuple[tuple[int, int], ...] = ()
+
+    def on(self, base: BaseFrame) -> Self:
+        """Return the mechanism with its base at a place in the station."""
+        return replace(self, base=base, dh=replace(self.dh, base=base))
 
     @property
     def task(self) -> Task:
@@ -72,6 +80,30 @@ class OnBase(ABC):
             turned[:, 3] -= self.base.phi_deg
             poses = turned
         return self.solve_from_base(poses, branch, near)
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def keeps_branch(self) -> bool:
+        """True: the joints of a branch are continuous functions of the pose."""
+        return True
+
+    def near_what(self, joints: FloatArray) -> str:
+        """Return nothing: a path that comes near a singularity is refused before."""
+        del joints
+        return ""
+
+    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
+        """Return the joints along a path of poses, all on one branch."""
+        return self.solve(poses, branch, near)
+
+    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return the joints at some poses of a path, all on one branch."""
+        del guides
+        return self.solve(poses, branch, near).joints
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""

@@ -19,7 +19,6 @@ import numpy as np
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics.base import Branch, Constraint, joint_constraints, nearest_turns
-from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, scara_links
 from steptwin.host.robots.kinematics.on_base import OnBase
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
@@ -39,7 +38,6 @@ class Scara(OnBase):
 
     Attributes:
         limits: the joints in axis order, whose limits decide only whether a pose is reachable.
-        dh: the same mechanism as a DH table, with the joints' names as variables.
         arm: the two links.
         lift: column of the lift; likewise shoulder, elbow and wrist. None: the arm has no lift or no wrist.
         height_mm: z0, the tool's height with the lift at 0.
@@ -52,7 +50,6 @@ class Scara(OnBase):
     """
 
     limits: tuple[Joint, ...]
-    dh: DhTable
     arm: Planar2R
     lift: int | None
     shoulder: int

@@ -104,7 +104,7 @@ def rpy_deg(rotation: FloatArray) -> FloatArray:
         np.arctan2(-elements[..., 0, 1], elements[..., 1, 1]),
         np.arctan2(elements[..., 1, 0], elements[..., 0, 0]),
     )
-    return np.asarray(np.rad2deg(np.stack([roll_rad, pitch_rad, yaw_rad], axis=-1)))
+    return wrapped_deg(np.rad2deg(np.stack([roll_rad, pitch_rad, yaw_rad], axis=-1)))
 
 
 def matrix(rotation: FloatArray) -> FloatArray:

@@ -57,6 +57,8 @@ def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
     if seed < 0:
         raise InputError(f"seed: {seed} is below 0")
     kinematics = make_kinematics(robot)
+    if not kinematics.task.width:
+        raise InputError(f"{robot.name} has no tool, and so no workspace")
     counted, clouds = 0, [np.empty((0, 3))]
     radius_mm, z_mm = _NOTHING, _NOTHING
     for joints in _drawn(robot, samples, seed):
@@ -84,6 +86,8 @@ def _drawn(robot: Robot, samples: int, seed: int) -> Iterator[FloatArray]:
 def _positions(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
     """Return the tool positions, of shape (n, 3), of the joint positions that the mechanism's usual branch can take."""
     poses = kinematics.forward(joints)
+    if not kinematics.keeps_branch:  # a chain can take all joints
+        return poses[:, :3]
     if kinematics.attitude_follows:
         poses[:, 3] = np.nan  # the usual branch has another attitude than the joints' own
     branch = kinematics.solve(poses, kinematics.branches[0], near=joints)

@@ -56,8 +56,11 @@ def nearest_pose(
     """Return the pose nearest to one that the robot reaches in its joints' limits; None if none is found.
 
     `near`, of shape (joints,), is the machine's position: slides stay there. Without a branch any may reach it. With
-    `on_path` it is not near a singularity either. The attitude is NaN if it follows from the arm.
+    `on_path` it is not near a singularity either. The attitude is NaN if it follows from the arm. A mechanism without a
+    closed form is not searched: that would take minutes.
     """
+    if not make_kinematics(robot).has_closed_form:
+        return None
     return _Search.of(robot, near, branch, pose[3:], on_path=on_path).nearest(pose)
 
 

@@ -20,7 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
+from steptwin.host.robots.poses import SCARA
+from steptwin.host.robots.poses.rotations import of_rotation_vector
 from steptwin.host.robots.robot import Robot
 
 ATTITUDES: Final = 36
@@ -51,7 +54,8 @@ class ArmReach:
         kinematics: the kinematics of the whole machine.
         home: shape (joints,), the home position, where the slides stay.
         axis_mm: x and y of the arm's own axis.
-        attitude_deg: attitude of the tool; None if any attitude is allowed.
+        attitude_deg: attitude of a SCARA's tool; None if any attitude is allowed. A tool that turns in space is
+            everywhere as at home, turned about the arm's axis.
     """
 
     robot: Robot
@@ -62,8 +66,15 @@ class ArmReach:
 
     @classmethod
     def of(cls, robot: Robot, attitude_deg: float | None) -> Self:
-        """Return a robot's arm; raise InputError if its dimensions or joints are not its mechanism's."""
+        """Return a robot's arm; raise InputError if its dimensions or joints are not its mechanism's.
+
+        Also if the robot has no tool or no closed form of its inverse, or an attitude is given that its tool has not.
+        """
         kinematics, home = make_kinematics(robot), np.array(robot.home)
+        if not has_sections(robot):
+            raise InputError(f"{robot.name}: its inverse is no closed form: random joints alone show its workspace")
+        if attitude_deg is not None:
+            kinematics.task.check({"phi": attitude_deg}, None)
         return cls(robot, kinematics, home, kinematics.axis_mm(home), attitude_deg)
 
     @property
@@ -85,6 +96,8 @@ class ArmReach:
     def reachable(self, radius_mm: FloatArray, azimuth_deg: FloatArray, z_mm: FloatArray) -> BoolArray:
         """Return, of shape (n,), whether a branch reaches positions in cylindrical coordinates, each of shape (n,)."""
         x_mm, y_mm = self.points_mm(radius_mm, azimuth_deg).T
+        if self.kinematics.task is not SCARA:
+            return self._reached(self._as_at_home(np.column_stack([x_mm, y_mm, z_mm]), azimuth_deg))
         if self.attitude_deg is not None:
             return self._reached(np.column_stack([x_mm, y_mm, z_mm, np.full(len(x_mm), self.attitude_deg)]))
         if self.kinematics.attitude_follows:
@@ -96,6 +109,15 @@ class ArmReach:
             part = places[begin : begin + _CHUNK]
             reached[part] = self._reached_turned(outwards[part])
         return reached
+
+    def _as_at_home(self, places_mm: FloatArray, azimuth_deg: FloatArray) -> FloatArray:
+        """Return poses at places of shape (n, 3), oriented as at home, turned about the arm's axis by the azimuths."""
+        task = self.kinematics.task
+        if task.is_flat:
+            return places_mm
+        turns_deg = np.outer(azimuth_deg - self.home_azimuth_deg, [0.0, 0.0, 1.0])
+        home = np.broadcast_to(self._home_pose[3:], (len(places_mm), task.width - 3))
+        return np.column_stack([places_mm, task.carried(of_rotation_vector(turns_deg), home)])
 
     def points_mm(self, radius_mm: FloatArray, azimuth_deg: FloatArray) -> FloatArray:
         """Return x and y, of shape (n, 2), of positions in cylindrical coordinates, each of shape (n,)."""
@@ -149,6 +171,12 @@ class ArmReach:
             if turning is not None:
                 turnable[part] = np.logical_or.reduce([branch.reachable_but_for(turning) for branch in branches])
         return reached, turnable
+
+
+def has_sections(robot: Robot) -> bool:
+    """Return whether a robot's workspace can be scanned: it has a tool, and a closed form of its inverse."""
+    kinematics = make_kinematics(robot)
+    return kinematics.task.width > 0 and kinematics.has_closed_form
 
 
 Region = Callable[[FloatArray, FloatArray], BoolArray]

@@ -1,0 +1,504 @@
+"""The kinematics of a chain of joints: its inverse in closed form if the arm has one, else numeric from near joints.
+
+On a path the arm keeps to the branch that is nearest to where it just was. So its name may change where two branches
+meet: straight through a wrist that is stretched, `noflip` becomes `flip`, and no joint jumps.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.robots.base_frame import STATION, BaseFrame
+from steptwin.host.robots.joint import Joint, Unit
+from steptwin.host.robots.kinematics.base import (
+    Branch,
+    Constraint,
+    joint_constraints,
+    nearest_turns,
+    read_geometry,
+    require_joints,
+)
+from steptwin.host.robots.kinematics.dh import Convention, DhTable
+from steptwin.host.robots.kinematics.links import ArmPart, Role, line
+from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
+from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
+from steptwin.host.robots.kinematics.serial.levenberg import (
+    PLACE_OFF_MM,
+    Found,
+    NumericInverse,
+)
+from steptwin.host.robots.kinematics.serial.screws import Screws, screws_of
+from steptwin.host.robots.kinematics.serial.spherical_wrist import NAMES, Solved, SphericalWrist, closed_form, why_not
+from steptwin.host.robots.poses import DIRECTION_TASK, POSE, Task
+from steptwin.host.robots.poses.rotations import (
+    of_rotation_vector,
+    product,
+    reversed_rotation,
+    turned,
+    wrapped_deg,
+)
+from steptwin.host.robots.robot import Robot
+
+NEAREST: Final = "nearest"
+"""The one branch of an arm without a closed form: the solution that is found from the joints near it."""
+
+SINGULAR: Final = 0.005
+"""Least part of the reach from axis 1, and least sine of the elbow, below which an arm is near singular."""
+_ILL: Final = 1e-3
+"""Least ratio of the singular values of a Jacobian, below which an arm without a closed form is near singular."""
+_NEAR: Final = 0.1
+"""Measure below which a joint that is too fast is so because of a singularity."""
+_NEAR_WHAT: Final = ("near where the wrist meets axis 1", "near the stretched elbow", "near the stretched wrist")
+_SINGULAR_DET: Final = 1e-9
+"""Determinant of a scaled Jacobian below which velocities are those of the least squares."""
+
+_WATCHED_DEG: Final = 1.0
+"""Step of a joint from pose to pose above which the other branches are looked at."""
+_OFF_GUIDE_DEG: Final = 30.0
+"""Distance from the guide above which joints are on another branch."""
+_ANCHORS: Final = 50
+"""Poses of a path from one to the next that are solved one after the other; those in between start from both."""
+_HAND_PART: Final = 0.08
+"""Length drawn of the tool's z axis, as a part of the arm's size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SerialArm:
+    """The kinematics of a chain; implements Kinematics.
+
+    Attributes:
+        limits: the joints in axis order, whose limits decide only whether a pose is reachable.
+        dh: the chain as a DH table, with the joints' names as variables, and the base's place in the station.
+        task: what the tool can be told.
+        held: columns of the joints that stay where they are when the tool is told a pose.
+    """
+
+    limits: tuple[Joint, ...]
+    dh: DhTable
+    task: Task
+    held: tuple[int, ...] = ()
+
+    def on(self, base: BaseFrame) -> "SerialArm":
+        """Return the chain with its base at a place in the station."""
+        return replace(self, dh=replace(self.dh, base=base))
+
+    @property
+    def branches(self) -> tuple[str, ...]:
+        """The names by the arm's shape, or `nearest` for an arm without a closed form."""
+        return NAMES if self.form else (NEAREST,)
+
+    @property
+    def slides(self) -> tuple[tuple[int, int], ...]:
+        """None: a joint that is held is none that shifts the whole arm along its base."""
+        return ()
+
+    @property
+    def attitude_follows(self) -> bool:
+        """False: what follows is no part of the task."""
+        return False
+
+    @property
+    def turning(self) -> None:
+        """No joint turns the tool on the spot."""
+        return None
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True for an arm with a spherical wrist."""
+        return self.form is not None
+
+    @property
+    def keeps_branch(self) -> bool:
+        """False: on a path the branch may change where two meet."""
+        return False
+
+    @property
+    def inverse_words(self) -> str:
+        """How poses become joints, in a few words."""
+        if self.form:
+            return "in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point"
+        return f"numeric, from the present joints: {self._why_numeric}"
+
+    # --- what follows from the table
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.limits)
+
+    @property
+    def _screws(self) -> Screws:
+        return screws_of(self.dh, self._names)
+
+    @property
+    def _axes(self) -> ArmAxes:
+        return axes_of(self.dh, self._names)
+
+    @property
+    def _free(self) -> tuple[int, ...]:
+        return tuple(column for column in range(len(self.limits)) if column not in self.held)
+
+    @property
+    def _why_numeric(self) -> str:
+        return _why_numeric(self.dh, self._names, self.held, self.task)
+
+    @property
+    def form(self) -> SphericalWrist | None:
+        """The closed form, if the arm has one."""
+        if self._why_numeric:
+            return None
+        return closed_form(_free_axes(self.dh, self._names, self.held))
+
+    @property
+    def _numeric(self) -> NumericInverse:
+        lower, upper = (np.array([getattr(joint, end) for joint in self.limits]) for end in ("lower", "upper"))
+        slides = np.array([joint.unit is Unit.MM for joint in self.limits])
+        return NumericInverse(self._screws, self.task, self._free, slides, self.reach_mm, lower, upper)
+
+    @property
+    def reach_mm(self) -> float:
+        """A length of the arm's size: that of its rows together, at least 1 mm."""
+        return max(1.0, sum(abs(row.a_mm) + abs(row.d_mm.constant) for row in self.dh.rows))
+
+    # --- forward
+
+    def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
+        """Return the joints by their names."""
+        return {name: joints[:, column] for column, name in enumerate(self._names)}
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """Return poses of shape (n, task.width) for joints of shape (n, joints)."""
+        return self._told(self._screws.forward(joints))
+
+    def _told(self, poses: FloatArray) -> FloatArray:
+        """Return what the task has of whole poses, of shape (n, 7)."""
+        if self.task is POSE:
+            return poses
+        if self.task is DIRECTION_TASK:
+            return np.column_stack([poses[:, :3], turned(np.array([0.0, 0.0, 1.0]), poses[:, 3:])])
+        return poses[:, :3]
+
+    def axis_mm(self, joints: FloatArray) -> tuple[float, float]:
+        """Return x and y of the base."""
+        del joints
+        return self.dh.base.x_mm, self.dh.base.y_mm
+
+    def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return a part from each joint to the next, the tool's z axis, and the tool from the last joint to its tip."""
+        frames = self.dh.frames(self.dh_variables(joints))
+        corners, names = [frames[0][:, :3, 3]], list(self._names)
+        parts: list[ArmPart] = []
+        for i, row in enumerate(self.dh.rows):
+            corners += _corners(self.dh.convention, frames[i], frames[i + 1], row.a_mm)
+            if row.theta_deg.variable or row.d_mm.variable:
+                slides = bool(row.d_mm.variable)
+                parts.append(line(f"to {names.pop(0)}", Role.GUIDE if not parts or slides else Role.LINK, *corners))
+                corners = corners[-1:]
+        tip_mm = frames[-1][:, :3, 3]
+        hand = line("hand", Role.TOOL, tip_mm, tip_mm + _HAND_PART * self.reach_mm * frames[-1][:, :3, 2])
+        return (*parts, hand, line("tool", Role.TOOL, *corners, *([tip_mm] if len(corners) == 1 else [])))
+
+    # --- inverse
+
+    def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
+        """Return every branch for poses of shape (n, task.width)."""
+        if self.form is None:
+            return (self.solve(poses, NEAREST, near),)
+        standing = self._standing(poses, near)
+        solved = self.form.solve_all(self._from_base(poses, standing), np.deg2rad(standing[..., self._free]))
+        return tuple(self._branch(name, each, standing, near) for name, each in solved.items())
+
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """Return one branch, by its name."""
+        standing = self._standing(poses, near)
+        if self.form is None:
+            return self._found(self._numeric.anywhere(poses, standing), near)
+        start = np.deg2rad(standing[:, self._free])
+        return self._branch(
+            branch, self.form.solve(self._from_base(poses, standing), self.form.signs[branch], start), standing, near
+        )
+
+    def _standing(self, poses: FloatArray, near: FloatArray | None) -> FloatArray:
+        """Return the joints near the solutions, of shape (n, joints), by default 0."""
+        shape = (len(poses), len(self.limits))
+        return np.zeros(shape) if near is None else np.array(np.broadcast_to(near, shape), dtype=np.float64)
+
+    def _from_base(self, poses: FloatArray, standing: FloatArray) -> FloatArray:
+        """Return whole poses in the base's frame, as if the joints that are held were at 0."""
+        base = self.dh.base
+        if base == STATION and not self.held:
+            return poses
+        place = poses[:, :3] - np.array([base.x_mm, base.y_mm, base.z_mm])
+        back = of_rotation_vector(np.array([0.0, 0.0, -base.phi_deg]))
+        place, rotation = turned(place, back), product(back, poses[:, 3:])
+        axes = self._axes
+        for column in self.held:
+            k, at = axes.directions[column], standing[:, column, np.newaxis]
+            if axes.slides[column]:
+                place = place - at * k
+            else:
+                back = of_rotation_vector(-at * k)
+                place = turned(place - axes.points_mm[column], back) + axes.points_mm[column]
+                rotation = product(back, rotation)
+        return np.column_stack([place, rotation])
+
+    def _joints(self, solved: Solved, standing: FloatArray) -> FloatArray:
+        """Return joints of shape (n, joints), in degrees and mm, of a branch."""
+        joints = standing.copy()
+        joints[:, self._free] = wrapped_deg(np.rad2deg(solved.joints))
+        return joints
+
+    def _branch(self, name: str, solved: Solved, standing: FloatArray, near: FloatArray | None) -> Branch:
+        joints = self._joints(solved, standing)
+        nearest_turns(self.limits, joints, near)
+        return Branch(name, joints, self._reached(solved), joint_constraints(self.limits, joints))
+
+    def _reached(self, solved: Solved) -> tuple[Constraint, ...]:
+        """Return the constraints of a branch in closed form."""
+        form, reach = self.form, solved.reach
+        if form is None:
+            return ()
+        upper_mm, fore_mm = form.lengths_mm
+        found, offset_mm = np.isfinite(solved.joints[:, 0]), abs(form.offset_mm)
+        beside = np.isnan(reach.shoulder_mm)
+        nearest_mm, farthest_mm = abs(upper_mm - fore_mm), upper_mm + fore_mm
+        return (
+            Constraint("axis 1 to wrist", "mm", reach.axis_mm, offset_mm, inf, ~beside),
+            Constraint("shoulder to wrist", "mm", reach.shoulder_mm, nearest_mm, farthest_mm, found | beside),
+            *([] if form.is_square else [_bend(reach.beside)]),
+        )
+
+    def _found(self, found: Found, near: FloatArray | None) -> Branch:
+        """Return the branch of joints that were found numerically."""
+        joints, rotary = found.joints.copy(), [joint.unit is Unit.DEG for joint in self.limits]
+        turning = [column for column in self._free if rotary[column]]
+        joints[:, turning] = wrapped_deg(joints[:, turning])
+        nearest_turns(self.limits, joints, near)
+
+        def explain(i: int) -> str:
+            turn = "" if self.task.is_flat else f" and {found.off_deg[i]:.3g} deg"
+            return f"no joints found for it: the nearest ones miss it by {found.off_mm[i]:.3g} mm{turn}"
+
+        off = Constraint("distance", "mm", found.off_mm, 0.0, PLACE_OFF_MM, found.solved, explain)
+        return Branch(NEAREST, joints, (off,), joint_constraints(self.limits, joints))
+
+    # --- along a path
+
+    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
+        """Return the joints along a path that begins near joints of shape (joints,), on whatever branch is near there.
+
+        Each pose takes the branch nearest to the joints before it; `changes` tells where that is another one.
+        """
+        del branch
+        form = self.form
+        if form is None:
+            return self._numeric_along(poses, near)
+        standing, free = self._standing(poses, near), list(self._free)
+        local, last = self._from_base(poses, standing), np.asarray(near[free], dtype=np.float64)
+        name, begin, parts = _nearest_name(form, local[0], last), 0, list[Solved]()
+        changes: list[tuple[int, str]] = []
+        first = name
+        while True:
+            solved = form.solve(local[begin:], form.signs[name], np.deg2rad(last))
+            joints = _continued(solved, last)
+            end, other = _first_change(form, local[begin:], joints, last, name)
+            standing[begin : begin + end, free] = joints[:end]
+            parts.append(solved.cut(end))
+            begin += end
+            if begin == len(poses):
+                break
+            last, name = joints[end - 1], other
+            changes.append((begin, name))
+        limits = joint_constraints(self.limits, standing)
+        return Branch(first, standing, self._reached(Solved.joined(parts)), limits, tuple(changes))
+
+    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return joints of shape (n, joints) at poses of a path, nearest to guides of that shape."""
+        del branch, near
+        form, free = self.form, list(self._free)
+        if form is None:
+            return self._turned_to(guides, self._numeric.near(poses, guides).joints)
+        rad, local = np.deg2rad(guides[:, free]), self._from_base(poses, guides)
+        joints = guides.copy()
+        joints[:, free] = np.rad2deg(form.solve(local, form.signs_of(rad), rad).joints)
+        joints = self._turned_to(guides, joints)
+        for row in np.flatnonzero(~(np.abs(joints - guides).max(axis=1) <= _OFF_GUIDE_DEG)):
+            solved = form.solve_all(local[row : row + 1], rad[row])
+            choices = np.tile(guides[row], (len(solved), 1))
+            choices[:, free] = np.rad2deg(np.concatenate([each.joints for each in solved.values()]))
+            choices = self._turned_to(guides[row], choices)
+            off = np.nan_to_num(np.abs(choices - guides[row]).max(axis=1), nan=inf)
+            joints[row] = choices[int(off.argmin())]
+        return joints
+
+    def _turned_to(self, guides: FloatArray, joints: FloatArray) -> FloatArray:
+        """Return joints with the rotary ones in the turns nearest to guides."""
+        rotary = [joint.unit is Unit.DEG for joint in self.limits]
+        return np.where(rotary, joints + 360.0 * np.round((guides - joints) / 360.0), joints)
+
+    def _numeric_along(self, poses: FloatArray, near: FloatArray) -> Branch:
+        """Solve some poses one after the other, then those in between from the joints between their ends."""
+        numeric = self._numeric
+        places = np.unique(np.append(np.arange(0, len(poses), _ANCHORS), len(poses) - 1))
+        anchors, last = np.empty((len(places), len(self.limits))), np.array(near[np.newaxis], dtype=np.float64)
+        for row, place in enumerate(places):
+            last = numeric.near(poses[place : place + 1], last).joints
+            anchors[row] = last[0]
+        starts = np.column_stack([np.interp(np.arange(len(poses)), places, column) for column in anchors.T])
+        found = numeric.near(poses, starts)
+        solved = self._found(found, near)
+        turns = self._turned_to(starts, solved.joints)
+        return Branch(NEAREST, turns, solved.mechanism, joint_constraints(self.limits, turns))
+
+    # --- singularities and velocities
+
+    def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
+        """Return what must stay away from 0: not the wrist's sine, since a path goes straight through its zero."""
+        form, names = self.form, self._names
+        if form is None:
+            jacobians = self._numeric.jacobians(joints)[1]
+            sizes = np.linalg.svd(jacobians, compute_uv=False)
+            ratio = sizes[:, -1] / sizes[:, 0]
+            return (_measure("near singular, least part of a tool's motion", ratio, _ILL),)
+        ahead, elbow, _ = form.measures(np.deg2rad(joints[:, self._free]))
+        first, third = names[self._free[0]], names[self._free[2]]
+        return (
+            _measure(f"{first}: near singular, the wrist beside its axis as a part of the reach", ahead, SINGULAR),
+            _measure(f"{third}: near singular, |sin| of the elbow", elbow, SINGULAR),
+        )
+
+    def near_what(self, joints: FloatArray) -> str:
+        """Return near which singularity joints of shape (joints,) are, in words; an empty text if near none."""
+        if self.form is None:
+            ratio = self.singularities(joints[np.newaxis])[0].values[0]
+            return "where the arm is near singular" if ratio < _NEAR else ""
+        measures = self.form.measures(np.deg2rad(joints[np.newaxis, self._free]))
+        nearest = int(np.argmin([measure[0] for measure in measures]))
+        return _NEAR_WHAT[nearest] if measures[nearest][0] < _NEAR else ""
+
+    def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
+        """Return joint velocities for tool velocities of shape (n, task.rates), where singular by least squares."""
+        numeric = self._numeric
+        rotations, jacobians = numeric.jacobians(joints)
+        back = reversed_rotation(rotations)
+        wanted = turned(tool_velocities[:, :3], back) / numeric.reach_mm
+        if not self.task.is_flat:
+            turning = np.deg2rad(turned(tool_velocities[:, 3:], back))
+            wanted = np.column_stack([wanted, turning if self.task is POSE else turning[:, :2]])
+        rates = _solved_rates(jacobians, wanted)
+        velocities = np.zeros_like(joints)
+        velocities[:, self._free] = (
+            rates * np.where(numeric.slides, numeric.reach_mm, np.rad2deg(1.0))[list(self._free)]
+        )
+        return velocities
+
+
+def _solved_rates(jacobians: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return J^-1 v, of shape (n, free); the least squares for Jacobians that are singular or not square."""
+    count, rows, free = jacobians.shape
+    rates = np.empty((count, free))
+    regular: BoolArray = np.zeros(count, np.bool_)
+    if rows == free:
+        regular = np.abs(np.linalg.det(jacobians)) > _SINGULAR_DET
+        rates[regular] = np.linalg.solve(jacobians[regular], wanted[regular, :, np.newaxis])[:, :, 0]
+    singular = ~regular
+    if singular.any():
+        inverse = np.linalg.pinv(jacobians[singular], rcond=_ILL * _ILL)
+        rates[singular] = (inverse @ wanted[singular, :, np.newaxis])[:, :, 0]
+    return rates
+
+
+def _measure(name: str, values: FloatArray, least: float) -> Constraint:
+    return Constraint(name, "", values, least, 1.0, values >= least)
+
+
+def _bend(beside: FloatArray) -> Constraint:
+    return Constraint("cosine of the wrist's bend", "", beside, -1.0, 1.0, np.abs(beside) <= 1.0 + 1e-12)
+
+
+def _corners(convention: Convention, before: FloatArray, behind: FloatArray, a_mm: float) -> list[FloatArray]:
+    """Return the corner of a row's link, where the common normal meets the axis, and its end, each of shape (n, 3)."""
+    start, end = before[:, :3, 3], behind[:, :3, 3]
+    modified = convention is Convention.MODIFIED
+    corner = start + a_mm * before[:, :3, 0] if modified else end - a_mm * behind[:, :3, 0]
+    return [point for point, last in ((corner, start), (end, corner)) if np.abs(point - last).max() > PLACE_OFF_MM]
+
+
+def _nearest_name(form: SphericalWrist, pose: FloatArray, last: FloatArray) -> str:
+    """Return the branch whose joints at a pose of shape (7,) are nearest to joints (6,), whatever their turns."""
+    solved = form.solve_all(pose[np.newaxis], np.deg2rad(last))
+    distances = {name: _apart(np.rad2deg(each.joints[0]), last) for name, each in solved.items()}
+    nearest = min(distances, key=distances.__getitem__)
+    return nearest if distances[nearest] < inf else form.name_of(np.deg2rad(last))
+
+
+def _apart(joints: FloatArray, others: FloatArray) -> float:
+    """Return the largest angle between joints, whatever their turns; infinite for joints that do not exist."""
+    return float(np.nan_to_num(np.abs(wrapped_deg(joints - others)).max(), nan=inf))
+
+
+def _continued(solved: Solved, last: FloatArray) -> FloatArray:
+    """Return joints in degrees, (n, 6), that go on from `last` without jumps of whole turns; a free q4 stays."""
+    joints = np.rad2deg(solved.joints)
+    if solved.is_free.any():
+        kept = np.maximum.accumulate(np.where(solved.is_free, -1, np.arange(len(joints))))
+        q4 = np.where(kept < 0, last[3], joints[kept, 3])
+        joints[:, 5] += np.sign(solved.reach.beside) * (joints[:, 3] - q4)
+        joints[:, 3] = q4
+    return np.asarray(np.unwrap(np.vstack([last, joints]), period=360.0, axis=0)[1:])
+
+
+def _first_change(
+    form: SphericalWrist, poses: FloatArray, joints: FloatArray, last: FloatArray, name: str
+) -> tuple[int, str]:
+    """Return where another branch is nearer to the joints before than the present one, and its name.
+
+    That is nowhere, at the end, on most paths. Only the steps that are not small are looked at.
+    """
+    before = np.vstack([last, joints[:-1]])
+    steps = np.abs(joints - before).max(axis=1)
+    watched = np.flatnonzero(steps > _WATCHED_DEG)
+    watched = watched[watched > 0]
+    if watched.size:
+        solved = form.solve_all(poses[watched], np.deg2rad(before[watched]))
+        others = np.stack([np.rad2deg(each.joints) for each in solved.values()])
+        apart = np.nan_to_num(np.abs(wrapped_deg(others - before[watched])).max(axis=2), nan=inf)
+        names = list(solved)
+        for column, row in enumerate(watched):
+            nearest = int(apart[:, column].argmin())
+            if names[nearest] != name and apart[nearest, column] < steps[row] - PLACE_OFF_MM:
+                return int(row), names[nearest]
+    return len(poses), name
+
+
+# --- making
+
+
+@lru_cache(maxsize=16)
+def _why_numeric(dh: DhTable, names: tuple[str, ...], held: tuple[int, ...], task: Task) -> str:
+    """Return why a chain's inverse is numeric; an empty text if it has a closed form."""
+    if task is not POSE:
+        return f"the tool is told a {task.name}"
+    if held != tuple(range(len(held))):
+        return "a joint amid the arm is held"
+    return why_not(_free_axes(dh, names, held))
+
+
+@lru_cache(maxsize=16)
+def _free_axes(dh: DhTable, names: tuple[str, ...], held: tuple[int, ...]) -> ArmAxes:
+    """Return the axes of the joints that are not held, which come first in the chain."""
+    axes, first = axes_of(dh, names), len(held)
+    return ArmAxes(
+        axes.directions[first:], axes.points_mm[first:], axes.slides[first:], axes.home_mm, axes.home_rotation
+    )
+
+
+def serial_arm(robot: Robot) -> SerialArm:
+    """Return a robot's kinematics; raise InputError if its dimensions or joints are not this mechanism's."""
+    geometry = read_geometry(ChainGeometry, robot)
+    require_joints(robot, geometry.joints)
+    held = tuple(column for column, name in enumerate(geometry.joints) if name in geometry.held)
+    return SerialArm(robot.joints, geometry.dh, TASKS[geometry.tool_task][0], held)

@@ -1,0 +1,137 @@
+"""Straight ways of arms with six axes: through the stretched wrist without a jump, and what is refused."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.laws import SCurve
+from steptwin.host.planning.motions.tool_move import ToolMove, present_branch
+from steptwin.host.planning.paths import OnTheSpot, Oriented, OutOfReachError, ToolPath, straight
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots.poses import POSE, Orientation, Pose, Turning
+from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.serial.arms import arm, kinematics_of
+from tests.host.robots.kinematics.serial.test_numeric import five_axes, missing_wrist
+
+FINE_S = 1e-4
+
+
+def pose_of(robot: Robot, joints: list[float]) -> Pose:
+    return tuple(kinematics_of(robot).forward(np.array([joints]))[0].tolist())
+
+
+def along(robot: Robot, path: ToolPath, joints: list[float], speed: float = 20.0) -> ToolMove:
+    start = np.array(joints)
+    return ToolMove.along(robot, path, SCurve.at_speed(path.length_mm, speed, 0.3), present_branch(robot, start), start)
+
+
+def sampled(move: ToolMove) -> tuple[FloatArray, FloatArray]:
+    t_s = np.arange(0.0, move.duration_s, FINE_S)
+    return t_s, move.positions(t_s)
+
+
+def check_follows(robot: Robot, move: ToolMove, off_mm: float = 1e-6) -> None:
+    """The tool is on its path at every instant, and the velocities are the positions' derivatives."""
+    kinematics = kinematics_of(robot)
+    t_s, joints = sampled(move)
+    planned, reached = move.poses(t_s), kinematics.forward(joints)
+    assert np.linalg.norm((reached - planned)[:, :3], axis=1).max() < off_mm
+    assert kinematics.task.off_deg(reached, planned).max() < 1e-4
+    differences = (joints[2:] - joints[:-2]) / (2 * FINE_S)
+    assert move.velocities(t_s[1:-1]) == pytest.approx(differences, abs=0.2)
+
+
+class TestThroughTheStretchedWrist:
+    ROBOT = arm("AR4")
+    BEFORE = (0.0, 10.0, -20.0, 0.0, 10.0, 0.0)
+
+    def line(self) -> tuple[ToolPath, list[float]]:
+        """A way on which the wrist's bend goes from 10 deg through 0: the tool turns about y while it moves."""
+        joints = list(self.BEFORE)
+        here = pose_of(self.ROBOT, joints)
+        there = POSE.stepped(here, {"x": 20.0, "ry": -25.0})
+        return straight(POSE, here, there), joints
+
+    def test_no_joint_jumps(self) -> None:
+        path, joints = self.line()
+        move = along(self.ROBOT, path, joints)
+        _, positions = sampled(move)
+        assert positions[0, 4] > 5.0
+        assert positions[-1, 4] < -5.0
+        assert np.abs(np.diff(positions, axis=0)).max() < 0.01
+        assert np.abs(positions[:, [3, 5]]).max() < 1e-6
+        check_follows(self.ROBOT, move)
+
+    def test_it_is_told_where_the_branch_changes(self) -> None:
+        path, joints = self.line()
+        move = along(self.ROBOT, path, joints)
+        assert move.branch == "front-up-noflip"
+        ((at_s, name),) = move.changes
+        assert name == "front-up-flip"
+        assert move.positions(np.array([at_s]))[0, 4] == pytest.approx(0.0, abs=0.1)
+
+    def test_the_planner_takes_it(self) -> None:
+        path, joints = self.line()
+        assert plan(self.ROBOT, along(self.ROBOT, path, joints)).peaks
+
+    def test_beside_it_the_fourth_joint_is_too_fast(self) -> None:
+        """A hair beside the stretched wrist q4 and q6 would turn by half a turn at once."""
+        joints = [0.0, 10.0, -20.0, 2.0, 10.0, 0.0]
+        here = pose_of(self.ROBOT, joints)
+        path = straight(POSE, here, POSE.stepped(here, {"x": 20.0, "ry": -25.0}))
+        with pytest.raises(
+            OutOfReachError, match=r"^at t = \S+ s the tool's path breaks off: J[46] would move by"
+        ) as e:
+            along(self.ROBOT, path, joints)
+        assert "near the stretched wrist, at x " in str(e.value)
+
+
+def test_a_wrist_that_stays_stretched() -> None:
+    """q5 = 0 all the way: q4 stays, q6 turns the tool."""
+    robot = arm("AR4")
+    joints = [0.0, 10.0, -20.0, 30.0, 0.0, 0.0]
+    here = pose_of(robot, joints)
+    turn = kinematics_of(robot).dh.transforms({f"J{i + 1}": np.array([q]) for i, q in enumerate(joints)})[0, :3, 2]
+    path = Oriented(OnTheSpot(here[:3], 40.0), Turning(POSE, np.array(here[3:]), 40.0 * turn))
+    _, positions = sampled(along(robot, path, joints))
+    assert np.abs(positions[:, :5] - positions[0, :5]).max() < 1e-6
+    assert positions[-1, 5] - positions[0, 5] == pytest.approx(40.0, abs=0.01)
+
+
+def test_a_line_of_random_joints() -> None:
+    """From (20 20 10 30 40 50) to (-30 35 -5 10 60 20) there is no change of branch, and the end is exact."""
+    robot = arm("AR4")
+    start, goal = [20.0, 20.0, 10.0, 30.0, 40.0, 50.0], [-30.0, 35.0, -5.0, 10.0, 60.0, 20.0]
+    move = along(robot, straight(POSE, pose_of(robot, start), pose_of(robot, goal)), start)
+    assert move.changes == ()
+    assert move.positions(np.array([move.duration_s]))[0] == pytest.approx(goal, abs=1e-9)
+    check_follows(robot, move)
+
+
+@pytest.mark.parametrize("make", [five_axes, missing_wrist])
+def test_arms_without_a_closed_form(make) -> None:  # type: ignore[no-untyped-def]
+    robot = make()
+    task = kinematics_of(robot).task
+    joints = [20.0, 20.0, 10.0, 30.0, 40.0, 50.0][: len(robot.joints)]
+    here = pose_of(robot, joints)
+    move = along(robot, straight(task, here, task.stepped(here, {"x": 15.0, "y": -30.0, "rx": 5.0})), joints)
+    check_follows(robot, move)
+
+
+def test_a_turn_of_half_a_turn_is_refused() -> None:
+    robot = arm("AR4")
+    here = pose_of(robot, [0.0, 0.0, 0.0, 0.0, 45.0, 0.0])
+    there = POSE.changed(
+        here, {"x": here[0] + 10.0}, Orientation("quaternion_xyzw", (-here[4], here[3], here[6], -here[5]))
+    )
+    with pytest.raises(InputError, match="which way is not certain from 180 deg on; a position in between says it"):
+        straight(POSE, here, there)
+
+
+def test_out_of_reach_on_the_way() -> None:
+    robot = arm("AR4")
+    joints = [0.0, 0.0, 0.0, 0.0, 45.0, 0.0]
+    here = pose_of(robot, joints)
+    with pytest.raises(OutOfReachError, match=r"path breaks off: .*; it passes up to x \S+, y 0, z \S+ mm, rpy "):
+        along(robot, straight(POSE, here, POSE.stepped(here, {"x": 400.0})), joints)

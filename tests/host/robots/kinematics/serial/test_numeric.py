@@ -1,0 +1,135 @@
+"""The inverse of chains without a closed form: from near joints, from anywhere, and why there is none."""
+
+import numpy as np
+import pytest
+
+from steptwin.host.robots import read_robot
+from steptwin.host.robots.kinematics.base import joint_constraints
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG
+from steptwin.host.robots.kinematics.serial.serial_arm import NEAREST
+from steptwin.host.robots.robot import Robot
+from tests.host.robots.kinematics.serial.arms import (
+    AR4_LIMITS,
+    AR4_ROWS,
+    arm,
+    chain_text,
+    dh_entries,
+    kinematics_of,
+    random_joints,
+)
+
+SPREAD_DEG = 3.0
+"""Standard deviation of a near start."""
+
+
+def five_axes() -> Robot:
+    """The AR4 without its last joint, the shape of the Moveo: its tool is told a direction."""
+    more = "tool = { xyz_mm = [0, 41, 0], rpy_deg = [-90, 0, 0] }"
+    return read_robot(chain_text(dh_entries(AR4_ROWS[:5]), AR4_LIMITS[:5], more=more))
+
+
+def missing_wrist() -> Robot:
+    """The AR4 with axis 5 beside axis 4: no closed form."""
+    rows = list(AR4_ROWS)
+    rows[4] = (0.0, 90.0, 0.0, 1.774)
+    return read_robot(chain_text(dh_entries(rows), AR4_LIMITS))
+
+
+def three_joints() -> Robot:
+    return read_robot(chain_text(dh_entries(AR4_ROWS[:3]), AR4_LIMITS[:3], more="tool = { xyz_mm = [200, 0, 0] }"))
+
+
+def sliding() -> Robot:
+    """A slide, then two joints."""
+    rows = {
+        "L": "slides = true, theta_deg = 0.0, alpha_deg = 0.0, d_mm = 100.0, a_mm = 0.0",
+        "A": "theta_deg = 0.0, alpha_deg = 0.0, d_mm = 0.0, a_mm = 50.0",
+        "B": "theta_deg = 0.0, alpha_deg = 90.0, d_mm = 0.0, a_mm = 200.0",
+    }
+    more = "tool = { xyz_mm = [150, 0, 0] }"
+    return read_robot(chain_text(rows, [(0.0, 200.0), (-90.0, 90.0), (10.0, 90.0)], more=more))
+
+
+@pytest.mark.parametrize("make", [five_axes, missing_wrist, three_joints, sliding])
+def test_from_a_near_start(make) -> None:  # type: ignore[no-untyped-def]
+    """At least 99 % are solved, whatever the chain; and those to the tolerance."""
+    robot = make()
+    kinematics, joints = kinematics_of(robot), random_joints(robot, 1000)
+    assert kinematics.branches == (NEAREST,)
+    poses = kinematics.forward(joints)
+    start = joints + np.random.default_rng(3).normal(0.0, SPREAD_DEG, joints.shape)
+    found = kinematics._numeric.near(poses, start)  # noqa: SLF001
+    assert found.solved.mean() >= 0.99
+    back = kinematics.forward(found.joints[found.solved])
+    assert np.linalg.norm((back - poses[found.solved])[:, :3], axis=1).max() <= PLACE_OFF_MM
+    assert kinematics.task.off_deg(back, poses[found.solved]).max() <= TURN_OFF_DEG
+
+
+@pytest.mark.parametrize("name", ["AR4", "PAROL6"])
+def test_the_numeric_inverse_of_arms_with_a_closed_form(name: str) -> None:
+    joints = random_joints(arm(name), 1000)
+    kinematics = kinematics_of(arm(name))
+    start = joints + np.random.default_rng(3).normal(0.0, SPREAD_DEG, joints.shape)
+    assert kinematics._numeric.near(kinematics.forward(joints), start).solved.mean() >= 0.99  # noqa: SLF001
+
+
+@pytest.mark.parametrize("make", [five_axes, missing_wrist, three_joints, sliding])
+def test_from_anywhere(make) -> None:  # type: ignore[no-untyped-def]
+    robot = make()
+    kinematics, joints = kinematics_of(robot), random_joints(robot, 100)
+    solved = kinematics.solve(kinematics.forward(joints), NEAREST, np.array(robot.home))
+    assert np.all([each.kept for each in solved.mechanism])
+
+
+def test_the_tasks_of_few_joints() -> None:
+    assert [kinematics_of(make()).task.name for make in (five_axes, missing_wrist, three_joints)] == [
+        "direction",
+        "pose",
+        "position",
+    ]
+
+
+def test_why_it_is_numeric() -> None:
+    assert kinematics_of(missing_wrist()).inverse_words == (
+        "numeric, from the present joints: axes 4, 5 and 6 miss one point by 1.77 mm"
+    )
+    assert kinematics_of(five_axes()).inverse_words.endswith("the tool is told a direction")
+    assert kinematics_of(arm("AR4")).inverse_words.startswith("in closed form")
+
+
+def test_out_of_reach_says_by_how_much() -> None:
+    kinematics = kinematics_of(three_joints())
+    pose = kinematics.forward(np.array([[0.0, 0.0, 0.0]])) + np.array([1000.0, 0.0, 0.0])
+    solved = kinematics.solve(pose, NEAREST, np.zeros(3))
+    assert not solved.reachable[0]
+    reason = str(solved.reason(0))
+    assert reason.startswith("no joints found for it: the nearest ones miss it by ")
+    assert reason.endswith(" mm")
+
+
+def test_velocities_are_differences() -> None:
+    for robot in (five_axes(), missing_wrist(), arm("AR4"), three_joints(), sliding()):
+        kinematics, joints = kinematics_of(robot), random_joints(robot, 50, seed=4)
+        rates = np.random.default_rng(5).uniform(-10.0, 10.0, joints.shape)
+        step_s = 1e-5
+        before, after = (kinematics.forward(joints + sign * step_s * rates) for sign in (-1, 1))
+        tool = np.zeros((50, kinematics.task.rates))
+        tool[:, :3] = (after - before)[:, :3] / (2 * step_s)
+        if not kinematics.task.is_flat:
+            turns = [kinematics.task.turn_between_deg(a[3:], b[3:]) for a, b in zip(before, after, strict=True)]
+            tool[:, 3:] = np.array(turns) / (2 * step_s)
+        regular = np.all([each.kept for each in kinematics.singularities(joints)], axis=0)
+        found = kinematics.joint_velocities(joints, tool)
+        assert found[regular] == pytest.approx(rates[regular], abs=2e-2)
+
+
+def test_a_joint_that_is_held_stays() -> None:
+    """An AR4 on a slide: seven joints, the slide stays where it stands."""
+    rows = {"S": "slides = true, theta_deg = 90.0, alpha_deg = 90.0, d_mm = 0.0, a_mm = 0.0", **dh_entries(AR4_ROWS)}
+    robot = read_robot(chain_text(rows, [(-500.0, 500.0), *AR4_LIMITS], more='held = ["S"]'))
+    kinematics, joints = kinematics_of(robot), random_joints(robot, 200)
+    assert kinematics.has_closed_form
+    off = [np.abs(each.joints - joints).max(axis=1) for each in kinematics.inverse(kinematics.forward(joints), joints)]
+    assert np.nanmin(off, axis=0).max() < 1e-6
+    limits = joint_constraints(robot.joints, joints)
+    assert np.all([each.kept for each in limits])
