@@ -9,6 +9,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
 
 RANGE_PART: Final = 0.01
@@ -107,7 +108,7 @@ class Polygon:
 
 
 def _tool_mm(robot: Robot, joints: FloatArray) -> FloatArray:
-    return make_kinematics(robot).forward(joints)[:, :3]
+    return tool_places_mm(make_kinematics(robot), joints)
 
 
 def _apart(robot: Robot, joints: FloatArray, wanted: FloatArray, wanted_mm: FloatArray | None) -> FloatArray:

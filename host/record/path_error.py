@@ -56,7 +56,9 @@ def round_below(value: float) -> float:
 
 
 def path_error(comparison: Comparison, t_s: FloatArray) -> PathError:
-    """Return the path just before and just after each of m sorted instants, so that n = 2 m."""
+    """Return the path just before and just after each of m sorted instants, n = 2 m; without a tool it rests."""
+    if not comparison.expected.task.width:
+        return PathError(np.zeros((2 * len(t_s), 3)), np.zeros((2 * len(t_s), 3)))
     end_s = comparison.expected.trajectory.duration_s
     tools = (part.tool for part in deviations(comparison, t_s) if part.tool is not None)
     errors_mm = np.concatenate([tool.position_mm.swapaxes(0, 1).reshape(-1, 3) for tool in tools])

@@ -14,6 +14,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.folder import StoredRun
 from steptwin.host.robots.box import Range
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
+from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, OutputChange
 from steptwin.host.verify.switching import output_changes
@@ -59,7 +60,7 @@ class RecordedMachine:
         return self.comparison.expected.joints(self.counts(t_s))
 
     def counted_poses(self, t_s: FloatArray) -> FloatArray:
-        """Return the tool's poses at the drivers' counts, shape (n, 4)."""
+        """Return the tool's poses at the drivers' counts, of its task."""
         return self.kinematics.forward(self.counted_joints(t_s))
 
     def links(self, t_s: FloatArray) -> tuple[ArmPart, ...]:
@@ -70,7 +71,7 @@ class RecordedMachine:
         """Return how far each box of the robot's file has moved, shape (n, 3); those that nothing holds stand still."""
 
         def tip_at(at_s: FloatArray) -> FloatArray:
-            return self.counted_poses(np.minimum(at_s, self.duration_s))[:, :3]
+            return tool_places_mm(self.kinematics, self.counted_joints(np.minimum(at_s, self.duration_s)))
 
         return {
             name: box.shifts_mm(t_s, self.holds_s.get(box.held_by, ()), tip_at)

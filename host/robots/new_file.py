@@ -7,6 +7,7 @@ that StepTwin brings begin with these robots' values.
 import json
 import re
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import floor, log10
@@ -19,8 +20,11 @@ from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Transmission, Unit
+from steptwin.host.robots.kinematics.bare_axes import AxesGeometry
 from steptwin.host.robots.kinematics.base import dimensions, geometry_of, meaning
+from steptwin.host.robots.kinematics.cartesian import CartesianGeometry
 from steptwin.host.robots.kinematics.kinds import kind_named
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
 from steptwin.host.robots.robot import Dimension, Robot
 
@@ -128,6 +132,23 @@ class NewJoint:
         return _two_digits(min(by_rate, by_motor, moderate))
 
 
+_CHAIN_JOINTS: Final = (
+    NewJoint("", Unit.DEG, "waist", -170.0, 170.0, 40.0, 8),
+    NewJoint("", Unit.DEG, "shoulder", -40.0, 90.0, 50.0, 8),
+    NewJoint("", Unit.DEG, "elbow", -90.0, 50.0, 50.0, 8),
+    NewJoint("", Unit.DEG, "forearm", -180.0, 180.0, 40.0, 8),
+    NewJoint("", Unit.DEG, "wrist", -105.0, 105.0, 20.0, 8, home=45.0),
+    NewJoint("", Unit.DEG, "tool", -180.0, 180.0, 20.0, 8),
+)
+"""The joints of a six-axis arm of the usual shape."""
+_GANTRY_JOINTS: Final = {
+    "X": NewJoint("X", Unit.MM, "slide along x, belt", 0.0, 300.0, 40.0, 16),
+    "Y": NewJoint("Y", Unit.MM, "slide along y, belt", 0.0, 300.0, 40.0, 16),
+    "Z": NewJoint("Z", Unit.MM, "slide along z, screw", 0.0, 100.0, 8.0, 8),
+    "C": NewJoint("C", Unit.DEG, "tool, belt", -180.0, 180.0, 3.0, 16),
+}
+_TURNTABLE: Final = NewJoint("table", Unit.DEG, "turntable, belt", -720.0, 720.0, 6.0, 16)
+
 _SCARA_JOINTS: Final = {
     "lift": NewJoint("", Unit.MM, "lift, screw", 0.0, 80.0, 4.0, 8),
     "shoulder": NewJoint("", Unit.DEG, "shoulder, belt", -130.0, 130.0, 4.0, 16),
@@ -140,12 +161,33 @@ _COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
 
 def usual_dimensions(kind: str) -> dict[str, Dimension]:
     """Return the dimensions with which a new robot of a kind begins; raise InputError for an unknown kind."""
-    return {name: field.metadata["usual"] for name, field in dimensions(kind_named(kind).geometry).items()}
+    usual = {name: field.metadata["usual"] for name, field in dimensions(kind_named(kind).geometry).items()}
+    return {name: deepcopy(value) for name, value in usual.items() if value not in (None, ())}
+
+
+def questions_of(kind: str) -> dict[str, tuple[str, Dimension]]:
+    """Return the questions of a new file about its dimensions: the meaning and the usual value, by key."""
+    meanings = {key: meaning(field) for key, field in dimensions(kind_named(kind).geometry).items()}
+    questions: dict[str, tuple[str, Dimension]] = {}
+    for key, value in usual_dimensions(kind).items():
+        if isinstance(value, dict):
+            questions |= {
+                f"{name}.{part}": (meanings[key], each[part]) for name, each in value.items() for part in each
+            }
+        else:
+            questions[key] = (meanings[key], value)
+    return questions
 
 
 def usual_joints(kind: str, geometry: Mapping[str, Dimension]) -> list[NewJoint]:
     """Return the joints with which a new robot begins; raise InputError if the dimensions do not fit the kind."""
     made = geometry_of(kind_named(kind).geometry, geometry)
+    if isinstance(made, AxesGeometry):
+        return [_TURNTABLE]
+    if isinstance(made, CartesianGeometry):
+        return [_GANTRY_JOINTS[letter] for letter in made.axes]
+    if isinstance(made, ChainGeometry):
+        return [replace(usual, name=name) for name, usual in zip(made.joints, _CHAIN_JOINTS, strict=True)]
     if not isinstance(made, ScaraGeometry):
         return _joints_of(load_robot(kind))
     rotary = iter(("shoulder", "elbow", "tool"))
@@ -159,15 +201,15 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
     Raises:
         InputError: with a message for every setting that is unknown or not a value.
     """
-    geometry, findings = usual_dimensions(kind), Findings()
-    for key in [key for key in settings if "." not in key]:
+    geometry, findings, questions = usual_dimensions(kind), Findings(), questions_of(kind)
+    for key in [key for key in settings if "." not in key or key in questions]:
         with findings.collecting():
-            if key not in geometry:
-                raise _unknown_setting(kind, key, geometry)
-            geometry[key] = read_dimension(key, settings[key], geometry[key])
+            if key not in questions:
+                raise _unknown_setting(kind, key, questions)
+            _set(geometry, key, read_dimension(key, settings[key], questions[key][1]))
     findings.raise_first()
     joints = {joint.name: joint for joint in usual_joints(kind, geometry)}
-    for key in [key for key in settings if "." in key]:
+    for key in [key for key in settings if "." in key and key not in questions]:
         with findings.collecting():
             name, _, quantity = key.partition(".")
             if name not in joints:
@@ -175,6 +217,15 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
             joints[name] = read_joint(joints[name], quantity, settings[key])
     findings.raise_first()
     return geometry, list(joints.values())
+
+
+def _set(geometry: dict[str, Dimension], key: str, value: Dimension) -> None:
+    """Set a dimension, or one in the table of a joint."""
+    name, _, part = key.partition(".")
+    if part:
+        next(table for table in geometry.values() if isinstance(table, dict) and name in table)[name][part] = value
+    else:
+        geometry[key] = value
 
 
 def _unknown_setting(kind: str, key: str, geometry: Mapping[str, Dimension]) -> InputError:
@@ -196,6 +247,8 @@ def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
         choices = list(type(usual))
         if text not in choices:
             raise InputError(f"{key}: {text!r} is not one of {', '.join(choices)}")
+        return text
+    if isinstance(usual, str):
         return text
     with prefixed(f"{key}: "):
         return finite_number(text)
@@ -222,8 +275,9 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     parts = [
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
         _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
-        "[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **geometry}, meanings),
+        _kinematics_text(kind, geometry, meanings),
         _BASE,
+        *([_COUPLING] if kind == "cartesian" else []),
         "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
         _JOINTS,
         *(_joint_text(joint) for joint in joints),
@@ -234,6 +288,20 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     text = "\n".join(parts)
     read_robot(text)
     return text
+
+
+def _kinematics_text(kind: str, geometry: Mapping[str, Dimension], meanings: Mapping[str, str]) -> str:
+    """Return the table of the mechanism; a dimension that is a table has a line for each of its entries."""
+    flat = {key: value for key, value in geometry.items() if not isinstance(value, dict)}
+    parts = ["[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **flat}, meanings)]
+    for key, table in geometry.items():
+        if isinstance(table, dict):
+            rows = (
+                f"{name} = {{ {', '.join(f'{part} = {_toml(value)}' for part, value in each.items())} }}\n"
+                for name, each in table.items()
+            )
+            parts.append(f"[kinematics.{key}] # {meanings[key]}\n{''.join(rows)}")
+    return "\n".join(parts)
 
 
 _HEAD: Final = """\
@@ -248,6 +316,11 @@ _BASE: Final = """\
 # y_mm = 0.0
 # z_mm = 0.0
 # phi_deg = 0.0
+"""
+_COUPLING: Final = """\
+# [coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/coupling.md)
+# X = { X = 1.0, Y = 1.0 }
+# Y = { X = -1.0, Y = 1.0 }
 """
 _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file

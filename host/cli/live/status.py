@@ -126,7 +126,9 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
     from rich.text import Text
 
     table, _ = text_table(width, list(_COLUMNS), cells_of(_COLUMNS, seen.axes), text_columns=len(_COLUMNS) - 1)
-    lines = [pose_text(seen.pose) if seen.pose else "tool: unknown, since not every axis knows where it is"]
+    known = all(axis.position_known for axis in seen.axes)  # without a pose all the same there is no tool
+    lines = [pose_text(seen.pose)] if seen.pose else []
+    lines += [] if seen.pose or known else ["tool: unknown, since not every axis knows where it is"]
     lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
     if seen.inputs:
         levels = (f"{name} {'on' if on else 'off'}" for name, on in seen.inputs.items())

@@ -99,6 +99,8 @@ def fk(
             limits = f"{joint.lower:g}..{joint.upper:g} {joint.unit}"
             say(f"note: {joint.name} = {value:g} is outside its limits {limits}", err=True)
     kinematics = make_kinematics(loaded)
+    if not kinematics.task.width:
+        raise InputError(f"{loaded.name} has no tool: its joints have positions, but no pose")
     pose = kinematics.forward(np.array([values]))[0]
     if not np.isfinite(pose).all():
         at = " ".join(f"{value:g}" for value in values)

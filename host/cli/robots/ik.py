@@ -78,6 +78,8 @@ def _pose(
     from steptwin.host.robots.poses import DIRECTION_TASK
 
     task = kinematics.task
+    if not task.width:
+        raise InputError(f"{robot.name} has no tool: its joints have positions, but no pose")
     task.check(place, orientation)
     if "phi" in task.coordinates and "phi" not in place and not kinematics.attitude_follows:
         raise InputError(f"--phi is missing: the tool of {robot.name} turns")

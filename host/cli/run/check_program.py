@@ -80,6 +80,8 @@ def _print_steps(steps: "Sequence[StepRow]") -> None:
         "acceleration": lambda row: _percent_text(_highest(row)[1]),
     }
     print_rows({**texts, **numbers}, steps, text_columns=len(texts))
+    for row in steps:
+        say(*(f"{row.place}: on the branch {name} from {t_s:.3f} s on" for t_s, name in row.changes))
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:
@@ -92,6 +94,7 @@ def _step_document(row: "StepRow") -> dict[str, Any]:
         "duration_s": row.duration_s,
         "speed_percent": speed.percent if speed else 0.0,
         "acceleration_percent": acceleration.percent if acceleration else 0.0,
+        **({"branch_changes": [{"t_s": t_s, "branch": name} for t_s, name in row.changes]} if row.changes else {}),
     }
 
 

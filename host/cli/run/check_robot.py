@@ -38,6 +38,7 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
 def _document(robot: "Robot") -> dict[str, Any]:
     from steptwin.host.planning.jobs.carry import missed_presets
     from steptwin.host.planning.jobs.shelf_jobs import missed_places
+    from steptwin.host.robots.kinematics import make_kinematics
 
     return {
         "robot": robot.name,
@@ -46,6 +47,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
         "shelf_missed": [*missed_places(robot), *missed_presets(robot)],
+        "inverse": make_kinematics(robot).inverse_words,
         "reach": _reach(robot),
     }
 
@@ -159,7 +161,10 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
         warn(warning)
     reach = document["reach"]
+    if document["inverse"]:
+        say(f"poses become joints {document['inverse']}")
     if reach is None:
+        say("the machine has no tool: its joints have positions, but no pose")
         return
     at = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in reach["slides"].items())
     if reach["radius_mm"] is None or reach["z_mm"] is None:

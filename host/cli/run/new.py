@@ -50,6 +50,12 @@ def new(
 
     hybrid-arm: h_mm L_mm l1_mm l2_mm l3_mm l4_mm z2_max_mm
 
+    cartesian: axes
+
+    axes: no dimensions
+
+    chain: notation chain task held base tool (set JOINT.theta_deg, JOINT.alpha_deg, JOINT.d_mm, JOINT.a_mm)
+
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps, JOINT.home.
     """
     from steptwin.host.robots import SUFFIX
@@ -109,9 +115,7 @@ def _asked(name: str, kind: str, given: dict[str, str]) -> dict[str, str]:
 
 
 def _asked_once(kind: str, given: dict[str, str], usual: dict[str, str]) -> dict[str, str]:
-    from steptwin.host.robots.kinematics.base import dimensions, meaning
-    from steptwin.host.robots.kinematics.kinds import kind_named
-    from steptwin.host.robots.new_file import with_settings
+    from steptwin.host.robots.new_file import questions_of, with_settings
 
     def ask(key: str, what: str, value: "Dimension") -> None:
         def check(text: str) -> None:
@@ -120,9 +124,10 @@ def _asked_once(kind: str, given: dict[str, str], usual: dict[str, str]) -> dict
         if key not in answers:
             answers[key] = _answer(f"{key}, {what}", usual.get(key, _text(value)), check)
 
-    answers = {key: text for key, text in given.items() if "." not in key}
-    for key, field in dimensions(kind_named(kind).geometry).items():
-        ask(key, meaning(field), field.metadata["usual"])
+    questions = questions_of(kind)
+    answers = {key: text for key, text in given.items() if "." not in key or key in questions}
+    for key, (what, value) in questions.items():
+        ask(key, what, value)
     answers |= given
     for joint in with_settings(kind, answers)[1]:
         for key, (what, value) in joint.questions.items():

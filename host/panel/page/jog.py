@@ -42,11 +42,12 @@ class JogTab:
                 heading("Joints")
                 for i, joint in enumerate(visitor.desk.robot.joints):
                     self._row(joint.name, str(joint.unit), f"q{i}")
-            with stack("tight"):
+            with stack("tight") as tool:
                 heading("Tool, along the world's axes")
                 for i, (name, unit) in enumerate(self._tool_steps.items()):
                     self._row(name, unit, f"pose{i}")
                 self._why_no_tool = note("The tool can be jogged when every joint is homed.")
+            tool.set_visibility(bool(self._tool_steps))
         ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
         ui.on("jog_release", self._release, args=[["press"]])
         self._mark_buttons()

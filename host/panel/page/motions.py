@@ -33,6 +33,7 @@ from steptwin.host.planning.programs import SUFFIX, compile_program, read_progra
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.planning.trajectory_file import SUFFIXES, doubt, read_file_motion
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
 
 TITLES: Final[dict[str, str]] = {
@@ -131,7 +132,7 @@ def _in_titles(doubted: str | None) -> str | None:
 def path_mm(plan: Plan) -> FloatArray:
     """Return the tool's planned path, shape (n, 3)."""
     t_s = np.linspace(0.0, plan.trajectory.duration_s, _PATH_POINTS)
-    return make_kinematics(plan.robot).forward(plan.trajectory.positions(t_s))[:, :3]
+    return tool_places_mm(make_kinematics(plan.robot), plan.trajectory.positions(t_s))
 
 
 def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Plan:

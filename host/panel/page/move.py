@@ -139,7 +139,9 @@ class MoveTab:
     def __init__(self, visitor: Visitor, scene: ArmScene, positions_file: str) -> None:
         self._visitor, self._scene = visitor, scene
         with line("between"):
-            choice("kind of move", _KINDS, "joints", self._choose)
+            has_tool = make_kinematics(visitor.desk.robot).task.width > 0
+            kinds = {name: title for name, title in _KINDS.items() if has_tool or name != "tool"}
+            choice("kind of move", kinds, "joints", self._choose)
             self._speed = make_input(FormField("speed", "speed", 30.0, OptionRange(1.0, 100.0, "%"))).classes(
                 "w-narrow"
             )

@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.composer import Sequence
+from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.peaks import Peak, sampled, shifted
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.moves import Moves
@@ -42,6 +43,7 @@ class StepRow:
         from_s: time when it begins.
         duration_s: its duration.
         peaks: highest speed, acceleration and step rate of each joint in it.
+        changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
     """
 
     place: Place
@@ -49,6 +51,7 @@ class StepRow:
     from_s: float
     duration_s: float
     peaks: tuple[Peak, ...]
+    changes: tuple[tuple[float, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +229,9 @@ class _Walk:
         if part is not None:
             self._check_positions(place, step, before.composer.joints, part, from_s)
         made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
-        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks()))
+        changes = part.changes if isinstance(part, ToolMove) else ()
+        changes = tuple((from_s + t_s, name) for t_s, name in changes)
+        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks(), changes))
         self._made.append(made)
 
     def _stand_after(self, step: Step) -> None:

@@ -255,6 +255,8 @@ class Moves:
         return self._positions[target]
 
     def _pose(self, joints: FloatArray) -> Pose:
+        if not self._task.width:
+            raise InputError(f"{self._robot.name} has no tool to lead: `go` and `by` move its joints")
         return tuple(self._kinematics.forward(joints[np.newaxis])[0].tolist())
 
     def _here(self) -> Pose:

@@ -14,7 +14,7 @@ from steptwin.host.record.plots.timing import draw_jitter, draw_timing, draw_wid
 from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
 from steptwin.host.verify import Comparison, RunInfo
 
-__all__ = ["CLOSE_UPS", "DEFAULT_VIEW", "PICTURES", "PlotMoment", "PlotView", "write_plots"]
+__all__ = ["CLOSE_UPS", "DEFAULT_VIEW", "OF_TOOL", "PICTURES", "PlotMoment", "PlotView", "write_plots"]
 
 
 Draw = Callable[[Comparison, RunInfo, PlotView], Figure]
@@ -38,6 +38,9 @@ PICTURES: Final[dict[str, Draw]] = {
     "phases": draw_phases,
 }
 """Pictures by the names of their files, which the command line takes too."""
+
+OF_TOOL: Final = ("tool-path", "tool-pose")
+"""Pictures of the tool, which are left out for a machine that has none."""
 
 CLOSE_UPS: Final = ("edges", "phases")
 """Pictures that show the part of a run that a View chooses."""
@@ -63,6 +66,8 @@ def write_plots(
     """
     out_dir.mkdir(parents=True, exist_ok=True)
     paths = []
+    if not comparison.expected.task.width:
+        names = [name for name in names if name not in OF_TOOL]
     with mpl.rc_context(STYLE):
         for name in names:
             path = out_dir / f"{name}.{form}"

@@ -221,6 +221,11 @@ class Kinematics(Protocol):
         ...
 
     @property
+    def inverse_words(self) -> str:
+        """How poses become joints, in a few words; an empty text where the kind says it."""
+        ...
+
+    @property
     def keeps_branch(self) -> bool:
         """True if a path never changes the branch, because a named branch never jumps."""
         ...
@@ -309,7 +314,7 @@ def _reading(kind: object) -> Reading:
     """Return how to read a field of this type."""
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         return lambda table, key: table.choice(key, kind)
-    return Table.truth if kind is bool else Table.number
+    return Table.truth if kind is bool else Table.text if kind is str else Table.number
 
 
 def require_joints(robot: Robot, expected: Mapping[str, Unit]) -> None:
@@ -344,6 +349,16 @@ def check_unit(unit: Unit, expected: Unit) -> None:
     """Raise InputError if a joint's unit is not the kind's."""
     if unit is not expected:
         raise InputError(f"unit: {unit.value!r} is not the unit of this joint: it is {expected.value!r}")
+
+
+def tool_places_mm(kinematics: Kinematics, joints: FloatArray) -> FloatArray:
+    """Return where the tool is, of shape (n, 3), for joints of shape (n, joints); without a tool, where its base stays.
+
+    So a path, a picture or a box that follows the tool needs to ask for no tool.
+    """
+    if kinematics.task.width:
+        return kinematics.forward(joints)[:, :3]
+    return np.tile(np.array([*kinematics.axis_mm(joints[0]), 0.0]), (len(joints), 1))
 
 
 def tool_frames(kinematics: Kinematics, joints: FloatArray) -> FloatArray:

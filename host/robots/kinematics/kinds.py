@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.robots.kinematics.bare_axes import AxesGeometry, bare_axes
 from steptwin.host.robots.kinematics.base import Kinematics
+from steptwin.host.robots.kinematics.cartesian import CartesianGeometry, gantry
 from steptwin.host.robots.kinematics.hybrid import HybridArm, HybridGeometry
 from steptwin.host.robots.kinematics.paper_scaras import (
     CalibrationGeometry,
@@ -52,6 +54,8 @@ KINDS: Final[dict[str, Kind]] = {
         "a SCARA with a lift, carried by a horizontal and a vertical slide", WarehouseGeometry, warehouse_scara
     ),
     "hybrid-arm": Kind("a waist with a parallel mechanism of two sliders", HybridGeometry, HybridArm.of),
+    "cartesian": Kind("a gantry: slides along x, y and z, and perhaps a rotary axis c", CartesianGeometry, gantry),
+    "axes": Kind("1 to 8 joints without a tool: turntables, sliders, test benches", AxesGeometry, bare_axes),
     "chain": Kind("1 to 8 joints in a row, turning or sliding: six-axis arms and others", ChainGeometry, serial_arm),
 }
 

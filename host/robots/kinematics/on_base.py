@@ -87,6 +87,11 @@ class OnBase(ABC):
         return True
 
     @property
+    def inverse_words(self) -> str:
+        """Nothing: the kind says it."""
+        return ""
+
+    @property
     def keeps_branch(self) -> bool:
         """True: the joints of a branch are continuous functions of the pose."""
         return True

@@ -194,6 +194,8 @@ def write_motor_pictures(
     paths = []
     with mpl.rc_context(STYLE):
         for name in names:
+            if name == "motor-tool" and not ran.paths.task.width:
+                continue
             path = folder / f"{name}.png"
             save_figure(PICTURES[name](ran, run), path, {})
             paths.append(path)

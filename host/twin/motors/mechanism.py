@@ -28,6 +28,8 @@ def arm_of(robot: Robot, payload_kg: float) -> Arm:
     links = {joint.name: joint.link or JointLink(0.0) for joint in robot.joints}
     if isinstance(kinematics, HybridArm):
         return _hybrid(robot, kinematics, links, payload_kg)
+    if not kinematics.task.width:
+        return _bare_axes(robot, links, payload_kg)
     bodies, names, signs = _chain(kinematics.dh, robot.joint_names, links, payload_kg)
     slopes = np.zeros((len(bodies), len(robot.joints)))
     by_rotor = joints_by_rotor(robot)
@@ -108,6 +110,21 @@ def _with_point_mass(body: Body, mass_kg: float, at_m: FloatArray) -> Body:
 
 def _of_point(mass_kg: float, arm_m: FloatArray) -> FloatArray:
     return np.asarray(mass_kg * (arm_m @ arm_m * np.eye(3) - np.outer(arm_m, arm_m)))
+
+
+# --- joints without a tool: each stands on the base, its axis upright, or level where it slides
+
+
+def _bare_axes(robot: Robot, links: dict[str, JointLink], payload_kg: float) -> Arm:
+    """Return the bodies of joints that do not carry each other; a payload lies on the first one."""
+    along_x = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    bodies = []
+    for joint in robot.joints:
+        slides = joint.unit is Unit.MM
+        bodies.append(_body(BASE, slides, along_x if slides else np.eye(4), links[joint.name]))
+    bodies[0] = _with_point_mass(bodies[0], payload_kg, np.zeros(3))
+    si = np.array([_SI[joint.unit] for joint in robot.joints])
+    return Arm(tuple(bodies), si[:, np.newaxis] * joints_by_rotor(robot), np.zeros(len(bodies)))
 
 
 # --- the hybrid arm: a chain th1, z2, z3, th4, of which z2 and z3 follow the two sliders
