@@ -14,10 +14,12 @@ from matplotlib.patches import Arc
 from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.record.plots.in_space import draw_arm_in_space
+from steptwin.host.robots import read_robot
 from steptwin.host.robots.kinematics.base import dimensions, meaning
 from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
 from steptwin.host.robots.kinematics.kinds import KINDS
-from steptwin.host.robots.new_file import usual_dimensions, usual_joints
+from steptwin.host.robots.new_file import robot_text, usual_dimensions, usual_joints, with_settings
 from steptwin.host.studies.papers.paper_page import table
 
 _LINK: Final[dict[str, Any]] = {"color": "#3b4a5a", "linewidth": 7, "solid_capstyle": "round", "zorder": 2}
@@ -156,6 +158,12 @@ def _moves(axes: Axes, start: tuple[float, float], end: tuple[float, float], nam
     axes.text(start[0] - 8, (start[1] + end[1]) / 2, name, color=_JOINT, ha="right", va="center")
 
 
+def _in_space(kind: str) -> Figure:
+    """Draw a new robot of a kind whose robots differ in more than their lengths."""
+    robot = read_robot(robot_text(kind, kind, *with_settings(kind, {"axes": "XYZC"} if kind == "cartesian" else {})))
+    return draw_arm_in_space(robot, tuple(0.6 * joint.lower + 0.4 * joint.upper for joint in robot.joints))
+
+
 def _hybrid() -> Figure:
     figure = Figure(figsize=(9.2, 5.2), layout="constrained")
     figure.suptitle("hybrid-arm", x=0.01, ha="left", weight="bold")
@@ -279,6 +287,7 @@ _DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
         ),
     ),
     "hybrid-arm": _hybrid,
+    **{kind: partial(_in_space, kind) for kind in ("cartesian", "axes", "chain")},
 }  # fmt: skip
 
 
@@ -302,7 +311,9 @@ def _kind(name: str) -> str:
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return "`true`" if value else "`false`"
-    return f"`{value:g}`" if isinstance(value, float) else f'`"{value}"`'
+    if isinstance(value, str):
+        return f'`"{value}"`'
+    return f"`{value:g}`" if isinstance(value, float) else "a table, see below" if value else "-"
 
 
 ROBOT_FILES_PAGE: Final = GeneratedPage(

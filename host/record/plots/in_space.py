@@ -169,7 +169,7 @@ def _right(azimuth_deg: float) -> FloatArray:
 def _azimuth_deg(parts: tuple[ArmPart, ...]) -> float:
     """Return the azimuth that shows the links best: none of them end on."""
     ways_mm = [part.points_mm[0, -1] - part.points_mm[0, 0] for part in parts if part.role is Role.LINK]
-    return max(_AZIMUTHS_DEG, key=lambda azimuth: min(abs(way @ _right(azimuth)) for way in ways_mm))
+    return max(_AZIMUTHS_DEG, key=lambda azimuth: min((abs(way @ _right(azimuth)) for way in ways_mm), default=0.0))
 
 
 def _points_of(parts: tuple[ArmPart, ...]) -> FloatArray:
@@ -281,16 +281,16 @@ def _draw_joint_axes(axes: Any, robot: Robot, position: FloatArray) -> FloatArra
     for top_mm, end_mm, names in named:
         axes.plot(*np.array([top_mm, end_mm]).T, color=_AXIS, linewidth=1.0, linestyle="-.")
         _write(axes, end_mm + 0.1 * (end_mm - top_mm), ", ".join(names), _AXIS, "center", "top")
-    return np.array([end for top_mm, end_mm, _ in named for end in (top_mm, end_mm)])
+    return np.array([end for top_mm, end_mm, _ in named for end in (top_mm, end_mm)]).reshape(-1, 3)
 
 
 def _name_slides(axes: Any, robot: Robot, parts: tuple[ArmPart, ...]) -> None:
-    """Write the joints' names at slides that the DH table knows nothing of: those of a parallel mechanism."""
+    """Write the joints' names at what moves and the DH table knows nothing of, as the slides of a parallel mechanism."""
     known = make_kinematics(robot).dh_variables(np.array([robot.home]))
     unknown = [name for name in robot.joint_names if name not in known]
     for part in parts:
         joint = part.name.split()[-1]
-        if part.role is Role.SLIDE and joint in unknown:
+        if part.role in (Role.SLIDE, Role.LINK) and joint in unknown and part.name != f"link {joint}":
             _write(axes, part.points_mm[0, 0], joint, _AXIS, "center", "top")
 
 

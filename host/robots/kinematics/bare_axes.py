@@ -121,11 +121,11 @@ class BareAxes:
             y_mm, at = column * _APART_MM, joints[:, column]
             if joint.unit is Unit.MM:
                 place = point(at, y_mm, 0.0)
-                ends = (point(end, y_mm, 0.0) for end in (joint.lower, joint.upper))
+                ends = (point(np.full(len(at), end), y_mm, 0.0) for end in (joint.lower, joint.upper))
                 parts.append(line(f"rail {joint.name}", Role.GUIDE, *ends))
                 parts.append(line(f"slide {joint.name}", Role.SLIDE, place, place + point(0.0, 0.0, _RADIUS_MM / 2)))
             else:
-                foot, top = point(0.0, y_mm, 0.0), point(0.0, y_mm, _RADIUS_MM / 2)
+                foot, top = (point(np.zeros(len(at)), y_mm, z_mm) for z_mm in (0.0, _RADIUS_MM / 2))
                 ahead = _RADIUS_MM * point(np.cos(np.deg2rad(at)), np.sin(np.deg2rad(at)), 0.0)
                 parts.append(line(f"post {joint.name}", Role.GUIDE, foot, top))
                 parts.append(line(f"pointer {joint.name}", Role.LINK, top, top + ahead))

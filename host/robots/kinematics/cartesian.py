@@ -207,19 +207,20 @@ class Gantry:
         return velocities
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
-        """Return the rail of each slide at where those before it have moved it, and the tool down to its tip."""
+        """Return the beam of each slide at where those before it have moved it, and the tool down to its tip."""
         at = [np.zeros(len(joints)) for _ in range(3)]
         ends = [(0.0, 0.0)] * 3
         for column, coordinate in self._columns:
             ends[coordinate] = self.limits[column].lower, self.limits[column].upper
         size_mm = max(high - low for low, high in ends)
-        at[2] = at[2] + ends[2][1]  # rails lie at the height of the raised tool
+        at[2] = at[2] + ends[2][1]  # beams lie at the height of the raised tool
         parts = []
         for column, coordinate in self._columns:
             first, last = (point(*at), point(*at))
             first[:, coordinate], last[:, coordinate] = ends[coordinate]
             at[coordinate] = joints[:, column]
-            parts.append(line(f"rail {self.axes[column]}", Role.GUIDE, first, last))
+            role = Role.LINK if parts else Role.GUIDE  # what the first slide carries moves
+            parts.append(line(f"beam {self.axes[column]}", role, first, last))
         tip = point(*at)
         turn_rad = np.deg2rad(joints[:, self.turning]) if self.turning is not None else np.zeros(len(joints))
         ahead = _HAND_PART * size_mm * point(np.cos(turn_rad), np.sin(turn_rad), 0.0)
