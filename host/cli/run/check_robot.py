@@ -47,7 +47,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
         "shelf_missed": [*missed_places(robot), *missed_presets(robot)],
-        "inverse": make_kinematics(robot).inverse_words,
+        **({"inverse": words} if (words := make_kinematics(robot).inverse_words) else {}),
         "reach": _reach(robot),
     }
 
@@ -161,8 +161,8 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
     for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
         warn(warning)
     reach = document["reach"]
-    if document["inverse"]:
-        say(f"poses become joints {document['inverse']}")
+    if inverse := document.get("inverse"):
+        say(f"poses become joints {inverse}")
     if reach is None:
         say("the machine has no tool: its joints have positions, but no pose")
         return

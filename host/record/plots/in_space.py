@@ -285,7 +285,7 @@ def _draw_joint_axes(axes: Any, robot: Robot, position: FloatArray) -> FloatArra
 
 
 def _name_slides(axes: Any, robot: Robot, parts: tuple[ArmPart, ...]) -> None:
-    """Write the joints' names at what moves and the DH table knows nothing of, as the slides of a parallel mechanism."""
+    """Write the joints' names at what moves and the DH table does not know, as slides of a parallel mechanism."""
     known = make_kinematics(robot).dh_variables(np.array([robot.home]))
     unknown = [name for name in robot.joint_names if name not in known]
     for part in parts:

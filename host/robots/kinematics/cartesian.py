@@ -214,7 +214,7 @@ class Gantry:
             ends[coordinate] = self.limits[column].lower, self.limits[column].upper
         size_mm = max(high - low for low, high in ends)
         at[2] = at[2] + ends[2][1]  # beams lie at the height of the raised tool
-        parts = []
+        parts: list[ArmPart] = []
         for column, coordinate in self._columns:
             first, last = (point(*at), point(*at))
             first[:, coordinate], last[:, coordinate] = ends[coordinate]
