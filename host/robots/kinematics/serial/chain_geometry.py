@@ -20,7 +20,7 @@ from steptwin.host.common.tables import Reading, Table, number_at
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
-from steptwin.host.robots.kinematics.serial.rows import Frame, fixed_rows, rows_around, turned_onto
+from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
 
 JOINTS_MAX: Final = 8
@@ -86,10 +86,10 @@ def _triple(table: Table, key: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _frame(table: Table, key: str) -> Frame:
+def _frame(table: Table, key: str) -> FixedFrame:
     with table.section(key) as section:
         values = section.read({}, dict.fromkeys(("xyz_mm", "rpy_deg"), _triple))
-    return Frame(**{name: value for name, value in values.items() if value is not None})
+    return FixedFrame(**{name: value for name, value in values.items() if value is not None})
 
 
 _DH_KEYS: Final[dict[str, Reading]] = dict.fromkeys(("theta_deg", "alpha_deg", "d_mm", "a_mm"), Table.number)
@@ -153,8 +153,8 @@ class ChainGeometry:
     chain: Chain = dimension("the joints from the base to the tool", _SIX_AXES, reading=_chain)
     task: ToolTask = dimension("what the tool is told: pose, direction or position", ToolTask.POSE, ToolTask.BY_JOINTS)
     held: tuple[str, ...] = dimension("joints that stay where they are when the tool moves", (), (), reading=_names)
-    base: Frame = dimension("frame of the first joint in the base", None, Frame(), reading=_frame)
-    tool: Frame = dimension("frame of the tool behind the last joint", None, Frame(), reading=_frame)
+    base: FixedFrame = dimension("frame of the first joint in the base", None, FixedFrame(), reading=_frame)
+    tool: FixedFrame = dimension("frame of the tool behind the last joint", None, FixedFrame(), reading=_frame)
 
     def __post_init__(self) -> None:
         check_all(partial(check_joint_names, "chain", self.joints), self._check_held, self._check_task)
@@ -201,7 +201,7 @@ class ChainGeometry:
         fixed, since = [], self.base.matrix
         for _, joint in self.chain:
             onto = turned_onto(np.array(joint.axis) / np.linalg.norm(joint.axis))
-            fixed.append(since @ Frame(joint.xyz_mm, joint.rpy_deg).matrix @ onto)
+            fixed.append(since @ FixedFrame(joint.xyz_mm, joint.rpy_deg).matrix @ onto)
             since = onto.T
         fixed.append(since @ self.tool.matrix)
         return tuple(rows_around(fixed, {name: joint.slides for name, joint in self.chain}))

@@ -24,7 +24,7 @@ _DECIMALS: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class FixedFrame:
     """A fixed transform: a place in mm, and roll, pitch and yaw in degrees."""
 
     xyz_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)

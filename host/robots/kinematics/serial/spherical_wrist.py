@@ -25,7 +25,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
-from steptwin.host.robots.kinematics.serial.vectors import Column, Rotor, Vectors, constant, weighted
+from steptwin.host.robots.kinematics.serial.vectors import Column, ConstantAxis, Vectors, constant, weighted
 
 MISS_MAX_MM: Final = 1e-4
 """Distance by which the wrist's axes may miss each other: the rounding of angles in files."""
@@ -158,7 +158,7 @@ class SphericalWrist:
     def __init__(self, axes: ArmAxes) -> None:
         k, r, wrist = axes.directions, axes.points_mm, _nearest_points(axes, 3, 4)[1]
         self._r1 = constant(r[0])
-        self._first, self._second = Rotor(-k[0]), Rotor(-k[1])
+        self._first, self._second = ConstantAxis(-k[0]), ConstantAxis(-k[1])
         # --- the tool's frame: the wrist, k6, and a vector x6 across it
         x6 = _unit(k[4] - (k[4] @ k[5]) * k[5])
         back = axes.home_rotation.T

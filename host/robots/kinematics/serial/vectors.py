@@ -45,7 +45,7 @@ def mapped(rows: Sequence[Sequence[float]], vectors: Sequence[Column]) -> Vector
     return Vectors(*(weighted(row, vectors) for row in rows))
 
 
-class Rotor:
+class ConstantAxis:
     """Rotations about a constant axis k: Rot v = v_k + c (v - v_k) + s (k x v), v_k being the part of v along k.
 
     Source: O. Rodrigues' formula, K. M. Lynch, F. C. Park, "Modern Robotics", equation 3.51.
