@@ -14,6 +14,8 @@ GIB: Final = 1 << 30
 
 ROBOT_BYTES_MAX: Final = 256 * KIB
 """A robot file with every key of eight joints and its comments has some 8 KiB."""
+URDF_BYTES_MAX: Final = 1 * MIB
+"""A link of a URDF with masses, meshes and a joint has some 1 KiB; a robot with two arms and hands has some 100."""
 PROGRAM_BYTES_MAX: Final = 1 * MIB
 """A step of a program has some 60 bytes, so all 5000 steps that a program may have fit, with their comments."""
 SCENARIO_BYTES_MAX: Final = 256 * KIB

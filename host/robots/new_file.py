@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import floor, log10
+from math import floor, inf, log10
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
@@ -79,6 +79,7 @@ class NewJoint:
         turn: a screw's lead or a pulley's circumference in mm, or the ratio of a rotary joint's transmission.
         microsteps: microsteps per full step.
         home: position after homing, or the nearest one in the range.
+        speed_most: highest speed that the joint may have, where something else than motor and driver limits it.
     """
 
     name: str
@@ -89,6 +90,7 @@ class NewJoint:
     turn: float
     microsteps: int
     home: float = 0.0
+    speed_most: float = inf
 
     @property
     def turn_key(self) -> str:
@@ -129,7 +131,7 @@ class NewJoint:
         by_rate = _RATE_PART * BOARD.driver_rate_max_hz / transmission.steps_per_unit
         by_motor = _MOTOR_SPEED_MAX_REV_S * transmission.travel_per_rev
         moderate = _ROTARY_SPEED_MAX_DEG_S if self.unit is Unit.DEG else by_motor
-        return _two_digits(min(by_rate, by_motor, moderate))
+        return _two_digits(min(by_rate, by_motor, moderate, self.speed_most))
 
 
 _CHAIN_JOINTS: Final = (
@@ -296,10 +298,7 @@ def _kinematics_text(kind: str, geometry: Mapping[str, Dimension], meanings: Map
     parts = ["[kinematics] # docs/robot-files.md has a drawing\n" + _lines({"kind": kind, **flat}, meanings)]
     for key, table in geometry.items():
         if isinstance(table, dict):
-            rows = (
-                f"{name} = {{ {', '.join(f'{part} = {_toml(value)}' for part, value in each.items())} }}\n"
-                for name, each in table.items()
-            )
+            rows = (f"{name} = {_toml(each)}\n" for name, each in table.items())
             parts.append(f"[kinematics.{key}] # {meanings[key]}\n{''.join(rows)}")
     return "\n".join(parts)
 
@@ -421,6 +420,8 @@ def _lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
 
 
 def _toml(value: object) -> str:
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(each)}' for key, each in value.items())} }}"
     if isinstance(value, bool):
         return "true" if value else "false"
     return json.dumps(str(value), ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -1,16 +1,16 @@
 """`steptwin new my-arm.toml`: write the file of a robot of your own."""
 
 import sys
-from dataclasses import MISSING
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, Replace, keep_files
-from steptwin.host.cli.options import argument, option
+from steptwin.host.cli.options import argument, given_options, option, switch
 from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs
@@ -20,12 +20,36 @@ from steptwin.host.common.whole_file import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from steptwin.host.robots.kinematics.urdf.urdf_robot import RobotOfUrdf
     from steptwin.host.robots.robot import Dimension
 
 
-@command("my-arm.toml", "my-arm.toml --kind scara --set l1_mm=200")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfOptions:
+    """The options of a robot made of a URDF."""
+
+    urdf: str | None = option("FILE", "URDF with the joints of an arm: makes a chain of them.")
+    tip: str | None = option("LINK", "With --urdf: the tool's link; by default the only leaf that needs no mimic.")
+    base: str | None = option("LINK", "With --urdf: the link that stands; by default the root.")
+    snap: bool = switch("With --urdf: make angles exact within 2e-5 rad of multiples of 15 deg.")
+
+    def robot(self, name: str, kind: str | None, given: dict[str, str]) -> "RobotOfUrdf | None":
+        """Return the robot of the URDF; None without one. Raises InputError for options that do not go together."""
+        from steptwin.host.robots.kinematics.urdf.urdf_robot import KIND, UrdfSource
+
+        if self.urdf is None:
+            if alone := next(iter(given_options(self)), None):
+                raise InputError(f"{alone}: is for a robot made of a URDF: give --urdf FILE")
+            return None
+        if kind not in (None, KIND):
+            raise InputError(f"--kind {kind}: a URDF makes a {KIND}: leave --kind out")
+        return UrdfSource(self.urdf, self.tip, self.base, self.snap).robot(name, given)
+
+
+@command("my-arm.toml --kind scara --set l1_mm=200", "my-arm.toml --urdf arm.urdf --tip tool0 --set joint_1.ratio=50")
 def new(
     answer: AnswerOptions,
+    of_urdf: UrdfOptions,
     file: str = argument("FILE", "File to write; the robot gets its name, without .toml.", MISSING),
     kind: str | None = option("KIND", "Kind of the mechanism; asked for on a terminal."),
     settings: list[str] | None = option("KEY=VALUE", "A dimension or a joint's value; may be repeated.", "--set"),
@@ -35,6 +59,10 @@ def new(
 
     Without --kind, on a terminal, it asks for all of them. With it, what --set does not say is as usual for the kind.
     Speeds, switches and homing follow; change what you like and let `steptwin check` look at the file.
+
+    With --urdf the joints are those of a URDF between two links, lengths in mm and angles in degrees. What no URDF has
+    gets placeholders, which are told: ratio or travel_per_turn, microsteps, drivers, switches. --set sets joints'
+    values, `task`, and `held`, joints that stay where they are: held=J1,J2.
 
     Kinds and their dimensions, drawn in docs/robot-files.md:
 
@@ -68,6 +96,12 @@ def new(
         raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {named}")
     keep_files([path], replace=replace)
     given = name_value_pairs(settings or [])
+    made = of_urdf.robot(path.stem, kind, given)
+    if made:
+        write_whole(path, made.text)
+        document = {"kind": "chain", "dimensions": made.geometry, "joints": made.joints, "notes": made.notes}
+        _tell(answer, file, document)
+        return
     if kind is None:
         kind = _asked_kind()
         given = _asked(path.stem, kind, given)
@@ -76,10 +110,15 @@ def new(
     with prefixed("--set "):
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
-    names = [joint.name for joint in joints]
+    _tell(answer, file, {"kind": kind, "dimensions": geometry, "joints": [joint.name for joint in joints]})
+
+
+def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:
+    """Print what has been written."""
     answer.tell(
-        {"file": file, "kind": kind, "dimensions": geometry, "joints": names},
-        f"{file}: a robot of the kind {kind} with the joints {' '.join(names)}",
+        {"file": file, **document},
+        f"{file}: a robot of the kind {document['kind']} with the joints {' '.join(document['joints'])}",
+        *document.get("notes", ()),
         f"look at it with: steptwin check {quote(file)}",
     )
 
