@@ -17,7 +17,7 @@ from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.studies.papers.paper_page import table
-from steptwin.protocol.drivers import PROFILES, DriverProfile, Oscillator, bare_chip
+from steptwin.protocol.drivers import PROFILES, DriverProfile, Fact, Grade, Oscillator, bare_chip
 from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -178,11 +178,35 @@ def _delays(profile: DriverProfile) -> str:
 
 
 def _asked(profile: DriverProfile) -> str:
-    names = ("steplen", "stepspace", "dirsetup", "dirhold")
-    width_us = profile.chip.pulse_min_counts / COUNTS_PER_US
-    texts = [f"{name} {ns / 1e3:g} us" for name in names if (ns := profile.times.ns(f"{name}_ns"))]
+    texts = [f"{name} {ns / 1e3:g} us" for name in _STEP_TIMES if (ns := profile.times.ns(f"{name}_ns"))]
     edge = f"; active edge {profile.active_edge}" if texts else ""
-    return (", ".join(texts) or f"CLK high {width_us:g} us") + edge
+    width = f": CLK high {profile.chip.pulse_min_counts / _US:g} us" if profile.chip.oscillator else ""
+    return (", ".join(texts) or f"the chip's times{width}") + edge
+
+
+_OTHER_OSC: Final = ("chip-100pf", "chip-1000pf")
+_STEP_TIMES: Final = ("steplen", "stepspace", "dirsetup", "dirhold")
+_MARKS: Final = {Grade.STATED: "", Grade.QUOTED: " [Q]", Grade.ASSUMED: " [A]"}
+
+
+def _sheets() -> str:
+    """Return a row for each chip: times in us, highest rate in kHz, and where its figures are from."""
+    sheets = {
+        profile.chip.name: profile.chip for profile in reversed(PROFILES.values()) if profile.name not in _OTHER_OSC
+    }
+    names = (*_STEP_TIMES, "enable", "wake")
+    rows = []
+    for sheet in reversed(sheets.values()):
+        times = [_marked(getattr(sheet.times, f"{name}_ns"), 1e3) for name in names]
+        disabled = ("ignored" if sheet.blocked.value else "counted") + _MARKS[sheet.blocked.grade]
+        rate = _marked(sheet.times.rate_max_hz, 1e3)
+        rows.append([sheet.name, ", ".join(map(str, sheet.microsteps)), *times, rate, disabled, sheet.document])
+    heads = ["driver", "microsteps", *names, "kHz", "STEP while off", "source"]
+    return table(heads, rows, text_columns=len(heads))
+
+
+def _marked(fact: Fact[int] | None, unit: float) -> str:
+    return f"{fact.value / unit:g}{_MARKS[fact.grade]}" if fact else "-"
 
 
 def _rules() -> str:
@@ -202,6 +226,7 @@ DRIVER_PAGE: Final = GeneratedPage(
         "power": lambda _: _power(),
         "currents": lambda _: _currents(),
         "profiles": lambda _: _profiles(),
+        "sheets": lambda _: _sheets(),
         "rules": lambda _: _rules(),
         "failing": lambda arguments: session(arguments, expected_exit_code=1),
     },

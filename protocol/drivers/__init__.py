@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from steptwin.protocol.drivers.carriers import PROFILES as _CARRIERS
 from steptwin.protocol.drivers.chip_sheet import ChipSheet, HomeOutput, Release, Shutdown, StepTimes
 from steptwin.protocol.drivers.driver_profile import (
     NO_TIMES,
@@ -15,12 +16,13 @@ from steptwin.protocol.drivers.driver_profile import (
     one_of,
 )
 from steptwin.protocol.drivers.facts import Fact, Grade
+from steptwin.protocol.drivers.modules import PROFILES as _MODULES
 from steptwin.protocol.drivers.oscillator import OSC_PF_MIN, Oscillator
 from steptwin.protocol.drivers.pin_table import PinTable
 from steptwin.protocol.drivers.tb6560 import PROFILES as _TB6560
 from steptwin.protocol.drivers.tb6560 import bare_chip
 
-PROFILES: Final = {profile.name: profile for profile in _TB6560}
+PROFILES: Final = {profile.name: profile for profile in (*_TB6560, *_CARRIERS, *_MODULES)}
 """Profiles by their names."""
 
 __all__ = [

@@ -21,12 +21,13 @@ class PinTable(Generic[Value]):
 
     @property
     def values(self) -> tuple[Value, ...]:
-        """All values, in the datasheet's order."""
-        return tuple(value for value, _ in self.rows)
+        """All values once, in the datasheet's order."""
+        return tuple(dict(self.rows))
 
     def levels(self, value: Value) -> dict[str, int]:
-        """Return levels of the pins that select a value; KeyError if none do."""
-        return {pin: int(letter == "H") for pin, letter in zip(self.pins, dict(self.rows)[value], strict=True)}
+        """Return levels of the pins that select a value, by its first row; KeyError if none do."""
+        letters = dict(reversed(self.rows))[value]
+        return {pin: int(letter == "H") for pin, letter in zip(self.pins, letters, strict=True)}
 
     def selected(self, levels: Mapping[str, int]) -> Value | None:
         """Return the value that levels select; None where the datasheet names none."""

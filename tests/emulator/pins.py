@@ -8,7 +8,7 @@ from steptwin.controller.node.pins import Pin
 from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
-from steptwin.protocol.drivers import Cooling, Fact, StepTimes
+from steptwin.protocol.drivers import PROFILES, Cooling, Fact, StepTimes
 from steptwin.protocol.drivers.tb6560 import tb6560
 
 WIDTH = 2160
@@ -23,6 +23,13 @@ CHIP = tb6560(330)
 TERMINALS = CHIP.terminals
 WIRES = Module(CHIP)
 """A chip on the board itself."""
+
+QUICK_WITH_16 = [
+    name
+    for name, profile in PROFILES.items()
+    if 16 in profile.chip.microsteps and profile.chip.times.ns("enable_ns") < 1_000_000
+]
+"""Profiles that have 16 microsteps, and no need to wait after ENABLE."""
 
 POWER_UP = tuple(LevelChange(0, pin, 1) for pin in (Rail.VDD, Rail.VM, Pin.RESET, Pin.ENABLE))
 """The power-up sequence of the datasheet."""

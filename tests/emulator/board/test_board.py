@@ -16,7 +16,7 @@ from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.drivers import PROFILES, Cooling
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
-from tests.emulator.pins import CHIP, WIRES, times
+from tests.emulator.pins import CHIP, QUICK_WITH_16, WIRES, times
 from tests.emulator.simulations import NODE, STEP, switch_on, wait, write
 
 SLOW_TIMING = {
@@ -146,7 +146,7 @@ class TestPower:
             assert not trace.violations.counts.size
             assert simulation.boards[0].firmware.motion.axes[0].demand_units == 0
 
-    @pytest.mark.parametrize("drivers", PROFILES)
+    @pytest.mark.parametrize("drivers", QUICK_WITH_16)
     @pytest.mark.parametrize("off_ms", [40, 50.3, 70.7])
     def test_goes_in_order_in_the_middle_of_a_motion_too(
         self, fast_kernel: Kernel, drivers: str, off_ms: float

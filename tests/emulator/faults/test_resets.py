@@ -17,6 +17,7 @@ from steptwin.protocol.cia402 import DigitalInput, Status
 from steptwin.protocol.drivers import PROFILES
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
+from tests.emulator.pins import QUICK_WITH_16
 from tests.emulator.simulations import MS, STEP, wait, write
 
 NODE = 0x10
@@ -85,7 +86,7 @@ def test_the_nodes_announce_themselves_when_the_firmware_runs_again(
     assert rig.board.firmware.nodes[0].dictionary.get(od.STEPLEN_NS) != 160_000
 
 
-@pytest.mark.parametrize("drivers", PROFILES)
+@pytest.mark.parametrize("drivers", QUICK_WITH_16)
 @pytest.mark.parametrize("off_ms", [0, 0.09, 0.3, 1.7])
 @pytest.mark.parametrize("down", [BrownOut(20), WatchdogReset()])
 def test_no_pulse_comes_after_it_and_only_the_last_one_may_break_limits(

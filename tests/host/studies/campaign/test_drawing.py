@@ -172,7 +172,11 @@ def test_parameters_say_where_they_are(trials: list[Trial]) -> None:
         ('name = "nothing"', 'name = "two"', "scenario: two are called 'two'"),
         ("payload_kg =", "payload =", "vary: parameter 'payload' is unknown: did you mean payload_kg?"),
         ("friction = 2", 'ramps = "motor"', "vary.ramps: source 'motor' is unknown: did you mean motors?"),
-        ("microsteps = 8", "microsteps = 4", "vary.microsteps: microsteps: 4 is not one of the TB6560's"),
+        (
+            "microsteps = 8",
+            "microsteps = 4",
+            "vary.microsteps: joints.th1.microsteps: 4 is not one of chip-330pf's 1, 2, 8, 16: the nearest are 2 and 8",
+        ),
         ("[500000, 1000000]", "[400000]", "vary.bitrate: bitrate: 400000 is not one of"),
         ("held = true", "hold = true", "teaching-scara: fault 1: hold: key 'hold' is unknown: did you mean held?"),
         ('robots = ["teaching-scara"]', 'robots = ["hybrid-arm"]', "robots: robot 'hybrid-arm' is unknown"),
