@@ -20,7 +20,7 @@ from steptwin.host.record.plots import PICTURES
 
 ROBOT = "teaching-scara"
 WRITTEN = (
-    *("report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "trace.vcd"),
+    *("report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "shelf.json", "trace.vcd"),
     *(f"{name}.png" for name in DEFAULT_PICTURES),
 )
 """The files of a run in the order in which they are written."""
