@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from steptwin.controller.node.pins import MODE_LEVELS
 from steptwin.emulator.faults.harm import AxisOperation, Key, KeyKind, keyed
+from steptwin.protocol.od import MICROSTEPS_CHOICES
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
@@ -48,12 +48,14 @@ class DriverMode(AxisOperation):
 
     microsteps: int | None = field(
         default=None,
-        metadata=keyed(Key("microsteps", KeyKind.WHOLE, choices={each: each for each in MODE_LEVELS}, optional=True)),
+        metadata=keyed(
+            Key("microsteps", KeyKind.WHOLE, choices={each: each for each in MICROSTEPS_CHOICES}, optional=True)
+        ),
     )
 
     def __post_init__(self) -> None:
-        if self.microsteps is not None and self.microsteps not in MODE_LEVELS:
-            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MODE_LEVELS))}")
+        if self.microsteps is not None and self.microsteps not in MICROSTEPS_CHOICES:
+            raise ValueError(f"microsteps {self.microsteps} is not one of {', '.join(map(str, MICROSTEPS_CHOICES))}")
 
     def apply_to(self, board: "Board", _now_counts: int) -> None:
         """Set the mode at the start of the next tick."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.faults.bus import FrameLoss
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
 from steptwin.emulator.faults.harm import Harm, Operation
 from steptwin.emulator.faults.machine import Payload
 from steptwin.emulator.simulation import Simulation
@@ -14,6 +15,7 @@ from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.drivers import ChipSheet, one_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,21 @@ def check_motors(harm: Harm, *, turning: bool) -> None:
         )
 
 
+def _check_chip(harm: DriverProtect | DriverMode | OscCapacitor, chip: ChipSheet) -> None:
+    """Raise InputError if a driver's chip lacks the part, the pin or the mode that a harm concerns."""
+    if isinstance(harm, OscCapacitor):
+        if chip.oscillator is None:
+            raise InputError(f"{chip.name} has no capacitor at OSC; a TB6560 has")
+    elif isinstance(harm, DriverProtect):
+        if chip.fault_output is None:
+            raise InputError(f"{chip.name} has no pin that tells of a fault; a TB6560 and a DRV8825 have")
+    elif harm.microsteps is not None:
+        try:
+            one_of(harm.microsteps, chip.microsteps, f"{chip.name}'s")
+        except ValueError as error:
+            raise InputError(f"microsteps: {error}") from error
+
+
 class Target:
     """A robot's emulated machine: its boards in a simulation, with axes numbered as the robot's joints.
 
@@ -150,11 +167,14 @@ class Target:
         self.board_numbers = [number for number, _ in self.places.axes]
 
     def check(self, harm: Harm) -> None:
-        """Raise InputError unless the machine has what a harm concerns: motors that turn with it, a receiver."""
+        """Raise InputError unless the machine has what a harm concerns: motors that turn, a receiver, a chip's part."""
         check_motors(harm, turning=self.simulation.rotor_watch is not None)
         boards = len(self.simulation.boards)
         if isinstance(harm, FrameLoss) and harm.receiver is not None and harm.receiver > boards:
             raise InputError(f"receiver: {harm.receiver} is not from 0 to {boards}, the number of boards")
+        if isinstance(harm, DriverProtect | DriverMode | OscCapacitor):
+            board, axis = self.axes[harm.axis]
+            _check_chip(harm, board.drivers.drivers[axis].module.chip)
 
     def harm(self, harm: Harm) -> None:
         """Execute an operation now, or let a fault of the bus begin, or end all of them; raises as `check`."""

@@ -10,7 +10,8 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.bus import BusOff
-from steptwin.emulator.faults.drivers import DriverProtect
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
+from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.faults.machine import BrownOut, EmergencyStop, PowerUp, WatchdogReset
 from steptwin.host.cli.app import run
 from steptwin.host.cli.run.faults_on_purpose import print_faults
@@ -411,6 +412,32 @@ def test_another_payload_needs_motors(fast_kernel: Kernel) -> None:
     )
     with pytest.raises(InputError, match=re.escape(told)):
         played(fast_kernel, '[[fault]]\nat_s = 0\ndo = "payload"\npayload_kg = 2.5\n')
+
+
+@pytest.mark.parametrize(
+    ("driver", "harm", "told"),
+    [
+        ("a4988", OscCapacitor(0, 330), "A4988 has no capacitor at OSC"),
+        ("drv8825", OscCapacitor(0, 330), "DRV8825 has no capacitor at OSC"),
+        ("3a-module", OscCapacitor(0, 330), None),
+        ("a4988", DriverProtect(0, active=True), "A4988 has no pin that tells of a fault"),
+        ("drv8825", DriverProtect(0, active=False), None),
+        ("a4988", DriverMode(0, 32), "microsteps: 32 is not one of A4988's 1, 2, 4, 8, 16: the nearest is 16"),
+        ("drv8825", DriverMode(0, 32), None),
+        ("3a-module", DriverMode(0, 4), "microsteps: 4 is not one of TB6560AHQ's 1, 2, 8, 16: the nearest are 2 and 8"),
+    ],
+)
+def test_a_harm_to_a_part_that_the_chip_lacks_is_refused(
+    fast_kernel: Kernel, driver: str, harm: Harm, told: str | None
+) -> None:
+    def play() -> None:
+        execute(carry(), "carry", fast_kernel, driver_profile=driver, scenario=[harm])
+
+    if told is None:
+        play()
+    else:
+        with pytest.raises(InputError, match=re.escape(told)):
+            play()
 
 
 def test_a_motion_that_fails_without_a_reason_fails_the_scenario(fast_kernel: Kernel) -> None:
