@@ -80,7 +80,7 @@ class BoardSettings:
         fast_decay_percent: part of a chopping period with fast decay, for drivers with a switch for it.
 
     Raises:
-        InputError: a value out of range, or pulses too long for the step rate.
+        InputError: a value out of range, pulses too long for the step rate, or too short for the named drivers' chip.
     """
 
     bitrate: int
@@ -105,6 +105,24 @@ class BoardSettings:
             *(partial(self._check_time, key, least_ns) for key, least_ns in _TIMING_MIN_NS.items()),
         )
         self._check_pulses()
+        if self.driver_profile is not None:
+            check_all(self._check_rate, *(partial(self._check_chip_time, key) for key in _TIMING_MIN_NS))
+
+    def _check_chip_time(self, key: str) -> None:
+        """Check a time against the chip's; a module's parts may need more, which a run shows."""
+        value_ns, least_ns = getattr(self, key), self.profile.chip.times.ns(key)
+        if key == "dirhold_ns" and least_ns and (self.active_edge or self.profile.active_edge) is ActiveEdge.FALLING:
+            least_ns += self.steplen_ns  # the board counts it from the rise
+        if value_ns < least_ns:
+            raise InputError(f"{key}: {value_ns} ns is too short for {self.driver_profile}: at least {least_ns} ns")
+
+    def _check_rate(self) -> None:
+        most = self.profile.chip.times.rate_max_hz
+        if most is not None and self.step_rate_max_hz > most.value:
+            raise InputError(
+                f"step_rate_max_hz: {self.step_rate_max_hz:g} Hz is too fast for {self.driver_profile}:"
+                f" at most {most.value} Hz"
+            )
 
     def _check_time(self, key: str, least_ns: int) -> None:
         value_ns = getattr(self, key)

@@ -479,12 +479,17 @@ class TestDrivers:
         board = ROBOT.board
         assert (board.osc_pf, board.driver_profile, board.current_a, board.active_edge) == (330, None, None, None)
 
-    @pytest.mark.parametrize("name", ["chip-100pf", "chip-330pf", "chip-1000pf", "3a-module", "slow-blue-board"])
+    @pytest.mark.parametrize("name", ["chip-100pf", "chip-330pf", "3a-module", "slow-blue-board"])
     def test_may_be_named(self, name: str) -> None:
         text = changed("osc_pf = 330", f'driver_profile = "{name}"\ncurrent_a = 3\nactive_edge = "falling"')
         board = parse_robot(text, "mine.toml").board
         assert (board.osc_pf, board.driver_profile) == (None, name)
         assert (board.current_a, board.active_edge) == (3, ActiveEdge.FALLING)
+
+    def test_named_ones_count_the_boards_pulses(self) -> None:
+        told = r"^mine.toml: board.steplen_ns: 33000 ns is too short for chip-1000pf: at least 90000 ns$"
+        with pytest.raises(InputError, match=told):
+            parse_robot(changed("osc_pf = 330", 'driver_profile = "chip-1000pf"'), "mine.toml")
 
     @pytest.mark.parametrize("idle_percent", [20, 50])
     @pytest.mark.parametrize("fast_decay_percent", [0, 25, 50, 100])
