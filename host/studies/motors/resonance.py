@@ -1,5 +1,6 @@
 """Find where a motor resonates and draw it: the greatest load angle at steady speeds, by microstep setting."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from math import ceil, inf
@@ -23,7 +24,7 @@ from steptwin.host.twin.motors.poses import carried_inertias
 from steptwin.host.verify import RunInfo
 
 SETTINGS: Final = (1, 2, 8, 16)
-"""Microsteps for each full step that a TB6560 makes."""
+"""Microsteps for each full step that are compared: those of a TB6560, and a run's own if they are others."""
 _RAMP_MS_MIN: Final = 100
 """Least time that the motor takes to its speed, with a field that turns smoothly and excites nothing."""
 _RAMP_TORQUE: Final = 0.3
@@ -61,14 +62,20 @@ class ResonanceMap:
     slips: BoolArray
 
 
-def resonance_map(drive: Drive, inertia_kgm2: float, electrics: Electrics, rates_hz: FloatArray) -> ResonanceMap:
+def resonance_map(
+    drive: Drive,
+    inertia_kgm2: float,
+    electrics: Electrics,
+    rates_hz: FloatArray,
+    settings: Sequence[int] = SETTINGS,
+) -> ResonanceMap:
     """Turn a motor, with a wheel of an inertia on its shaft, at each speed in each setting; nothing stops the wheel."""
     drive = replace(drive, lower_rad=-inf, upper_rad=inf)
-    load_deg = np.zeros((len(SETTINGS), len(rates_hz)))
+    load_deg = np.zeros((len(settings), len(rates_hz)))
     slips = np.zeros(load_deg.shape, dtype=np.bool_)
     for column, rate_hz in enumerate(rates_hz.tolist()):
         times = _Times.of(drive, inertia_kgm2, electrics, rate_hz)
-        for row, microsteps in enumerate(SETTINGS):
+        for row, microsteps in enumerate(settings):
             rotors = Rotors([drive], wheel(inertia_kgm2), PowerSupply(electrics.volt), [0.0])
             rotors.feed([_field(rate_hz, microsteps, electrics, times)])
             record = rotors.advance(times.total_ms)
@@ -179,17 +186,18 @@ def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> An
     fastest_hz = _BEYOND * max(natural, float(own_hz.max()), _SLOWEST_HZ)
     rates_hz = np.geomspace(max(fastest_hz / _RANGE, _SLOWEST_HZ), fastest_hz, _RATES)
     electrics = Electrics(record.phase_current_a, record.fast_decay, ran.verdict.supply_v_min)
-    found = resonance_map(drive, inertia_kgm2, electrics, rates_hz)
-    rows = np.arange(len(SETTINGS) + 1) - 0.5
+    settings = sorted({*SETTINGS, joint.transmission.microsteps})
+    found = resonance_map(drive, inertia_kgm2, electrics, rates_hz, settings)
+    rows = np.arange(len(settings) + 1) - 0.5
     edges_hz = np.concatenate([rates_hz[:1], np.sqrt(rates_hz[1:] * rates_hz[:-1]), rates_hz[-1:]])
     mesh = axes.pcolormesh(edges_hz, rows, found.load_deg, cmap="viridis", vmin=0.0, vmax=_WORST_DEG)
     row, column = np.nonzero(found.slips)
     axes.plot(rates_hz[column], row, "x", color=LIMIT, markersize=5, label="loses steps")
     axes.plot(
-        [natural / microsteps for microsteps in SETTINGS], range(len(SETTINGS)), "o", color="white", markersize=5,
+        [natural / microsteps for microsteps in settings], range(len(settings)), "o", color="white", markersize=5,
         markeredgecolor="black", zorder=3, label="microsteps at the natural frequency",
     )  # fmt: skip
-    own_row = SETTINGS.index(joint.transmission.microsteps)
+    own_row = settings.index(joint.transmission.microsteps)
     axes.plot(
         [own_hz.min(), own_hz.max()], [own_row, own_row], color="black", linewidth=2.0, marker="|", markersize=10,
         label="speeds of the run",
@@ -200,7 +208,7 @@ def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> An
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(rates_hz[0], rates_hz[-1])
     axes.set_ylim(rows[0], rows[-1])
-    axes.set_yticks(range(len(SETTINGS)), [f"1/{microsteps}" if microsteps > 1 else "1" for microsteps in SETTINGS])
+    axes.set_yticks(range(len(settings)), [f"1/{microsteps}" if microsteps > 1 else "1" for microsteps in settings])
     axes.grid(visible=False)
     axes.set_xlabel("full steps a second")
     axes.set_title(f"{joint.name}: {drive.motor.name}, natural frequency {natural:.0f} Hz", loc="left")

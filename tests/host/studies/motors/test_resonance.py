@@ -29,3 +29,11 @@ def test_full_steps_lose_steps_near_resonance_where_microsteps_lose_none() -> No
     drive = Drive(MOTOR, 0.6, lower_rad=-1.0, upper_rad=1.0)  # end stops of the arm, which this wheel has none of
     found = resonance_map(drive, WHEEL_KGM2, ELECTRICS, np.array([170.0]))
     assert found.slips[:, 0].tolist() == [True, False, False, False]
+
+
+def test_tenths_swing_most_where_they_come_at_the_natural_frequency() -> None:
+    peak_hz = natural_hz(DRIVE, 2.0, WHEEL_KGM2) / 10.0
+    rates_hz = peak_hz * np.array([0.8, 1.0, 1.25])
+    found = resonance_map(DRIVE, WHEEL_KGM2, ELECTRICS, rates_hz, settings=(8, 10, 16))
+    assert found.load_deg.shape == (3, 3)
+    assert found.load_deg[1].argmax() == 1
