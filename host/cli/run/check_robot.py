@@ -20,6 +20,9 @@ _SAMPLES: Final = 2000
 _NARROW_DEG: Final = 6.3
 """Range of a rotary joint, up to a whole turn in radians, below which its limits are probably in radians."""
 
+_PIN_V: Final = 3.3
+"""High level of a board's pin: the supply of an STM32."""
+
 
 def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a robot file: joints, ranges, steps, highest speeds, and the tool's reach with the slides at home."""
@@ -129,6 +132,19 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
     return warnings
 
 
+def _levels_missed(robot: "Robot") -> list[str]:
+    """Return a warning if the board's pins do not drive the inputs of the drivers that the file names."""
+    profile = robot.board.profile
+    high_v = profile.inputs.value.high_v
+    if high_v <= _PIN_V:
+        return []
+    return [
+        f"board.driver_profile: {profile.name} takes {high_v:g} V or more at STEP, DIR and ENABLE as high, and the"
+        f" board's pins have {_PIN_V:g} V: put buffers of 5 V between, or pull its inputs low from 5 V"
+        f" ({profile.inputs.source})"
+    ]
+
+
 def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]:
     return {
         "name": joint.name,
@@ -158,7 +174,7 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
             f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"
             f" {errors['rms_mm']:.3f} mm rms and up to {errors['max_mm']:.3f} mm elsewhere"
         )
-    for warning in (*_units_in_doubt(document), *document["shelf_missed"]):
+    for warning in (*_units_in_doubt(document), *_levels_missed(robot), *document["shelf_missed"]):
         warn(warning)
     reach = document["reach"]
     if inverse := document.get("inverse"):

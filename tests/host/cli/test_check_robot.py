@@ -171,6 +171,31 @@ def test_units_in_doubt_are_asked_for(
     assert all(re.match(r"steptwin: warning: shelf\.spots\.q[ab]: carry brings", other) for other in others)
 
 
+@pytest.mark.parametrize(
+    ("driver", "told"),
+    [
+        ("a4988", None),
+        ("drv8825", None),
+        ("tmc2209", None),
+        ("3a-module", None),
+        ("dm542t", "takes 3.5 V or more at STEP, DIR and ENABLE as high, and the board's pins have 3.3 V: put buffers"),
+        ("dm542", "takes 5 V or more at STEP, DIR and ENABLE as high, and the board's pins have 3.3 V: put buffers"),
+    ],
+)
+def test_inputs_that_the_boards_pins_do_not_reach(
+    driver: str, told: str | None, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = TEXT.replace("osc_pf = 330", f'driver_profile = "{driver}"\n#', 1)
+    arm.write_text(text.replace("dirsetup_ns = ", "dirsetup_ns = 9", 1), encoding="utf-8")
+    assert run(["check", str(arm)]) == 0
+    found = [line for line in capsys.readouterr().err.splitlines() if "driver_profile" in line]
+    if told is None:
+        assert found == []
+    else:
+        assert len(found) == 1
+        assert found[0].startswith(f"steptwin: warning: board.driver_profile: {driver} {told}")
+
+
 def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text(TEXT, encoding="utf-8")
     assert run(["check", str(arm), "lab-scara"]) == 2
