@@ -311,7 +311,7 @@ class TestARobotOfOnesOwn:
         if name in {"ik", "jobs"}:  # the others take their first word for a robot
             assert refusal(capsys, *command) == "ROBOT is missing: a robot's name, or --robot-file FILE"
         wrong = own_robot(tmp_path, ROBOT, {"microsteps = 8": "microsteps = 4"}, "wrong")
-        line = f"{wrong}: joints.d3.microsteps: 4 is not one of the TB6560's (1, 2, 8, 16)"
+        line = f"{wrong}: joints.d3.microsteps: 4 is not one of chip-330pf's 1, 2, 8, 16: the nearest are 2 and 8"
         assert refusal(capsys, *command, "--robot-file", wrong) == line
         missing = f"{tmp_path}/none"
         assert refusal(capsys, *command, "--robot-file", missing) == f"{missing}: No such file or directory"
