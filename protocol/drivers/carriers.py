@@ -38,8 +38,8 @@ A4988: Final = ChipSheet(
     current_law=Fact("VREF / (8 R)", f"{_A4988} 9"),
     current_max_a=Fact(2.0, f"{_A4988} 3"),
     sense_ohm=assumed(0.1, "usual on carriers"),
-    on_resistance_ohm=quoted(0.64, "A4988 datasheet: 320 mohm each, typical"),
-    supply_v=quoted((8.0, 35.0), "A4988 datasheet, load supply"),
+    on_resistance_ohm=assumed(0.64, "usual figure, not read there: A4988 datasheet: 320 mohm each, typical"),
+    supply_v=assumed((8.0, 35.0), "usual figure, not read there: A4988 datasheet, load supply"),
 )
 
 _DRV8825: Final = "TI SLVSA73A, page"
@@ -85,10 +85,10 @@ DRV8825: Final = ChipSheet(
     blocked=Fact(True, f"{_DRV8825} 12: STEP is ignored while nENBL is high"),
     shutdown=Fact(Shutdown(150, 0, Release.COOLING), f"{_DRV8825} 12 and 13: 150 at least, no hysteresis is stated"),
     current_law=Fact("VREF / (5 R)", f"{_DRV8825} 8"),
-    current_max_a=quoted(2.5, "TI DRV8825 datasheet, first page"),
+    current_max_a=assumed(2.5, "usual figure, not read there: TI DRV8825 datasheet, first page"),
     sense_ohm=assumed(0.1, "usual on carriers"),
-    on_resistance_ohm=quoted(0.4, "TI DRV8825 datasheet: 0.2 ohm each, typical"),
-    supply_v=quoted((8.2, 45.0), "TI DRV8825 datasheet, first page"),
+    on_resistance_ohm=assumed(0.4, "usual figure, not read there: TI DRV8825 datasheet: 0.2 ohm each, typical"),
+    supply_v=assumed((8.2, 45.0), "usual figure, not read there: TI DRV8825 datasheet, first page"),
 )
 
 _A3967: Final = "Allegro 26184.24H, page"
@@ -110,11 +110,11 @@ A3967: Final = ChipSheet(
     home_full_deg=assumed(45.0, "as other translators of Allegro"),
     blocked=assumed(False, "as other translators of Allegro"),
     shutdown=Fact(Shutdown(165, 15, Release.COOLING), f"{_A3967} 4"),
-    current_law=quoted("VREF / (8 R)", "Allegro 26184.24H"),
+    current_law=assumed("VREF / (8 R)", "usual figure, not read there: Allegro 26184.24H"),
     current_max_a=quoted(0.75, "Allegro 26184.24H, first page"),
     sense_ohm=assumed(0.75, "EasyDriver"),
     on_resistance_ohm=assumed(2.0, "its bridges drop 1 to 2 V"),
-    supply_v=quoted((7.0, 30.0), "EasyDriver's description"),
+    supply_v=assumed((7.0, 30.0), "usual figure, not read there: EasyDriver's description"),
 )
 
 _TRINAMIC: Final = "TMC2226 datasheet Rev. 1.06, section"
@@ -146,10 +146,10 @@ TMC2209: Final = ChipSheet(
     blocked=assumed(False, "ENN is described for the outputs alone"),
     shutdown=assumed(Shutdown(143, 23, Release.COOLING), "on again below the warning of 120"),
     current_law=quoted("0.325 V / (R + 0.02 ohm), by VREF or IRUN", "TMC2209 datasheet"),
-    current_max_a=quoted(2.8, "TMC2209 datasheet, first page: peak"),
+    current_max_a=assumed(2.8, "usual figure, not read there: TMC2209 datasheet, first page: peak"),
     sense_ohm=assumed(0.11, "usual on carriers"),
-    on_resistance_ohm=quoted(0.34, "TMC2209 datasheet: 170 mohm each"),
-    supply_v=quoted((4.75, 29.0), "TMC2209 datasheet, first page"),
+    on_resistance_ohm=assumed(0.34, "usual figure, not read there: TMC2209 datasheet: 170 mohm each"),
+    supply_v=assumed((4.75, 29.0), "usual figure, not read there: TMC2209 datasheet, first page"),
 )
 
 _TMC5160: Final = "TMC5160 datasheet Rev. 1.10"
@@ -171,11 +171,11 @@ TMC5160: Final = replace(
     home_deg=assumed(90.0, "as the TMC2209"),
     home_output=assumed(HomeOutput("DIAG1", 1), "DIAG1 can be set to tell of the index"),
     shutdown=assumed(Shutdown(136, 16, Release.COOLING), "the lowest; on again below the warning of 120"),
-    current_law=quoted("0.325 V / R, by GLOBALSCALER and IRUN", "TMC5160 datasheet"),
+    current_law=assumed("0.325 V / R, by GLOBALSCALER and IRUN", "usual figure, not read there: TMC5160 datasheet"),
     current_max_a=assumed(4.0, "0.075 ohm in series"),
     sense_ohm=quoted(0.075, "PAROL6"),
     on_resistance_ohm=assumed(0.06, "transistors outside of the chip"),
-    supply_v=quoted((8.0, 60.0), "TMC5160 datasheet, first page"),
+    supply_v=assumed((8.0, 60.0), "usual figure, not read there: TMC5160 datasheet, first page"),
 )
 
 _HIGH_3V3: Final = assumed(InputLevels(2.31), "0.7 VDD at 3.3 V")
@@ -195,7 +195,7 @@ PROFILES: Final = (
         chip=DRV8825,
         enable_open=1,  # nENBL has a pull-down
         fast_decay_percent=75,
-        inputs=quoted(InputLevels(2.2), "TI DRV8825 datasheet, V_IH"),
+        inputs=assumed(InputLevels(2.2), "usual figure, not read there: TI DRV8825 datasheet, V_IH"),
         cooling=_COOLING,
     ),
     DriverProfile(

@@ -119,7 +119,7 @@ TB6600: Final = ChipSheet(
     current_law=Fact("switches", _TB6600),
     current_max_a=Fact(3.5, _TB6600),
     sense_ohm=assumed(0.1, "not told"),
-    on_resistance_ohm=quoted(0.49, "Toshiba TB67S109A, which is often inside"),
+    on_resistance_ohm=assumed(0.49, "usual figure, not read there: Toshiba TB67S109A, which is often inside"),
     supply_v=Fact((9.0, 42.0), _TB6600),
 )
 
@@ -164,7 +164,7 @@ PROFILES: Final = (
         title="TB6600 module: 1/1 to 1/32, optocouplers; its manual has no times, 5 us are assumed",
         chip=TB6600,
         enable_open=1,
-        currents=quoted(_TB_CURRENTS, _TB6600),
+        currents=assumed(_TB_CURRENTS, f"the usual rows; {_TB6600} states the currents"),
         idle_percents=(50,),
         idle_percent=50,
         inputs=Fact(InputLevels(5.0, 8.0), f"{_TB6600}: 8 to 15 mA"),
