@@ -84,7 +84,7 @@ coverage: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/host/client tests/emulator \
 		--cov=steptwin.controller --cov=steptwin.protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
-# Make the nightly campaign, 10 000 runs over all robots and all faults, and its report; it continues where it was interrupted.
+# Make the nightly campaign, 10 000 runs over the papers' robots and all faults, and its report; it continues where it was interrupted.
 # `make campaign RUNS=100` makes the first hundred. Exit code 1, runs that failed, is no reason to end before the report.
 campaign: $(VENV)/.installed-campaign
 	$(BIN)/steptwin campaign nightly --out $(CAMPAIGN_OUT) $(RUNS:%=--runs %) || test $$? -eq 1

@@ -13,7 +13,7 @@ from steptwin.host.studies.papers.paper_page import table
 from steptwin.host.studies.papers.study import dh_columns, dh_rows
 
 ROBOTS: Final = ("lab-scara", "warehouse-scara", "teaching-scara", "calibration-scara", "hybrid-arm")
-"""The robots, in the order of the page."""
+"""The robots of papers, in the order of the page; docs/machines.md has the others."""
 
 
 _SECTION: Final = re.compile(r"\[([\w.-]+)\](?:\s*#\s*(.*))?")
@@ -73,7 +73,7 @@ def dimensions(robot: Robot) -> str:
 
 
 def board() -> str:
-    """Return the board's settings; raise ValueError if they are not the same for all robots."""
+    """Return the board's settings; raise ValueError if they are not the same for all robots of papers."""
     boards = [read_robot_file(name)["board"] for name in ROBOTS]
     if any(other != boards[0] for other in boards):
         raise ValueError("the robots' boards differ: describe each with its robot")

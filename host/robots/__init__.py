@@ -12,16 +12,20 @@ from steptwin.host.common.own_files import is_file, read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["SUFFIX", "load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
+__all__ = ["MACHINES", "SUFFIX", "load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
 
 SUFFIX: Final = ".toml"
 """End of the name of a robot's file."""
 
+MACHINES: Final = ("ar4-mk3",)
+"""The robots of machines that people build, which no paper describes."""
+
 
 def robot_names() -> tuple[str, ...]:
-    """Return the names of the robots that StepTwin brings, sorted."""
+    """Return the names of the robots that StepTwin brings: those of papers, sorted, then the machines."""
     entries = (entry.name for entry in files(__name__).iterdir())
-    return tuple(sorted(name.removesuffix(SUFFIX) for name in entries if name.endswith(SUFFIX)))
+    names = {name.removesuffix(SUFFIX) for name in entries if name.endswith(SUFFIX)}
+    return (*sorted(names.difference(MACHINES)), *MACHINES)
 
 
 def load_robot(name: str) -> Robot:

@@ -15,7 +15,6 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
-from steptwin.host.robots.base_frame import BaseFrame
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
@@ -27,6 +26,7 @@ from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMotor
+from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointHoming, JointSwitches

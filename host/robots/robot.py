@@ -12,13 +12,13 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_most, nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
-from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.motor import Dynamics
+from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.shelf import Shelf
 from steptwin.host.robots.switches import JointHoming
 

@@ -19,7 +19,7 @@ from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing
 from docs.generate.robots_page import PAGE, PAPERS_FOLDER, SAMPLED, render_robots
 from docs.generate.tables import ROBOTS, WrittenValue, read_robot_file
 from steptwin.host.cli.app import run
-from steptwin.host.robots import robot_names
+from steptwin.host.robots import MACHINES, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.kinematics.kinds import KINDS
@@ -32,6 +32,7 @@ from tests.end_to_end.pages import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
+MACHINES_PAGE = (PAGE.parent / "machines.md").read_text(encoding="utf-8")
 ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
 ALL_TEXT = (
     TEXT
@@ -115,7 +116,9 @@ def test_every_kind_has_a_drawing(kind: str) -> None:
 
 
 def test_every_robot_is_described() -> None:
-    assert set(ROBOTS) == set(robot_names())
+    """Those of papers in docs/robots.md, machines that people build in docs/machines.md."""
+    assert {*ROBOTS, *MACHINES} == set(robot_names())
+    assert [name for name in MACHINES if f"`{name}`" not in MACHINES_PAGE] == []
 
 
 def test_links_lead_somewhere() -> None:
@@ -168,12 +171,12 @@ def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) ->
     assert sampled.tool_mm <= report.tool.position_error_mm_max <= 1.5 * sampled.tool_mm
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", [*ROBOTS, *MACHINES])
 def test_every_number_of_a_robot_is_marked(robot: str) -> None:
     for name, section in read_robot_file(robot).items():
         marked = name.startswith(("places.", "boxes.", "shelf.")) and section.comment.startswith("[")
         for key, entry in section.entries.items():
-            assert entry.mark or marked or key in {"name", "title", "paper", "kind", "unit"}, (name, key)
+            assert entry.mark or marked or key in {"name", "title", "paper", "kind", "notation", "unit"}, (name, key)
 
 
 def test_a_robot_file_is_read_with_its_notes() -> None:

@@ -9,6 +9,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.planning.jobs import job_names
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
+from tests.end_to_end.pages import ROOT
 
 WIDTH = 80
 
@@ -25,13 +26,16 @@ def printed(words: list[str], width: int, patch: pytest.MonkeyPatch, capsys: pyt
 def commands(robot: str) -> list[list[str]]:
     """Return the commands that print tables without a live board."""
     loaded = load_robot(robot)
-    pose = make_kinematics(loaded).forward(np.array([loaded.home]))[0].tolist()
-    goal = zip(("--x", "--y", "--z", "--phi"), pose, strict=True)
+    kinematics = make_kinematics(loaded)
+    x_mm, y_mm, z_mm, *turn_deg = kinematics.task.figures(kinematics.forward(np.array([loaded.home])))[0].tolist()
+    option = "--phi" if kinematics.task.is_flat else "--rpy"
+    turned = [option, " ".join(f"{angle_deg:.9f}" for angle_deg in turn_deg)]
+    place = zip(("--x", "--y", "--z"), (x_mm, y_mm, z_mm), strict=True)
     return [
         ["robots"],
         ["jobs", robot],
-        ["workspace", robot, "--samples", "1000", "--phi", f"{pose[3]:.9f}"],
-        ["ik", robot, *(word for option, value in goal for word in (option, f"{value:.9f}"))],
+        ["workspace", robot, "--samples", "1000", *(turned if kinematics.task.is_flat else [])],
+        ["ik", robot, *(word for option, value in place for word in (option, f"{value:.9f}")), *turned],
     ]
 
 
@@ -49,7 +53,11 @@ def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 def test_the_report_of_a_run_fits(
     robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lines = printed(["run", robot, job_names(load_robot(robot))[0]], WIDTH, monkeypatch, capsys)
+    """A machine without jobs runs its example."""
+    motion = next(iter(job_names(load_robot(robot))), str(ROOT / "docs" / "programs" / f"{robot}.toml"))
+    lines = printed(["run", robot, motion], WIDTH, monkeypatch, capsys)
+    start = next(i for i, line in enumerate(lines) if line.startswith("axis"))
     end = next(i for i, line in enumerate(lines) if line.startswith("CLK:"))
-    assert end == 2 + len(load_robot(robot).joints)
+    assert lines[:start] == ([f"drivers: {profile}"] if (profile := load_robot(robot).board.driver_profile) else [])
+    assert end - start == 2 + len(load_robot(robot).joints)
     assert max(map(len, lines[:end])) <= WIDTH

@@ -19,8 +19,8 @@ _COLUMNS: Final = ("n", "o", "a", "p")
 
 def matrices_document(kinematics: "Kinematics", joints: "FloatArray") -> dict[str, Any]:
     """Return the DH table with its values and matrices at joints of shape (1, joints); matrices are lists of rows."""
-    from steptwin.host.robots.base_frame import STATION
     from steptwin.host.robots.kinematics.base import link_frames, tool_frames
+    from steptwin.host.robots.poses.base_frame import STATION
 
     variables = kinematics.dh_variables(joints)
     links = [

@@ -20,7 +20,13 @@ def robots(answer: AnswerOptions) -> None:
             text_columns=3,
         )
 
-    answer.tell({"robots": listed}, table, "", "their papers:", *(f"{robot.name}: {robot.paper}" for robot in found))
+    answer.tell(
+        {"robots": listed},
+        table,
+        "",
+        "their papers:",
+        *(f"{robot.name}: {robot.paper}" for robot in found if robot.paper),
+    )
 
 
 @command("warehouse-scara", "--robot-file mine.toml")

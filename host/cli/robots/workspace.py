@@ -53,7 +53,7 @@ def workspace(
 
 
 def _document(robot: "Robot", cloud: "MonteCarlo", scanned: "Scan | None") -> dict[str, Any]:
-    from steptwin.host.robots.base_frame import STATION
+    from steptwin.host.robots.poses.base_frame import STATION
 
     monte_carlo = {
         "samples": cloud.samples,

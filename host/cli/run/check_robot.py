@@ -161,8 +161,8 @@ def _joint_document(joint: "Joint", driver_rate_max_hz: float) -> dict[str, Any]
 
 
 def _print(robot: "Robot", document: dict[str, Any]) -> None:
-    from steptwin.host.robots.base_frame import STATION
     from steptwin.host.robots.poses import SCARA
+    from steptwin.host.robots.poses.base_frame import STATION
 
     say(f"{robot.name}: {robot.title} ({robot.kinematics})")
     print_rows(_COLUMNS, document["joints"], text_columns=2)

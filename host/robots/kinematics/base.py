@@ -17,11 +17,11 @@ from steptwin.host.common.bad_input import by, nearest, outside, prefixed, short
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.tables import Reading, Table
-from steptwin.host.robots.base_frame import BaseFrame
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.poses import Task
+from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Dimension, Robot
 
 

@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.base_frame import STATION, BaseFrame
+from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 
 Variables = Mapping[str, FloatArray]
 """The variables of a table by name, in mm and degrees, each of shape (n,)."""

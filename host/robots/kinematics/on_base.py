@@ -12,11 +12,11 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.kinematics.base import Branch
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.poses import SCARA, Task
+from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.poses.rotations import wrapped_deg
 
 

@@ -43,7 +43,7 @@ def digest_of(package: Path) -> str:
 
 
 NIGHTLY: Final = "nightly"
-"""Name of the campaign over all robots and all faults."""
+"""Name of the campaign over the robots of papers and all faults."""
 _CAMPAIGN: Final = "campaign.toml"
 _FILES: Final = "files"
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs.spiral import STEP_RAD, SpiralOptions, ZLaw, spiral_poses
-from steptwin.host.robots.base_frame import BaseFrame
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
+from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
 from steptwin.host.studies.papers.study import Study, texts
 

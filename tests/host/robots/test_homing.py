@@ -6,7 +6,7 @@ from importlib.resources import files
 import pytest
 
 from steptwin.host.operate.homing import homing_settings
-from steptwin.host.robots import load_robot, parse_robot, robot_names
+from steptwin.host.robots import MACHINES, load_robot, parse_robot, robot_names
 from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.protocol import od
 from tests.host.complaints import complaint_of
@@ -35,9 +35,10 @@ SEEN_AT = {
 
 @pytest.mark.parametrize("name", robot_names())
 def test_every_joint_of_every_robot_can_be_homed(name: str) -> None:
+    """The papers' robots have switches at both ends, an AR4 has one for each joint."""
     for joint in load_robot(name).joints:
-        assert joint.switches.negative_limit is not None
-        assert joint.switches.positive_limit is not None
+        limits = [joint.switches.negative_limit, joint.switches.positive_limit]
+        assert limits.count(None) == (1 if name in MACHINES else 0)
         assert homing_settings(joint) is not None
 
 

@@ -1,4 +1,4 @@
-"""Robot files: the figures of the five robots, and the error for each kind of mistake in a file."""
+"""Robot files: the figures of the robots that StepTwin brings, and the error for each kind of mistake in a file."""
 
 import re
 from importlib.resources import files
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots import load_robot, load_robot_file, parse_robot, robot_names
+from steptwin.host.robots import MACHINES, load_robot, load_robot_file, parse_robot, robot_names
 from steptwin.host.robots.board_settings import Output
 from steptwin.host.robots.joint import Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
@@ -68,6 +68,12 @@ FIGURES = """
     hybrid-arm        Z5    mm    160         0.00625    80     12800.0  480    -250   250    400
     hybrid-arm        Z6    mm    160         0.00625    80     12800.0  480    -250   250    400
     hybrid-arm        th4   deg   8.888889    0.1125     180    1600.0   30     -360   360    1000
+    ar4-mk3           J1    deg   88.888889   0.01125    60     5333.3   400    -170   170    30
+    ar4-mk3           J2    deg   111.111111  0.009      60     6666.7   500    -42    90     30
+    ar4-mk3           J3    deg   111.111111  0.009      60     6666.7   500    -89    52     30
+    ar4-mk3           J4    deg   99.555556   0.010044642857142856 60     5973.3   448    -180   180    30
+    ar4-mk3           J5    deg   43.72       0.022872827081427266 60     2623.2   98.37  -105   105    30
+    ar4-mk3           J6    deg   44.444444   0.0225     60     2666.7   200    -180   180    30
 """
 """Steps per mm or degree, travel per pulse, highest speed with its step rate and motor speed, range, acceleration."""
 
@@ -100,12 +106,13 @@ class TestEachRobot:
 
     def test_is_in_the_table(self, robot: Robot) -> None:
         assert [joint for name, joint, *_ in ROWS if name == robot.name] == [*robot.joint_names]
-        assert robot.kinematics == robot.name
+        assert robot.kinematics == ("chain" if robot.name in MACHINES else robot.name)
         assert robot.title
 
-    def test_makes_pulses_of_exactly_15_khz(self, robot: Robot) -> None:
-        """Both times of a pulse are rounded up to counts of 72 MHz."""
-        board = robot.board
+    @pytest.mark.parametrize("name", [name for name in robot_names() if name not in MACHINES])
+    def test_makes_pulses_of_exactly_15_khz(self, name: str) -> None:
+        """Both times of a pulse are rounded up to counts of 72 MHz; the papers' robots have TB6560s."""
+        board = load_robot(name).board
         counts = [-(-ns * 72 // 1000) for ns in (board.steplen_ns, board.stepspace_ns)]
         assert sum(counts) == 4800
         assert 72_000_000 / sum(counts) == board.step_rate_max_hz == board.driver_rate_max_hz == 15_000

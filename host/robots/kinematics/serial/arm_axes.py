@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.base_frame import STATION
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
+from steptwin.host.robots.poses.base_frame import STATION
 
 
 @dataclass(frozen=True, slots=True, eq=False)

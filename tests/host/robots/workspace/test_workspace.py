@@ -129,7 +129,7 @@ HEIGHTS = {
 
 
 class TestSections:
-    @pytest.mark.parametrize("robot", robot_names())
+    @pytest.mark.parametrize("robot", REACHES)
     def test_reaches(self, robot: str) -> None:
         sections = scanned(robot)
         assert sections.plan.radius_mm == pytest.approx(REACHES[robot], abs=1e-6)
@@ -139,7 +139,7 @@ class TestSections:
     @pytest.mark.parametrize("robot", robot_names())
     def test_by_default_at_home(self, robot: str) -> None:
         loaded, sections = load_robot(robot), scanned(robot)
-        x_mm, y_mm, z_mm, _ = make_kinematics(loaded).forward(np.array([loaded.home]))[0]
+        x_mm, y_mm, z_mm, *_ = make_kinematics(loaded).forward(np.array([loaded.home]))[0]
         assert sections.plan.z_mm == z_mm
         assert sections.profile.azimuth_deg == pytest.approx(np.rad2deg(np.arctan2(y_mm, x_mm)), abs=1e-12)
         assert sections.attitude_deg is None

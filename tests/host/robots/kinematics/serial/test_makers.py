@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots import read_robot
+from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.poses.rotations import angle_deg, of_matrix, of_rotation_vector, of_rpy_deg
+from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.serial.arms import (
     AR4_ROWS,
     DUMMY_ROWS,
@@ -20,8 +21,9 @@ STORED = np.array([[-9.686, -8.991, 18.549, 7.965, 22.667, -6.458]])
 """Joints that AR4's hmi/defaults.json stores, beside the pose."""
 
 
-def test_the_ar4s_stored_pose() -> None:
-    pose = kinematics_of(arm("AR4")).forward(STORED)[0]
+@pytest.mark.parametrize("robot", [arm("AR4"), load_robot("ar4-mk3")], ids=["test's", "brought"])
+def test_the_ar4s_stored_pose(robot: Robot) -> None:
+    pose = kinematics_of(robot).forward(STORED)[0]
     assert pose[:3] == pytest.approx([267.292, -43.401, 412.343], abs=5e-4)
     assert angle_deg(pose[3:], of_rotation_vector(np.array([-1.927, 121.621, 9.454])[::-1])) < 2e-3
     assert angle_deg(pose[3:], of_rpy_deg(np.array([175.5, 57.9, 168.6]))) < 0.1

@@ -1,0 +1,34 @@
+"""An AR4 searches its switches as its maker has it: J1 to J6 one after the other, each on its own side."""
+
+import numpy as np
+import pytest
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.host.robots import load_robot
+from tests.host.client.test_homing import how, machine_of, reported_steps
+
+AR4 = load_robot("ar4-mk3")
+METHODS = (18, 17, 18, 17, 17, 18)
+"""The sketch's CalDir 1 0 1 0 0 1: to the positive limit switch for 1, to the negative one for 0."""
+EDGES_DEG = (172.0, -44.0, 54.0, -182.0, -107.0, 182.0)
+"""Where the switches close."""
+
+
+def test_the_methods_and_sides_of_the_file() -> None:
+    assert tuple(joint.homing.method for joint in AR4.joints if joint.homing) == METHODS
+    sides = [(joint.switches.negative_limit, joint.switches.positive_limit) for joint in AR4.joints]
+    assert sides == [(None, at) if at > 0 else (at, None) for at in EDGES_DEG]
+
+
+def test_one_after_the_other_each_to_its_side(fast_kernel: Kernel) -> None:
+    """After each search its joint stands within half a degree of its switch, and the later ones where they stood."""
+    board, machine = machine_of(AR4, list(AR4.home), fast_kernel)
+    stood = board.driver_positions()
+    seen: list[list[int]] = []
+    machine.home_axes(how(AR4), lambda _: seen.append(board.driver_positions()))
+    assert len(seen) == 6
+    for i, positions in enumerate(seen):
+        reached_deg = np.divide(positions, AR4.steps_per_unit)[: i + 1]
+        assert reached_deg == pytest.approx(EDGES_DEG[: i + 1], abs=0.5)
+        assert positions[i + 1 :] == stood[i + 1 :]
+    assert reported_steps(AR4, machine) == board.driver_positions()
