@@ -21,11 +21,14 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
         "teaching-scara": ["th1", "th2", "d3", "th4"],
         "calibration-scara": ["th1", "th2", "d3", "th4"],
         "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
+        "ar4-mk3": ["J1", "J2", "J3", "J4", "J5", "J6"],
     }
-    assert all(robot["paper"] for robot in document["robots"])
+    assert [robot["name"] for robot in document["robots"] if not robot["paper"]] == ["ar4-mk3"]
+    assert list(names)[-1] == "ar4-mk3"
     assert run(["robots"]) == 0
     shown = capsys.readouterr().out
     assert "\nwarehouse-scara: Jiang Aimin, Guo Liang, Tan Xiangquan: Development" in shown
+    assert "ar4-mk3:" not in shown
 
 
 def test_jobs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from steptwin.host.robots import load_robot, read_robot, robot_names
+from steptwin.host.robots import MACHINES, load_robot, read_robot, robot_names
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.poses import Pose
@@ -69,9 +69,12 @@ def test_both_sides(name: str, pose: Pose, words: str | None, on_path: bool) -> 
 
 
 def test_a_pose_at_random_and_the_one_that_passes() -> None:
-    """Far away, below, behind, within: whatever is wished, the pose named is in reach on the branch asked for."""
+    """Far away, below, behind, within: whatever is wished, the pose named is in reach on the branch asked for.
+
+    A machine's six axes may reach no place at all in the orientation that is wished.
+    """
     random = np.random.default_rng(5)
-    for name in robot_names():
+    for name in [name for name in robot_names() if name not in MACHINES]:
         robot = arm(name)
         kinematics, near = make_kinematics(robot), np.array(robot.home)
         for wish in random.uniform((-900, -900, -500, -180), (900, 900, 900, 180), (12, 4)).round(1).tolist():
