@@ -191,7 +191,7 @@ class DriverBank:
         self._take(axis, wires.change(wire, condition, counts))
 
     def set_mode(self, axis: int, microsteps: int | None, counts: int) -> None:
-        """Set a driver to a mode by its switches or its chip's pins; None: as it was, or as the firmware has them."""
+        """Set a driver to a mode by its switches or pins; None ends that, and pins are as the firmware has them."""
         driver = self.drivers[axis]
         if driver.module.switches is not None:
             driver.turn_switches(microsteps, counts)

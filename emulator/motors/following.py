@@ -73,7 +73,7 @@ class ArmArrays(NamedTuple):
 
     Attributes:
         bodies: the tree, BODY_FIELDS numbers of `mechanics` for each body.
-        slopes: bodies x axes, rad or m of each joint for each rad of a rotor; those of a platform follow the pose.
+        slopes: bodies x axes, rad or m of each joint for each rad of a rotor; a platform's change with its pose.
         offsets: the joints' positions with all rotors at 0, one for each body.
         pair: PAIR_FIELDS numbers.
         body_count: number of bodies.

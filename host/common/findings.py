@@ -70,8 +70,8 @@ def judged(make: type[Made], values: Mapping[str, object], findings: Findings) -
     """Return the settings with these values of fields, and add to `findings` what is wrong with them.
 
     A field that is not among the values could not be read. None stands for a missing one, which takes its default. If
-    something is unread or wrong, the settings returned are a part: a field that they lack raises UnreadError, so that
-    no other check complains about it once more.
+    something is unread or wrong, the settings returned are incomplete: reading a field that they lack raises
+    UnreadError, so that no other check complains about it once more.
 
     `make` is a frozen dataclass whose `__post_init__` makes its checks, and whose messages begin with the wrong field.
     """

@@ -64,7 +64,7 @@ class AxisStatus:
     unit: str
     error: str | None
     error_code: int | None
-    """The present error's code in CiA 402, 0 without error."""
+    """The present error's code in CiA 402, 0 without error; None while a trajectory is streamed."""
     history: tuple[str, ...] | None = None
     """Errors since power-up, the newest first."""
     emergency_stopped: bool | None = None

@@ -45,7 +45,7 @@ def parse_robot(text: str, source: str) -> Robot:
 
 
 def read_robot(text: str) -> Robot:
-    """Return the same robot; the messages of the InputError are everything that is wrong, each with its key."""
+    """Return the robot that a text describes; the InputError's messages are all that is wrong, each with its key."""
     table = toml_table(text)
     if "step" in table and not any(key in table for key in ("kinematics", "joints", "board")):
         raise InputError("is a program, not a robot: its robot's name or file stands before it")

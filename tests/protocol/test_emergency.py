@@ -80,6 +80,17 @@ def test_inhibit_time_spaces_the_frames() -> None:
     assert emergency.poll(4000, inhibit_100us) is not None
 
 
+def test_postponing_does_not_shorten_the_inhibit_time() -> None:
+    emergency = EmergencyProducer()
+    emergency.raise_error(ErrorCode.PVT_UNDERRUN)
+    emergency.raise_error(ErrorCode.PARAMETER)
+    assert emergency.poll(1000, 30) is not None
+    emergency.postpone(2000)
+    assert emergency.due_us == 4000
+    emergency.postpone(5000)
+    assert emergency.due_us == 5000
+
+
 def test_a_communication_reset_ends_communication_errors_and_drops_what_waits() -> None:
     emergency = EmergencyProducer()
     emergency.raise_error(ErrorCode.PVT_UNDERRUN)

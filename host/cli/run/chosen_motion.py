@@ -88,7 +88,7 @@ class SpeedOptions:
         return self.stretch is not None or self.speed is not None
 
     def factor(self) -> float | None:
-        """Return how many times slower the motion is to be; None as it is, and as slow as it must be."""
+        """Return how many times slower the motion is to be; None without either option, and for `--stretch auto`."""
         if self.stretch is not None and self.speed is not None:
             raise InputError(f"--stretch {self.stretch} --speed {self.speed}: give only one of them")
         if self.speed is not None:

@@ -41,9 +41,9 @@ class Desk(DeskState):
     # --- for the operator
 
     def require_shown(self, name: str, shown: int | None) -> None:
-        """Raise RefusedError, with why, unless what is asked for now was asked for from the machine as it is.
+        """Raise RefusedError, with why, if the page that asks has not shown the machine's present state.
 
-        `name` says what that is, and `shown` is the number of the newest snapshot that its page had shown then.
+        `name` says what is asked for, `shown` is the number of the newest snapshot that the page had shown then.
         """
         try:
             self.shown.require(shown)

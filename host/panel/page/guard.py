@@ -45,7 +45,7 @@ def _is_name(value: object) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a whole number, or the digits of one, as in a query."""
+    """Return whether a value is a whole number from 0 to _ID_MAX, or the digits of one, as in a query."""
     if isinstance(value, str):
         return value.isascii() and value.isdecimal() and len(value) <= len(str(_ID_MAX))
     return type(value) is int and 0 <= value <= _ID_MAX

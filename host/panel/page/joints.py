@@ -51,7 +51,7 @@ class OutputsTab:
             note(f"{robot.name} has no inputs.")
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Show what is on."""
+        """Show each output and input as on, off or unknown."""
         for chips, levels in ((self._outputs, snapshot.outputs), (self._inputs, snapshot.inputs)):
             for name, chip in chips.items():
                 on = levels.get(name)

@@ -63,7 +63,7 @@ class LabStudy(Study):
 
     @property
     def formulas(self) -> dict[str, Computed]:
-        """The misprinted formulas at `at`."""
+        """The formulas that the paper misprints, computed for the joints `at`."""
         d1_mm, th2_deg, th3_deg, th4_deg = self.at
         c4, s4, c23, s23 = (f(radians(angle)) for angle in (th4_deg, th2_deg + th3_deg) for f in (cos, sin))
         o_x, o_y, o_z = self.product[:3, 1].tolist()

@@ -184,3 +184,10 @@ def test_where_there_is_no_room_for_a_ramp_it_creeps_for_16_ms(distance: int, je
     run = ExecutedProfile(0).take(move(distance, 0, 0, Limits(960_000, 2**32 - 1, 2**32 - 1, jerk)))
     assert [segment.duration_ms for segment in run.segments] == [16]
     assert (run.units, run.velocity) == (distance, 0)
+
+
+def test_a_creep_takes_its_time() -> None:
+    """3 units at 1 unit/s^2 are a smoothstep of sqrt(6 D / a) = 4.2427 s."""
+    run = ExecutedProfile(0).take(move(3, 0, 0, Limits(6400, 1, 1)))
+    assert sum(segment.duration_ms for segment in run.segments) == 4243
+    assert (run.units, run.velocity) == (3, 0)

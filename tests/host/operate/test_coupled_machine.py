@@ -231,3 +231,15 @@ def test_a_step_of_the_shoulder_without_known_positions(fast_kernel: Kernel) -> 
     board, session = machine(fast_kernel, known=False)
     step_joint(session, "th1", 7.5)
     assert standing(board) == pytest.approx([27.5, *HERE[1:]], abs=3 * STEP_DEG)
+
+
+def test_a_jog_has_no_limits_if_an_axis_that_its_joint_depends_on_is_lost(fast_kernel: Kernel) -> None:
+    """The elbow's motor knows its position, but not that of the shoulder, on which th2 depends, too."""
+    _, session = machine(fast_kernel, known=False)
+    here = HomingSettings(HOME_HERE, 1, 1, 1, session.units(HERE)[1], 0)
+    with session.charge("preset", needs=()) as charge:
+        charge.enable().home_axes((None, here, None, None))
+    seen: list[list[list[int]]] = []
+    jog(session, "th2", 10.0, 0.2, until=lambda: bool(seen.append(limits(session))))  # type: ignore[func-returns-value]
+    assert len(seen) > 1
+    assert all(each == [FREE] * 4 for each in seen)

@@ -116,6 +116,18 @@ def test_another_program_may_read_the_status(
     assert all(axis.moving and axis.supply_v is None and axis.queue and axis.queue.free < 64 for axis in status.axes)
 
 
+def test_a_run_after_a_reset_shows_no_error(session: Session, pull: Plan) -> None:
+    """While a trajectory is streamed the reports alone say what the present error is: none, whatever was before."""
+    emergency_stop(session)
+    reset(session)
+    assert session.machine.axes[SX].error_codes
+    seen: list[MachineStatus] = []
+    execute_live(session, pull, "pull-line", approach=True, progress=lambda _: seen.append(read_status(session)))
+    streaming = [status for status in seen if status.streaming]
+    assert streaming
+    assert {axis.error for status in streaming for axis in status.axes} == {None}
+
+
 @pytest.fixture(scope="module")
 def there_and_back(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """A trajectory that ends where it starts, which can be repeated."""

@@ -141,8 +141,9 @@ class NumericInverse:
             wanted = turned(poses[:, 3:], back)
             sine = np.linalg.norm(wanted[:, :2], axis=1)
             angle = np.arctan2(sine, wanted[:, 2])
-            part = np.divide(angle, sine, out=np.where(wanted[:, 2] < 0.0, np.pi, 1.0), where=sine > 0.0)
-            errors.append(np.column_stack([-wanted[:, 1] * part, wanted[:, 0] * part]))
+            part = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
+            about_x = np.where(sine > 0.0, -wanted[:, 1] * part, angle)  # opposite: half a turn, about any axis
+            errors.append(np.column_stack([about_x, wanted[:, 0] * part]))
         return np.concatenate(errors, axis=1), self._scaled(jacobians)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.kinematics.base import joint_constraints
-from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG, Found, NumericInverse
 from steptwin.host.robots.kinematics.serial.serial_arm import NEAREST
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.serial.arms import (
@@ -133,3 +133,25 @@ def test_a_joint_that_is_held_stays() -> None:
     assert np.nanmin(off, axis=0).max() < 1e-6
     limits = joint_constraints(robot.joints, joints)
     assert np.all([each.kept for each in limits])
+
+
+def test_a_random_start_counts_if_place_and_turn_together_are_nearer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The near start has the place exactly, but is turned by 90 degrees; the random one has both within tolerance."""
+    first, second = np.zeros((1, 6)), np.ones((1, 6))
+    turned = Found(first, np.zeros(1), np.array([90.0]))
+    results = iter((turned, Found(second, np.array([PLACE_OFF_MM / 2]), np.zeros(1))))
+    monkeypatch.setattr(NumericInverse, "near", lambda *_: next(results))
+    found = kinematics_of(missing_wrist())._numeric.anywhere(np.zeros((1, 7)), first)  # noqa: SLF001
+    assert found.solved.all()
+    assert found.joints.tolist() == second.tolist()
+
+
+def test_the_opposite_direction_is_not_the_direction() -> None:
+    """Told to point backwards, the tool is half a turn off, not at the goal."""
+    robot = five_axes()
+    kinematics, joints = kinematics_of(robot), random_joints(robot, 500)
+    poses = kinematics.forward(joints)
+    poses[:, 3:] *= -1.0
+    found = kinematics._numeric.near(poses, joints)  # noqa: SLF001
+    off_deg = kinematics.task.off_deg(kinematics.forward(found.joints), poses)
+    assert np.all(off_deg[found.solved] <= TURN_OFF_DEG)
