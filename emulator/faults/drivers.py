@@ -49,7 +49,7 @@ class DriverMode(AxisOperation):
     microsteps: int | None = field(
         default=None,
         metadata=keyed(
-            Key("microsteps", KeyKind.WHOLE, choices={each: each for each in MICROSTEPS_CHOICES}, optional=True)
+            Key("microsteps", KeyKind.WHOLE, "N", choices={each: each for each in MICROSTEPS_CHOICES}, optional=True)
         ),
     )
 

@@ -65,8 +65,6 @@ ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2), "door":
 AXES = range(4)
 ESTOP = {"do": "estop", "pressed": True}
 
-MICROSTEPS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100, 125, 128, 256)
-
 
 class Machine:
     """The robot's four axes on two boards, enabled; the test lets time pass."""
@@ -468,7 +466,7 @@ def test_each_harm_of_a_served_board_has_words() -> None:
         ("", "WHAT is missing: estop, supply, temperature"),
         ("host hang", "WHAT 'host' is unknown: there are estop"),
         ("wire th2 step", "after wire: JOINT step|dir|enable whole|broken|low|high|noisy [rate_hz=HZ] [width_us=US]"),
-        ("mode th2 8 16", f"after mode: JOINT [microsteps={'|'.join(map(str, MICROSTEPS))}], not th2 8 16"),
+        ("mode th2 8 16", "after mode: JOINT [microsteps=N], not th2 8 16"),
         ("state on", "after state: nothing, not on"),
         ("loss records cuont=3", "key of loss 'cuont' is unknown: did you mean count"),
         ("loss all rate=1 rate=0", "rate: is given twice"),
