@@ -50,7 +50,7 @@ class AnswerOptions:
                 each()
 
     def add(self, *lines: str) -> None:
-        """Print lines that are no part of the document."""
+        """Print lines that do not belong to the document."""
         say(*lines, err=self.as_json)
 
     def add_files(self, what: str, folder: Path | str, *files: str, pictures: bool = True) -> None:

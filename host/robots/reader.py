@@ -305,7 +305,7 @@ _AT_DRAWERS: Final[dict[str, Reading]] = {"obstacles": _texts, **dict.fromkeys(S
 
 
 def _shelf(table: Table, key: str) -> Shelf:
-    """Return a shelf: all keys of drawers are required, but for one that has none of them and spots alone."""
+    """Return a shelf: one with spots alone needs no key of drawers, any other needs all of them."""
     with table.section(key) as section:
         drawers = any(name in section for name in _DRAWERS | _AT_DRAWERS) or "spots" not in section
     required, optional = (_DRAWERS, _SPOTS) if drawers else (_SPOTS, _DRAWERS)

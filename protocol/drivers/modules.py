@@ -1,4 +1,4 @@
-"""Drivers in a case, whose chip nobody names: Leadshine's DM542, StepperOnline's DM542T and the TB6600 modules.
+"""Drivers in a case, whose makers do not name the chip: Leadshine's DM542, StepperOnline's DM542T, TB6600 modules.
 
 Switches choose mode and current; optocouplers stand at their inputs, whose delays the stated times contain.
 """

@@ -113,7 +113,7 @@ class Presses:
     """The one button that is held, and the presses that are over; may be used from any thread."""
 
     def __init__(self, tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic) -> None:
-        """Begin without one; `tell` is called with why a press that nobody has served was in vain."""
+        """Begin without a press; `tell` gets the reason why a press was dropped before the machine moved."""
         self._tell = tell
         self._now_s = now_s
         self._present: Press | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint, Unit
-from steptwin.host.robots.kinematics.base import Branch, Constraint, read_geometry
+from steptwin.host.robots.kinematics.base import Branch, Constraint, KeepsBranch, read_geometry
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line, point
 from steptwin.host.robots.kinematics.serial.chain_geometry import check_joint_names
@@ -41,7 +41,7 @@ class AxesGeometry:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BareAxes:
+class BareAxes(KeepsBranch):
     """The kinematics of joints without a tool; implements Kinematics.
 
     Attributes:
@@ -90,16 +90,6 @@ class BareAxes:
         """False: there is no inverse."""
         return False
 
-    @property
-    def inverse_words(self) -> str:
-        """Nothing: the kind says it."""
-        return ""
-
-    @property
-    def keeps_branch(self) -> bool:
-        """True: there is none to leave."""
-        return True
-
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return nothing."""
         del joints
@@ -144,25 +134,10 @@ class BareAxes:
         del poses, branch, near
         self._refused()
 
-    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
-        """Raise InputError: there is no tool."""
-        del poses, branch, near
-        self._refused()
-
-    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
-        """Raise InputError: there is no tool."""
-        del poses, branch, near, guides
-        self._refused()
-
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Raise InputError: there is no tool."""
         del joints, tool_velocities
         self._refused()
-
-    def near_what(self, joints: FloatArray) -> str:
-        """Return nothing."""
-        del joints
-        return ""
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
         """Return none."""

@@ -4,6 +4,7 @@ Joints are arrays of shape (n, joints) in the robot's order, mm and degrees. Pos
 in the station's frame, where the robot's base stands; what their columns are, the task of the mechanism's tool says.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from enum import StrEnum
@@ -245,6 +246,45 @@ class Kinematics(Protocol):
         singular pose the result is not finite.
         """
         ...
+
+
+class KeepsBranch(ABC):
+    """The part of Kinematics that mechanisms share whose named branch never jumps: their joints follow the pose."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
+        """Return one branch, by its name, for poses of shape (n, task.width)."""
+
+    @property
+    def has_closed_form(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def inverse_words(self) -> str:
+        """Nothing: the kind says it."""
+        return ""
+
+    @property
+    def keeps_branch(self) -> bool:
+        """True: the joints of a branch are continuous functions of the pose."""
+        return True
+
+    def near_what(self, joints: FloatArray) -> str:
+        """Return nothing: there is no singularity, or a path that comes near one is refused before."""
+        del joints
+        return ""
+
+    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
+        """Return the joints along a path of poses, all on one branch."""
+        return self.solve(poses, branch, near)
+
+    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return the joints at some poses of a path, all on one branch."""
+        del guides
+        return self.solve(poses, branch, near).joints
 
 
 def within_limits(limits: tuple[Joint, ...], joints: FloatArray) -> BoolArray:

@@ -20,6 +20,7 @@ from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics.base import (
     Branch,
     Constraint,
+    KeepsBranch,
     dimension,
     joint_constraints,
     nearest_turns,
@@ -73,7 +74,7 @@ class CartesianGeometry:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gantry:
+class Gantry(KeepsBranch):
     """The kinematics of a gantry; implements Kinematics.
 
     Attributes:
@@ -116,21 +117,6 @@ class Gantry:
     def turning(self) -> int | None:
         """The rotary axis."""
         return self.axes.index("C") if "C" in self.axes else None
-
-    @property
-    def has_closed_form(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def inverse_words(self) -> str:
-        """Nothing: the kind says it."""
-        return ""
-
-    @property
-    def keeps_branch(self) -> bool:
-        """True: there is one."""
-        return True
 
     def dh_variables(self, joints: FloatArray) -> dict[str, FloatArray]:
         """Return the joints by their names."""
@@ -176,20 +162,6 @@ class Gantry:
     @property
     def _turn(self) -> FloatArray:
         return self.base.matrix[:3, :3]
-
-    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
-        """Return the joints along a path of poses."""
-        return self.solve(poses, branch, near)
-
-    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
-        """Return the joints at some poses of a path."""
-        del guides
-        return self.solve(poses, branch, near).joints
-
-    def near_what(self, joints: FloatArray) -> str:
-        """Return nothing: a gantry has no singularity."""
-        del joints
-        return ""
 
     def singularities(self, joints: FloatArray) -> tuple[Constraint, ...]:
         """Return none."""

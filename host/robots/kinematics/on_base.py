@@ -5,14 +5,14 @@ A mechanism's own formulas are in the frame of its base. A user gives and gets p
     S_T T = S_0T 0_T T        S_0T = Trans(x, y, z) Rz(phi)
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.base import Branch
+from steptwin.host.robots.kinematics.base import Branch, KeepsBranch
 from steptwin.host.robots.kinematics.dh import DhTable
 from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.poses import SCARA, Task
@@ -21,7 +21,7 @@ from steptwin.host.robots.poses.rotations import wrapped_deg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OnBase(ABC):
+class OnBase(KeepsBranch):
     """A mechanism's kinematics in the station's frame, from its formulas in the base's frame.
 
     Attributes:
@@ -80,35 +80,6 @@ class OnBase(ABC):
             turned[:, 3] -= self.base.phi_deg
             poses = turned
         return self.solve_from_base(poses, branch, near)
-
-    @property
-    def has_closed_form(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def inverse_words(self) -> str:
-        """Nothing: the kind says it."""
-        return ""
-
-    @property
-    def keeps_branch(self) -> bool:
-        """True: the joints of a branch are continuous functions of the pose."""
-        return True
-
-    def near_what(self, joints: FloatArray) -> str:
-        """Return nothing: a path that comes near a singularity is refused before."""
-        del joints
-        return ""
-
-    def along(self, poses: FloatArray, branch: str, near: FloatArray) -> Branch:
-        """Return the joints along a path of poses, all on one branch."""
-        return self.solve(poses, branch, near)
-
-    def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
-        """Return the joints at some poses of a path, all on one branch."""
-        del guides
-        return self.solve(poses, branch, near).joints
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities for joints of shape (n, joints) and pose derivatives of shape (n, 4); slides rest."""

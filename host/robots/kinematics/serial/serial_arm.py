@@ -98,7 +98,7 @@ class SerialArm:
 
     @property
     def attitude_follows(self) -> bool:
-        """False: what follows is no part of the task."""
+        """False: the task has no coordinate that follows from the others."""
         return False
 
     @property
