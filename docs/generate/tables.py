@@ -2,10 +2,10 @@
 
 import re
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Final
 
 from steptwin.host.planning.jobs import job_options
+from steptwin.host.robots import brought_text
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
@@ -45,7 +45,7 @@ def read_robot_file(robot: str) -> dict[str, Section]:
     """Read a robot of the collection; return its sections by name, as in `joints.th1`, in the file's order."""
     sections = {"": Section("", {})}
     last = ""
-    for line in (files("steptwin.host.robots") / f"{robot}.toml").read_text(encoding="utf-8").splitlines():
+    for line in brought_text(robot).splitlines():
         if header := _SECTION.fullmatch(line):
             last = header[1]
             sections[last] = Section(header[2] or "", {})

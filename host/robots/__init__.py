@@ -1,7 +1,12 @@
-"""Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form."""
+"""Robots: one TOML file for each robot that StepTwin brings; a user's own file has the same form.
+
+The folder `papers` holds the robots of papers, `machines` those that people build and no paper describes.
+"""
 
 from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
+from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -12,38 +17,59 @@ from steptwin.host.common.own_files import is_file, read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["MACHINES", "SUFFIX", "load_robot", "load_robot_file", "parse_robot", "read_robot", "robot_names"]
+__all__ = [
+    "MACHINES",
+    "SUFFIX",
+    "brought_text",
+    "load_robot",
+    "load_robot_file",
+    "parse_robot",
+    "read_robot",
+    "robot_names",
+]
 
 SUFFIX: Final = ".toml"
 """End of the name of a robot's file."""
 
-MACHINES: Final = ("ar4-mk3",)
+
+def _brought(folder: str) -> dict[str, Traversable]:
+    """Return the robot files of one folder of this package, by the robots' names, sorted."""
+    found = (entry for entry in (files(__name__) / folder).iterdir() if entry.name.endswith(SUFFIX))
+    return {file.name.removesuffix(SUFFIX): file for file in sorted(found, key=attrgetter("name"))}
+
+
+_PAPERS: Final = _brought("papers")
+_MACHINES: Final = _brought("machines")
+
+MACHINES: Final = tuple(_MACHINES)
 """The robots of machines that people build, which no paper describes."""
 
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of the robots that StepTwin brings: those of papers, sorted, then the machines."""
-    entries = (entry.name for entry in files(__name__).iterdir())
-    names = {name.removesuffix(SUFFIX) for name in entries if name.endswith(SUFFIX)}
-    return (*sorted(names.difference(MACHINES)), *MACHINES)
+    return (*_PAPERS, *MACHINES)
+
+
+def brought_text(name: str) -> str:
+    """Return the robot file that StepTwin brings for a robot; raise InputError, with the nearest, for another name."""
+    if name not in robot_names():
+        raise unknown("robot", name, robot_names())
+    return {**_PAPERS, **_MACHINES}[name].read_text(encoding="utf-8")
 
 
 def load_robot(name: str) -> Robot:
     """Return a robot by its name, or by the path of a .toml file; raise InputError with the key of a wrong value."""
     if name.endswith(SUFFIX):
         return load_robot_file(name)
-    if name not in robot_names():
-        if is_file(Path(f"{name}{SUFFIX}")):
-            raise InputError(f"robot {name!r} is unknown: did you mean {name}{SUFFIX}, the file here?")
-        raise unknown("robot", name, robot_names())
-    return _brought(name)
+    if name not in robot_names() and is_file(Path(f"{name}{SUFFIX}")):
+        raise InputError(f"robot {name!r} is unknown: did you mean {name}{SUFFIX}, the file here?")
+    return _load_brought(name)
 
 
 @cache
-def _brought(name: str) -> Robot:
+def _load_brought(name: str) -> Robot:
     """Return a robot that StepTwin brings; it is read once."""
-    file = files(__name__) / f"{name}{SUFFIX}"
-    return parse_robot(file.read_text(encoding="utf-8"), file.name)
+    return parse_robot(brought_text(name), f"{name}{SUFFIX}")
 
 
 def load_robot_file(path: str) -> Robot:

@@ -1,7 +1,6 @@
 """A user's own trajectory and robot files on the command line, run on the embedded board."""
 
 import json
-from importlib.resources import files
 from math import floor
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import pytest
 
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.host.cli.app import run
-from steptwin.host.robots import load_robot
+from steptwin.host.robots import brought_text, load_robot
 from tests.end_to_end.command_line import refusal
 
 ROBOT = "teaching-scara"
@@ -177,7 +176,7 @@ def test_run_takes_one_job(words: list[str], line: str, capsys: pytest.CaptureFi
 
 def own_robot(folder: Path, name: str, changes: dict[str, str], file: str = "mine.toml") -> str:
     """Write a copy of a robot of StepTwin, called `mine`, with some texts replaced; return its path."""
-    text = (files("steptwin.host.robots") / f"{name}.toml").read_text(encoding="utf-8")
+    text = brought_text(name)
     for old, new in {f'name = "{name}"': 'name = "mine"', **changes}.items():
         assert old in text
         text = text.replace(old, new)
@@ -185,7 +184,7 @@ def own_robot(folder: Path, name: str, changes: dict[str, str], file: str = "min
     return str(folder / file)
 
 
-TEACHING = (files("steptwin.host.robots") / f"{ROBOT}.toml").read_text(encoding="utf-8")
+TEACHING = brought_text(ROBOT)
 PART = TEACHING[TEACHING.index("[boxes.part]") :]
 """The part that its gripper carries, and the spots for it."""
 

@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections.abc import Callable
-from importlib.resources import files
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +13,7 @@ from steptwin.host.cli.run.check_campaign import check_scenario
 from steptwin.host.cli.run.check_program import check_program
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.robots import read_robot
+from steptwin.host.robots import brought_text, read_robot
 from steptwin.host.studies.campaign import Sources, parse_campaign
 from tests.host.robots.coupled import coupled_text
 from tests.host.studies.campaign.campaigns import SMALL
@@ -42,12 +41,8 @@ def _evening() -> str:
     return found[1]
 
 
-def _brought(name: str) -> str:
-    return (files("steptwin.host.robots") / name).read_text(encoding="utf-8")
-
-
 KINDS: Final[dict[str, tuple[Callable[[], str], Callable[[str], object], int]]] = {
-    "robot": (lambda: _brought("warehouse-scara.toml"), read_robot, 37),
+    "robot": (lambda: brought_text("warehouse-scara"), read_robot, 37),
     "coupled robot": (coupled_text, read_robot, 37),
     "small campaign": (lambda: SMALL, _campaign, 2),
     "evening": (_evening, _campaign, 7),
@@ -85,6 +80,6 @@ def test_junk_in_a_file_is_refused_in_lines_or_taken(kind: str) -> None:
 def test_a_mistyped_joint_is_named_once(before: str, after: str, strange: str) -> None:
     """Its keys, which are another joint's, are not called missing."""
     with pytest.raises(InputError) as caught:
-        read_robot(_brought("teaching-scara.toml").replace(before, after))
+        read_robot(brought_text("teaching-scara").replace(before, after))
     named = [message for message in caught.value.messages if strange in message]
     assert named == [f"joints.{strange}: this 'teaching-scara' has no such joint: there are th1, th2, d3, th4"]

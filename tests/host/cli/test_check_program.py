@@ -1,14 +1,14 @@
 """`steptwin check pick.toml`: everything that is wrong in a program, or the table of its steps."""
 
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
+from steptwin.host.robots import brought_text
 from tests.end_to_end.command_line import refusal, run_json
 
-ARM = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
+ARM = brought_text("teaching-scara")
 STEPS = "[[step]]\ngo = { th1 = 20 }\n"
 FAST = """
 start = { th2 = 60 }

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from importlib.resources import files
 from itertools import combinations
 from pathlib import Path
 
@@ -10,11 +9,11 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots import read_robot
+from steptwin.host.robots import brought_text, read_robot
 from tests.end_to_end.command_line import run_json
 from tests.host.robots.coupled import coupled_text
 
-TEXT = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
+TEXT = brought_text("teaching-scara")
 
 WRONG = {
     "travel_per_turn = 5.0": "travel_per_trun = 5.0",

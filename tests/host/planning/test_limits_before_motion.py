@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
-from steptwin.host.robots import load_robot, parse_robot
+from steptwin.host.robots import brought_text, load_robot, parse_robot
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
 
@@ -29,7 +28,7 @@ def refusal(robot: Robot, job: str, **options: str) -> str:
 class TestScrewOf10Mm:
     """The laboratory robot's lift with half its lead: 160 steps per mm."""
 
-    TEXT = (files("steptwin.host.robots") / "lab-scara.toml").read_text(encoding="utf-8")
+    TEXT = brought_text("lab-scara")
     LEADS = ("travel_per_turn = 20.0", "travel_per_turn = 10.0")
 
     def lifted(self, robot: Robot, speed_mm_s: float) -> Plan:

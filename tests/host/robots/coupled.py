@@ -1,7 +1,6 @@
 """A SCARA of 200 + 150 mm whose elbow motor sits on the base: its axis turns with the shoulder."""
 
-from importlib.resources import files
-
+from steptwin.host.robots import brought_text
 from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import Robot
 
@@ -16,11 +15,7 @@ UNITS_PER_DEG = 200 * 16384 * 4 / 360
 
 def coupled_text(coupling: str = DIRECT, **changes: str) -> str:
     """Return the robot file with a coupling; `changes` are lines of the joint th2."""
-    text = (
-        (files("steptwin.host.robots") / "teaching-scara.toml")
-        .read_text(encoding="utf-8")
-        .replace('name = "teaching-scara"', 'name = "belt-scara"')
-    )
+    text = brought_text("teaching-scara").replace('name = "teaching-scara"', 'name = "belt-scara"')
     text = text.replace("l1_mm = 95.0", "l1_mm = 200.0").replace("l2_mm = 100.0", "l2_mm = 150.0")
     lines = "".join(f"{key} = {value}\n" for key, value in changes.items())
     text = text.replace("[joints.th2] # elbow, belt\n", f"[joints.th2]\n{lines}")

@@ -2,18 +2,17 @@
 
 import re
 from dataclasses import replace
-from importlib.resources import files
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.robots import load_robot
+from steptwin.host.robots import brought_text, load_robot
 from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.reader import parse_robot
 from tests.host.complaints import complaint_of
 
-TEXT = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
+TEXT = brought_text("teaching-scara")
 ROBOT = load_robot("teaching-scara")
 BEGINNING = {name: TEXT.index(f"[joints.{name}]") for name in ROBOT.joint_names}
 

@@ -1,17 +1,16 @@
 """Switches and homing in a robot file: errors, and the settings that an axis gets."""
 
 from dataclasses import replace
-from importlib.resources import files
 
 import pytest
 
 from steptwin.host.operate.homing import homing_settings
-from steptwin.host.robots import MACHINES, load_robot, parse_robot, robot_names
+from steptwin.host.robots import MACHINES, brought_text, load_robot, parse_robot, robot_names
 from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.protocol import od
 from tests.host.complaints import complaint_of
 
-TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
+TEXT = brought_text("warehouse-scara")
 SX = load_robot("warehouse-scara").joint("sx")
 ALL = JointSwitches(-5.0, 2005.0, -2.0, 3.0)
 SEEN_AT = {

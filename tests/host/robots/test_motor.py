@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 from steptwin.emulator.motors.motor import CATALOGUE
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots import load_robot, parse_robot
+from steptwin.host.robots import brought_text, load_robot, parse_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import MOTORS, Dynamics, JointLink, JointMotor
 from steptwin.host.robots.switches import JointSwitches
@@ -122,7 +121,7 @@ class TestEndStops:
         stopped(beyond, **changes)
 
     def test_are_told_with_the_files_key(self) -> None:
-        text = (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8")
+        text = brought_text("teaching-scara")
         wrong = text.replace("[joints.th2.link]", "[joints.th2.link]\nstop_lower = -100.0\nstop_upper = 100.0")
         with pytest.raises(InputError) as refused:
             parse_robot(wrong, "mine.toml")

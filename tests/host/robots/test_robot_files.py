@@ -1,7 +1,6 @@
 """Robot files: the figures of the robots that StepTwin brings, and the error for each kind of mistake in a file."""
 
 import re
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots import MACHINES, load_robot, load_robot_file, parse_robot, robot_names
+from steptwin.host.robots import MACHINES, brought_text, load_robot, load_robot_file, parse_robot, robot_names
 from steptwin.host.robots.board_settings import Output
 from steptwin.host.robots.joint import Joint, Transmission, Unit
 from steptwin.host.robots.kinematics import make_kinematics
@@ -22,7 +21,7 @@ from tests.emulator.pins import POWER_UP, pins
 from tests.host.complaints import complaint_of
 
 NAME = "warehouse-scara"
-TEXT = (files("steptwin.host.robots") / f"{NAME}.toml").read_text(encoding="utf-8")
+TEXT = brought_text(NAME)
 ROBOT = load_robot(NAME)
 
 
@@ -133,7 +132,7 @@ class TestEachRobot:
 
     def test_each_number_is_marked_with_its_origin(self, robot: Robot) -> None:
         """[S]tated, [D]erived or [A]ssumed; a place or a box has one mark for all its numbers."""
-        text = (files("steptwin.host.robots") / f"{robot.name}.toml").read_text(encoding="utf-8")
+        text = brought_text(robot.name)
         section = ""
         for line in text.splitlines():
             section = line if line.startswith("[") else section

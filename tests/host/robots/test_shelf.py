@@ -1,15 +1,13 @@
 """The shelf in a robot file: what is read, and one line for each mistake."""
 
-from importlib.resources import files
-
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots import load_robot
+from steptwin.host.robots import brought_text, load_robot
 from steptwin.host.robots.reader import read_robot
 from steptwin.host.robots.shelf import Shelf, Spot
 
-TEXT = (files("steptwin.host.robots") / "warehouse-scara.toml").read_text(encoding="utf-8")
+TEXT = brought_text("warehouse-scara")
 
 
 def test_the_shelf_of_the_paper() -> None:
@@ -78,9 +76,7 @@ SPOTS = """[shelf.spots.qa] # [A] the middle of the part's upper side; the next 
 )  # fmt: skip
 def test_spots_without_drawers(old: str, new: str, complaints: list[str]) -> None:
     """A shelf has all that drawers need, or only spots, whose names need no place."""
-    check_change(
-        (files("steptwin.host.robots") / "teaching-scara.toml").read_text(encoding="utf-8"), old, new, complaints
-    )
+    check_change(brought_text("teaching-scara"), old, new, complaints)
 
 
 def test_a_shelf_of_nothing() -> None:
