@@ -58,6 +58,9 @@ CSV_BYTES_MAX: Final = 3 * GIB
 """A CSV trajectory is read line by line; with all points and eight joints `run` writes 2.1 GB."""
 JSON_BYTES_MAX: Final = 64 * MIB
 """A JSON trajectory is read at once and takes ten times its size; half a million points of six joints fit."""
+YAML_BYTES_MAX: Final = 8 * MIB
+"""A YAML trajectory of this size takes ten seconds to be read; twenty thousand points of six joints, with velocities,
+fit."""
 
 MEASUREMENTS_MAX: Final = 10_000
 """Measurements of a calibration: some 50 are usual; the derivatives of so many by 24 parameters take 6 MB."""

@@ -106,7 +106,7 @@ def _summary(file: "FileMotion", plan: "Plan") -> str:
     from steptwin.host.planning.peaks import Quantity
 
     peak = plan.highest(Quantity.SPEED)
-    branch = "" if file.points.branch is None else f" on the branch {file.points.branch!r}"
+    branch = f" {file.points.branch_words}".rstrip()
     ramps = f" and ramps of {file.ramps_s:g} s" if file.ramps_s else ""
     return (
         f"{len(file.points.times_s)} points{branch} in {plan.trajectory.duration_s:.3f} s,"

@@ -206,7 +206,7 @@ class RunTab:
         with self._options:
             if name == _FILE:
                 self._form = None
-                self._summary.set_text("A trajectory in CSV or JSON, or a program in TOML.")
+                self._summary.set_text("A trajectory in CSV, JSON or YAML, or a program in TOML.")
             else:
                 robot = self._visitor.desk.robot
                 self._summary.set_text(job_summary(robot, name))

@@ -1,4 +1,4 @@
-"""Read trajectories from files: CSV, or JSON in the shape of ROS trajectory_msgs/JointTrajectory.
+"""Read trajectories from files: CSV, or JSON or YAML in the shape of ROS trajectory_msgs/JointTrajectory.
 
 Positions are in mm and degrees, or in other units that a caller names, times in seconds from 0. Without velocities the
 motion is a C2 spline through the points, from rest to rest, which stands still where points repeat; or one of the other
@@ -14,13 +14,14 @@ from math import inf
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX
+from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, YAML_BYTES_MAX
 from steptwin.host.common.own_files import opened_text, read_text
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
+from steptwin.host.planning.trajectory_file.csv_points import read_csv
 from steptwin.host.planning.trajectory_file.file_motion import DEFAULT, FileMotion, PointCurve, doubt
 from steptwin.host.planning.trajectory_file.points import LONGEST_S, USUAL, FileUnits, Points
-from steptwin.host.planning.trajectory_file.read_points import read_csv, read_json
+from steptwin.host.planning.trajectory_file.ros_points import read_json, read_yaml
 from steptwin.host.robots.robot import Robot
 
 __all__ = [
@@ -37,7 +38,7 @@ __all__ = [
     "trajectory_of_csv",
 ]
 
-SUFFIXES: Final = (".csv", ".json")
+SUFFIXES: Final = (".csv", ".json", ".yaml", ".yml")
 
 
 def is_trajectory_file(name: str) -> bool:
@@ -54,7 +55,7 @@ def read_trajectory(
     elbow: str | None = None,
     units: str | None = None,
 ) -> Sampled | Sequence:
-    """Return the trajectory in a file whose name ends in .csv or .json.
+    """Return the trajectory in a file whose name ends in one of SUFFIXES.
 
     Args:
         path: Name of the file.
@@ -117,5 +118,7 @@ def _motion(points: Points, robot: Robot, until_s: float) -> Sampled | Sequence:
 def _points(path: str) -> Points:
     if path.lower().endswith(".json"):
         return read_json(read_text(path, JSON_BYTES_MAX))
+    if path.lower().endswith((".yaml", ".yml")):
+        return read_yaml(read_text(path, YAML_BYTES_MAX))
     with opened_text(path, CSV_BYTES_MAX) as file:
         return read_csv(file)

@@ -12,29 +12,35 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.common.bad_input import nearest_within, outside, unknown
+from steptwin.host.common.bad_input import nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.sampled import check_times
 from steptwin.host.planning.peaks import LONGEST_MS
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE, joint_constraints
-from steptwin.host.robots.poses import PLACE, TASKS, Task
+from steptwin.host.robots.poses import COLUMNS, PLACE, TASKS, Orientation, Task, have_right_length, orientations_of
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
 _CIRCLE_DEG: Final = 360.0
 
-POSE_COLUMNS: Final = frozenset(name for task in TASKS.values() for name in task.coordinates)
+_POSE_UNITS: Final[dict[str, str]] = {
+    name: unit
+    for columns in (*(task.coordinates for task in TASKS.values()), *COLUMNS.values())
+    for name, unit in columns.items()
+}
+POSE_COLUMNS: Final = frozenset(_POSE_UNITS)
 """The headers of a file of poses, whatever the tool's task."""
 
 
-def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Sequence[str]) -> tuple[str, FloatArray]:
-    """Return the branch and the joints, of shape (points, joints), for poses of shape (points, width).
+def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Sequence[str]) -> Branch:
+    """Return the branch with its joints, of shape (points, joints), for poses of shape (points, width).
 
-    Without a branch it is the first one that reaches all poses. Joints that turn further than a circle go on to the
-    nearest turn, from the turn nearest to the home position; joints that the pose does not determine stay at home.
-    `places` says where each point's time stands in the file.
+    Without a name it is the first one that reaches all poses. An arm whose branches meet begins on it and then takes
+    the branch nearest to where it just was. Joints that turn further than a circle go on to the nearest turn, from the
+    turn nearest to the home position; joints that the pose does not determine stay at home. `places` says where each
+    point's time stands in the file.
 
     Raises:
         InputError: no branch has the name; or none reaches all poses, with the point and why.
@@ -46,14 +52,19 @@ def joints_at(robot: Robot, poses: FloatArray, branch: str | None, places: Seque
     solved = [_solved(robot, kinematics, poses, name) for name in candidates]
     for candidate in solved:
         if candidate.reachable.all():
-            return candidate.name, candidate.joints
+            return candidate
     farthest = max(solved, key=_first_out_of_reach)
     raise _broken_off(robot, kinematics, poses, farthest, places)
 
 
 def _solved(robot: Robot, kinematics: Kinematics, poses: FloatArray, name: str) -> Branch:
     """Return a branch whose joints go on without jumps of a whole turn, as far as it is within reach."""
-    solved = kinematics.solve(poses, name, np.array(robot.home))
+    home = np.array(robot.home)
+    first = kinematics.solve(poses[:1], name, home)
+    if kinematics.keeps_branch or not first.reachable[0]:
+        solved = kinematics.solve(poses, name, home)
+    else:
+        solved = kinematics.along(poses, name, first.joints[0])
     joints = solved.joints
     within = ~np.isnan(joints).any(axis=1)
     end = len(poses) if within.all() else int(np.argmin(within))
@@ -213,8 +224,9 @@ class Points:
         """Return the points in mm and degrees; `units` are those of the file's lengths and angles."""
         if units == USUAL:
             return self
-        lengths = {joint.name for joint in robot.joints if joint.unit is Unit.MM} | set(PLACE)
-        factors = np.array([units.length_mm if name in lengths else units.angle_deg for name in self.names])
+        unit_of = {**_POSE_UNITS, **{joint.name: joint.unit for joint in robot.joints}}
+        factor_of = {Unit.MM: units.length_mm, "": 1.0}
+        factors = np.array([factor_of.get(unit_of.get(name, Unit.DEG), units.angle_deg) for name in self.names])
         velocities = None if self.velocities is None else self.velocities * factors
         return replace(self, positions=self.positions * factors, velocities=velocities)
 
@@ -251,21 +263,43 @@ class Points:
         if not task.width:
             raise InputError(f"{robot.name} has no tool: its file has the joints {' '.join(robot.joint_names)}")
         follows = kinematics.attitude_follows and "phi" not in self.names
-        figures, velocities = self._ordered("column", tuple(PLACE if follows else task.coordinates), "a pose")
+        key = self._orientation_key(task)
+        columns = tuple(PLACE if follows else {**PLACE, **COLUMNS[key]} if key else task.coordinates)
+        poses, velocities = self._ordered("column", columns, "a pose")
         self._check_times(all_whole_ms=all_whole_ms)
         if velocities is not None and not task.is_flat:
             raise InputError("velocities of a tool that turns in space: leave them out, the motion is a spline then")
-        poses = figures if follows else task.of_figures(figures)
+        if key:
+            self._check_orientations(task, key, poses[:, 3:])
+            poses = np.column_stack([poses[:, :3], orientations_of(key, poses[:, 3:])])
         if follows:  # the kinematics takes NaN for an attitude that follows from the arm
             poses = np.pad(poses, ((0, 0), (0, 1)), constant_values=nan)
             velocities = None if velocities is None else np.pad(velocities, ((0, 0), (0, 1)))
         if None not in (elbow, self.elbow) and elbow != self.elbow:
             raise InputError(f"elbow={elbow}: the file's own elbow is {self.elbow!r}")
-        branch, joints = joints_at(robot, poses, elbow or self.elbow, self.places)
+        branch = joints_at(robot, poses, elbow or self.elbow, self.places)
         if velocities is not None:
-            velocities = kinematics.joint_velocities(joints, velocities)
-        tool_mm = poses[:, :3]
-        return JointPoints(self.times_s, self.places, joints, velocities, tool_mm, branch, self.unread, self.rounded_s)
+            velocities = kinematics.joint_velocities(branch.joints, velocities)
+        return JointPoints(
+            self.times_s, self.places, branch.joints, velocities, poses[:, :3], branch, self.unread, self.rounded_s
+        )
+
+    def _orientation_key(self, task: Task) -> str:
+        """Return the key whose columns the file has, else the task's own; empty for a tool that cannot be told one."""
+        if task.is_flat:
+            return ""
+        given = {key: name for key, columns in COLUMNS.items() for name in columns if name in self.names}
+        if len(given) > 1:
+            first, second, *_ = given.values()
+            raise InputError(f"column {second!r}: beside {first!r}; a pose has one orientation")
+        return next(iter(given), task.key)
+
+    def _check_orientations(self, task: Task, key: str, values: FloatArray) -> None:
+        """Raise InputError, with its place, for the first orientation that is none or that the tool cannot be told."""
+        right = have_right_length(key, values)
+        i = int(np.argmin(right))
+        with prefixed(f"{point_place(self.places, i)}: "):
+            task.oriented(Orientation(key, tuple(values[i].tolist())))
 
     def _ordered(self, what: str, wanted: Texts[str], owner: str) -> tuple[FloatArray, FloatArray | None]:
         """Return positions and velocities with the wanted columns; raise InputError unless the file has just these."""
@@ -292,7 +326,7 @@ class JointPoints:
         positions: shape (points, joints), in mm and degrees.
         velocities: likewise, in mm/s and deg/s; None if the file gives none.
         tool_mm: x, y and z, of shape (points, 3), if the file has poses; None if it has joints.
-        branch: branch of the inverse kinematics on which the poses are reached.
+        reached: branch of the inverse kinematics on which the poses are reached, with its changes on the way.
         unread: names of the file's columns, or kinds of values, that follow from the others.
         rounded_s: time by which points were moved at most so that they come at whole milliseconds.
     """
@@ -302,9 +336,22 @@ class JointPoints:
     positions: FloatArray
     velocities: FloatArray | None
     tool_mm: FloatArray | None = None
-    branch: str | None = None
+    reached: Branch | None = None
     unread: tuple[str, ...] = ()
     rounded_s: float = 0.0
+
+    @property
+    def branch(self) -> str | None:
+        """The name of the branch at the first point; None for a file of joints."""
+        return None if self.reached is None else self.reached.name
+
+    @property
+    def branch_words(self) -> str:
+        """The branch, and where in the file it changes; an empty text for a file of joints."""
+        if self.reached is None:
+            return ""
+        changes = (f", from {point_place(self.places, i)} on {name!r}" for i, name in self.reached.changes)
+        return f"on the branch {self.reached.name!r}{''.join(changes)}"
 
     def check_within(self, robot: Robot) -> None:
         """Raise InputError for the first point outside a joint's limits, with its place, value and the nearest one."""

@@ -1,6 +1,13 @@
 """Poses of tools: what each kind of tool can be told, orientations as people write them, and rotations."""
 
-from steptwin.host.robots.poses.notation import DIRECTION, ORIENTATIONS, Orientation
+from steptwin.host.robots.poses.notation import (
+    COLUMNS,
+    DIRECTION,
+    ORIENTATIONS,
+    Orientation,
+    have_right_length,
+    orientations_of,
+)
 from steptwin.host.robots.poses.task import (
     DIRECTION_TASK,
     NO_TOOL,
@@ -18,6 +25,7 @@ from steptwin.host.robots.poses.task import (
 )
 
 __all__ = [
+    "COLUMNS",
     "DIRECTION",
     "DIRECTION_TASK",
     "NO_TOOL",
@@ -33,5 +41,7 @@ __all__ = [
     "PoseDocument",
     "Task",
     "Turning",
+    "have_right_length",
+    "orientations_of",
     "turn_of",
 ]

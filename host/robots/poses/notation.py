@@ -5,6 +5,8 @@ abc_deg           the same matrix in the order yaw, pitch, roll             KUKA
 rotvec_deg        the axis, as long as the angle                            UR's rotation vector, there in rad
 quaternion_xyzw   a unit quaternion, its scalar last                        ROS
 direction         where the tool's z axis points, for arms of five axes
+
+In the columns of a table each number has a name of its own, which says its part: COLUMNS.
 """
 
 from collections.abc import Callable
@@ -13,22 +15,36 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.poses.rotations import of_rotation_vector, of_rpy_deg, turned
 
 DIRECTION: Final = "direction"
 
+
+def _unit(values: FloatArray) -> FloatArray:
+    return np.asarray(values / np.linalg.norm(values, axis=-1, keepdims=True))
+
+
 _READ: Final[dict[str, tuple[int, Callable[[FloatArray], FloatArray]]]] = {
     "rpy_deg": (3, of_rpy_deg),
-    "quaternion_xyzw": (4, lambda values: values / np.linalg.norm(values)),
+    "quaternion_xyzw": (4, _unit),
     "rotvec_deg": (3, of_rotation_vector),
-    "abc_deg": (3, lambda values: of_rpy_deg(values[::-1])),
+    "abc_deg": (3, lambda values: of_rpy_deg(values[..., ::-1])),
 }
 """How many numbers each key has, and the rotation that they are."""
 
 ORIENTATIONS: Final = (*_READ, DIRECTION)
 """The keys of an orientation; a pose has at most one of them."""
+
+COLUMNS: Final[dict[str, dict[str, str]]] = {
+    "rpy_deg": {"roll": "deg", "pitch": "deg", "yaw": "deg"},
+    "quaternion_xyzw": {"qx": "", "qy": "", "qz": "", "qw": ""},
+    "rotvec_deg": {"rotvec_x": "deg", "rotvec_y": "deg", "rotvec_z": "deg"},
+    "abc_deg": {"abc_a": "deg", "abc_b": "deg", "abc_c": "deg"},
+    DIRECTION: {"dx": "", "dy": "", "dz": ""},
+}
+"""The names of an orientation's columns and their units, by its key."""
 
 NORM_OFF_MAX: Final = 1e-3
 """Distance from 1 by which the length of a quaternion may be rounded; it is made 1."""
@@ -50,11 +66,12 @@ class Orientation:
         count = 3 if self.key == DIRECTION else _READ[self.key][0]
         if len(self.values) != count:
             raise InputError(f"{self.key}: has {len(self.values)} numbers, it takes {count}")
-        length = float(np.linalg.norm(self.values))
-        if self.key == "quaternion_xyzw" and not abs(length - 1.0) <= NORM_OFF_MAX:
-            raise InputError(f"{self.key}: has the length {length:g}, a rotation has 1, x y z and then the scalar w")
-        if self.key == DIRECTION and not length > 0.0:
+        if have_right_length(self.key, np.array(self.values)):
+            return
+        if self.key == DIRECTION:
             raise InputError(f"{self.key}: 0 0 0 points nowhere; 0 0 -1 is straight down")
+        length = float(np.linalg.norm(self.values))
+        raise InputError(f"{self.key}: has the length {length:g}, a rotation has 1, x y z and then the scalar w")
 
     def __str__(self) -> str:
         return f"{self.key} {' '.join(f'{value:g}' for value in self.values)}"
@@ -62,11 +79,24 @@ class Orientation:
     @property
     def rotation(self) -> FloatArray:
         """The unit quaternion, of shape (4,); only for a key that says the whole rotation."""
-        return _READ[self.key][1](np.array(self.values))
+        return orientations_of(self.key, np.array(self.values))
 
     @property
     def direction(self) -> FloatArray:
         """The unit vector of the tool's z axis, of shape (3,)."""
         if self.key == DIRECTION:
-            return np.asarray(np.array(self.values) / np.linalg.norm(self.values))
+            return orientations_of(self.key, np.array(self.values))
         return turned(np.array([0.0, 0.0, 1.0]), self.rotation)
+
+
+def have_right_length(key: str, values: FloatArray) -> BoolArray:
+    """Return, of shape (...), whether a key's numbers, of shape (..., count), are as long as they must be."""
+    length = np.linalg.norm(values, axis=-1)
+    if key == "quaternion_xyzw":
+        return np.asarray(np.abs(length - 1.0) <= NORM_OFF_MAX)
+    return np.asarray(length > 0.0 if key == DIRECTION else np.isfinite(length))
+
+
+def orientations_of(key: str, values: FloatArray) -> FloatArray:
+    """Return unit quaternions (..., 4), or unit vectors (..., 3) of directions, of a key's numbers (..., count)."""
+    return _unit(values) if key == DIRECTION else _READ[key][1](values)

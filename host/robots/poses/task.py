@@ -22,7 +22,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.poses.notation import DIRECTION, Orientation
+from steptwin.host.robots.poses.notation import COLUMNS, DIRECTION, Orientation
 from steptwin.host.robots.poses.rotations import (
     angle_deg,
     of_rotation_vector,
@@ -62,6 +62,7 @@ class Task(ABC):
         coordinates: unit of each coordinate, by its name, as columns of files and fields of forms have them.
         steps: unit of each step of the tool, by its name.
         keys: names of the coordinates in documents.
+        key: key of the orientation that the coordinates say; empty for tasks that are flat.
         is_flat: True if a straight way is straight in every column.
     """
 
@@ -71,6 +72,7 @@ class Task(ABC):
     coordinates: ClassVar[Mapping[str, str]]
     steps: ClassVar[Mapping[str, str]]
     keys: ClassVar[tuple[str, ...]]
+    key: ClassVar[str] = ""
     is_flat: ClassVar[bool] = True
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
@@ -227,10 +229,11 @@ class DirectionTask(Task):
     """The task of an arm of five axes: a place, and the direction in which the tool points."""
 
     name, width, rates = "direction", 6, 6
-    coordinates: ClassVar[Mapping[str, str]] = {**PLACE, "dx": "", "dy": "", "dz": ""}
+    coordinates: ClassVar[Mapping[str, str]] = {**PLACE, **COLUMNS[DIRECTION]}
     steps: ClassVar[Mapping[str, str]] = {**PLACE, **_TURNS}
     keys = ("x_mm", "y_mm", "z_mm", "direction_x", "direction_y", "direction_z")
     is_flat = False
+    key = DIRECTION
     _not_told = "the tool of this robot can be told its direction, such as direction = [0, 0, -1]; its spin follows"
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
@@ -246,7 +249,7 @@ class DirectionTask(Task):
 
     def told(self, figures: Mapping[str, float]) -> tuple[dict[str, float], Orientation | None]:
         """Return the place, and the other coordinates as a direction."""
-        return _told(figures, DIRECTION)
+        return _told(figures, self.key)
 
     def document(self, pose: FloatArray | Sequence[float]) -> PoseDocument:
         """Return place and direction under the keys with which they are written."""
@@ -287,10 +290,11 @@ class PoseTask(Task):
     """The task of a tool that can be brought to any place in any orientation."""
 
     name, width, rates = "pose", 7, 6
-    coordinates: ClassVar[Mapping[str, str]] = {**PLACE, "roll": "deg", "pitch": "deg", "yaw": "deg"}
+    coordinates: ClassVar[Mapping[str, str]] = {**PLACE, **COLUMNS["rpy_deg"]}
     steps: ClassVar[Mapping[str, str]] = {**PLACE, **_TURNS}
     keys = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
     is_flat = False
+    key = "rpy_deg"
     _not_told = "the tool of this robot turns in space: its orientation is rpy_deg = [roll, pitch, yaw] or another key"
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
@@ -307,7 +311,7 @@ class PoseTask(Task):
 
     def told(self, figures: Mapping[str, float]) -> tuple[dict[str, float], Orientation | None]:
         """Return the place, and roll, pitch and yaw as an orientation."""
-        return _told(figures, "rpy_deg")
+        return _told(figures, self.key)
 
     def document(self, pose: FloatArray | Sequence[float]) -> PoseDocument:
         """Return place, roll, pitch and yaw, and the quaternion, its scalar not negative."""

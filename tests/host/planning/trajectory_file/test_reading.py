@@ -469,7 +469,7 @@ def test_near_json_gives_a_motion_or_an_error(entries: dict[str, Any], where: st
 
 class TestLimitsOnFiles:
     def test_of_points(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("steptwin.host.planning.trajectory_file.read_points.POINTS_MAX", 3)
+        monkeypatch.setattr("steptwin.host.planning.trajectory_file.csv_points.POINTS_MAX", 3)
         read(tmp_path, CSV)
         told = "line 5: is beyond 3 points, one each millisecond of an hour"
         assert complaint(tmp_path, f"{CSV}2,0,0,0,0\n") == told
