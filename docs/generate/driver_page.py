@@ -17,7 +17,7 @@ from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.studies.papers.paper_page import table
-from steptwin.protocol.drivers import PROFILES, DriverProfile, Fact, Grade, Oscillator, bare_chip
+from steptwin.protocol.drivers import GENERIC, PROFILES, DriverProfile, Fact, Grade, Oscillator, bare_chip
 from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -164,6 +164,9 @@ def _currents() -> str:
 
 def _profiles() -> str:
     rows = [[f"`{profile.name}`", profile.title, _delays(profile), _asked(profile)] for profile in PROFILES.values()]
+    rows.append(
+        [f"`{GENERIC}`", "a driver without a profile, by the robot file's [board.driver]", "-", "the table's times"]
+    )
     return table(["profile", "driver", "delay", "requires"], rows, text_columns=4)
 
 

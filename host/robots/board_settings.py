@@ -9,7 +9,16 @@ from steptwin.host.common.choices import check_bitrate
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
-from steptwin.protocol.drivers import OSC_PF_MIN, PROFILES, ActiveEdge, DriverProfile, bare_chip
+from steptwin.protocol.drivers import (
+    DRIVER_NAMES,
+    GENERIC,
+    OSC_PF_MIN,
+    PROFILES,
+    ActiveEdge,
+    DriverFigures,
+    DriverProfile,
+    bare_chip,
+)
 from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -58,6 +67,43 @@ DRIVER_SETTINGS: Final = ("current_a", "active_edge", *_SWITCHED)
 """Keys of a robot file that set its drivers."""
 _TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
 """Lower limits of the step timing (2001h)."""
+_PHASES: Final = {"steplen_ns": "stepspace_ns", "stepspace_ns": "steplen_ns"}
+"""The two phases of a pulse: where the falling edge is the step, each is the other one at the driver."""
+
+
+def named_profile(name: str, figures: DriverFigures | None) -> DriverProfile | None:
+    """Return the drivers of a name, generic ones by their figures; None if there are none such."""
+    if name == GENERIC:
+        return figures.profile() if figures is not None else None
+    return PROFILES.get(name)
+
+
+def pulses_for(profile: DriverProfile, active_edge: ActiveEdge | None = None) -> dict[str, int]:
+    """Return the times and the rate, by their keys of `BoardSettings`, with which drivers lose no step and no turn.
+
+    Beyond the chip's own times they have what the driver's other parts ask for or delay. DIR's hold time counts from
+    the rise, and CLK's low phase fills the period of the chip's highest rate. A time that the firmware cannot make is
+    the least that it can.
+    """
+    falling = (active_edge or profile.active_edge) is ActiveEdge.FALLING
+    clk, direction = profile.clk.value, profile.direction.value
+    late_ns = clk.to_high_ns - clk.to_low_ns
+    need = {key: max(profile.chip.times.ns(key), profile.times.ns(key)) for key in _TIMING_MIN_NS}
+    at_step = {
+        "steplen_ns": need["steplen_ns"] + max(late_ns, 0),
+        "stepspace_ns": need["stepspace_ns"] + max(-late_ns, 0),
+    }
+    phases = {key: max(at_step[_PHASES[key] if falling else key], PULSE_NS_MIN) for key in _PHASES}
+    if (rate := profile.chip.times.rate_max_hz) is not None:
+        phases["stepspace_ns"] = max(phases["stepspace_ns"], -(-(10**9) // rate.value) - phases["steplen_ns"])
+    behind_ns = [delay_ns - clk.to_high_ns for delay_ns in (direction.to_high_ns, direction.to_low_ns)]
+    setup_ns, hold_ns = need["dirsetup_ns"] + max(behind_ns), need["dirhold_ns"] - min(behind_ns)
+    return {
+        **phases,
+        "dirsetup_ns": max(setup_ns, 0),
+        "dirhold_ns": max(hold_ns, 0) + (phases["steplen_ns"] if falling else 0),
+        "step_rate_max_hz": 10**9 // sum(phases.values()),
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +120,7 @@ class BoardSettings:
         dirhold_ns: time for which DIR is stable after CLK has risen.
         step_rate_max_hz: highest step rate that a driver gets.
         driver_profile: name of the drivers' profile; None for TB6560s on the board itself.
+        driver: figures of generic drivers.
         current_a: phase current at full torque.
         active_edge: the edge of STEP that makes the drivers step.
         idle_percent: part of the current that flows at standstill, for drivers with a switch for it.
@@ -91,6 +138,7 @@ class BoardSettings:
     dirhold_ns: int
     step_rate_max_hz: float
     driver_profile: str | None = None
+    driver: DriverFigures | None = None
     current_a: float | None = None
     active_edge: ActiveEdge | None = None
     idle_percent: int | None = None
@@ -99,6 +147,7 @@ class BoardSettings:
     def __post_init__(self) -> None:
         check_all(
             self._check_drivers,
+            self._check_figures,
             *(partial(self._check_setting, key) for key in ("current_a", *_SWITCHED)),
             partial(require_positive, self, "step_rate_max_hz"),
             partial(check_bitrate, self.bitrate, f"bitrate: {self.bitrate}"),
@@ -110,8 +159,10 @@ class BoardSettings:
 
     def _check_chip_time(self, key: str) -> None:
         """Check a time against the chip's; a module's parts may need more, which a run shows."""
-        value_ns, least_ns = getattr(self, key), self.profile.chip.times.ns(key)
-        if key == "dirhold_ns" and least_ns and (self.active_edge or self.profile.active_edge) is ActiveEdge.FALLING:
+        falling = (self.active_edge or self.profile.active_edge) is ActiveEdge.FALLING
+        least_ns = self.profile.chip.times.ns(_PHASES.get(key, key) if falling else key)
+        value_ns = getattr(self, key)
+        if key == "dirhold_ns" and least_ns and falling:
             least_ns += self.steplen_ns  # the board counts it from the rise
         if value_ns < least_ns:
             raise InputError(f"{key}: {value_ns} ns is too short for {self.driver_profile}: at least {least_ns} ns")
@@ -147,17 +198,27 @@ class BoardSettings:
                     f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
                     f" {OSC_PF_MIN} pF"
                 )
-        elif self.driver_profile not in PROFILES:
-            raise unknown("driver_profile:", self.driver_profile, PROFILES)
+        elif self.driver_profile not in DRIVER_NAMES:
+            raise unknown("driver_profile:", self.driver_profile, DRIVER_NAMES)
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
+
+    def _check_figures(self) -> None:
+        if self.driver_profile == GENERIC and self.driver is None:
+            raise InputError(f"driver: is missing; driver_profile {GENERIC} needs this table (docs/driver.md)")
+        if self.driver_profile != GENERIC and self.driver is not None:
+            told = f'has its own; driver_profile = "{GENERIC}" takes these'
+            raise InputError(f"driver: {self.driver_profile or 'the chip at osc_pf'} {told}")
 
     @property
     def profile(self) -> DriverProfile:
         """The drivers; KeyError or ValueError if there are none such."""
-        if self.driver_profile is not None:
-            return PROFILES[self.driver_profile]
-        return bare_chip(0 if self.osc_pf is None else self.osc_pf)
+        if self.driver_profile is None:
+            return bare_chip(0 if self.osc_pf is None else self.osc_pf)
+        profile = named_profile(self.driver_profile, self.driver)
+        if profile is None:
+            raise KeyError(self.driver_profile)
+        return profile
 
     def _check_setting(self, key: str) -> None:
         """Check a setting of known drivers."""

@@ -6,16 +6,18 @@ missing value is not judged.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from reprlib import repr as short
 from typing import Final, NoReturn, TypeVar
 
 from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
-from steptwin.host.common.tables import Reading, Table, check_name, number_at, toml_table
-from steptwin.host.robots.board_settings import BoardSettings, Input, Output
+from steptwin.host.common.tables import Reading, Table, check_name, integer_from, number_at, number_from, toml_table
+from steptwin.host.robots.board_settings import BoardSettings, Input, Output, named_profile, pulses_for
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.joint import Joint, Transmission, Unit, with_fewer_steps
@@ -30,7 +32,8 @@ from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Dimension, Robot
 from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
-from steptwin.protocol.drivers import ActiveEdge
+from steptwin.protocol.drivers import ActiveEdge, DriverFigures
+from steptwin.protocol.od import MICROSTEPS_CHOICES, TIMING_NS_MAX
 
 _Made = TypeVar("_Made")
 
@@ -318,29 +321,79 @@ _link_errors: Final = _settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.
 _output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
 _input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
 
+
+# --- the board
+
+
+def _modes(table: Table, key: str) -> tuple[int, ...]:
+    modes = table.elements(key)
+    if strange := [
+        f"{key}[{i}]: {short(mode)} is not one of {', '.join(map(str, MICROSTEPS_CHOICES))}"
+        for i, mode in enumerate(modes)
+        if mode not in MICROSTEPS_CHOICES
+    ]:
+        raise InputError(*strange)
+    if not modes:
+        raise InputError(f"{key}: is empty; it lists the microsteps that the driver has")
+    return tuple(mode for mode in MICROSTEPS_CHOICES if mode in modes)
+
+
+_PULSES: Final[dict[str, Reading]] = {
+    **dict.fromkeys(("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns"), Table.integer),
+    "step_rate_max_hz": Table.number,
+}
+_SETTLING_MAX_NS: Final = 10**10
+"""Ten seconds: a driver that takes longer until its first step is none."""
+_figures: Final = _settings(
+    DriverFigures,
+    {
+        "microsteps": _modes,
+        **dict.fromkeys(
+            ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns"), integer_from(0, TIMING_NS_MAX // 2)
+        ),
+    },
+    {
+        **dict.fromkeys(("enable_ns", "wake_ns"), integer_from(0, _SETTLING_MAX_NS)),
+        "step_rate_max_hz": integer_from(1),
+        "counts_while_off": Table.truth,
+        "current_max_a": number_from(0.01, 100.0, "A"),
+        "input_high_v": number_from(0.0, 100.0, "V"),
+        "input_ma": number_from(0.0, 100.0, "mA"),
+    },
+)
+_BOARD_OPTIONAL: Final[dict[str, Reading]] = {
+    "osc_pf": Table.integer,
+    "driver_profile": Table.text,
+    "driver": _figures,
+    "current_a": Table.number,
+    "active_edge": lambda table, key: table.choice(key, ActiveEdge),
+    "idle_percent": Table.integer,
+    "fast_decay_percent": Table.integer,
+}
+
+
+def _board(table: Table, key: str) -> BoardSettings:
+    """Return the board's settings; drivers that the file names bring the times that it leaves out."""
+    with table.section(key) as section:
+        own = {"bitrate": Table.integer}
+        if "driver_profile" not in section:
+            return judged(BoardSettings, section.gather(own | _PULSES, _BOARD_OPTIONAL), section.findings)
+        values = section.gather(own, _PULSES | _BOARD_OPTIONAL)
+        times: dict[str, int] = {}
+        with suppress(UnreadError):
+            profile = named_profile(values.get("driver_profile", ""), values.get("driver"))
+            times = pulses_for(profile, values.get("active_edge")) if profile is not None else {}
+        brought = {name: times.get(name) for name in _PULSES if name in values and values[name] is None}
+        known = {name: value for name, value in values.items() if name not in brought}
+        known |= {name: value for name, value in brought.items() if value is not None}
+        return judged(BoardSettings, known, section.findings)
+
+
 _ROBOT: Final[dict[str, Reading]] = {
     "name": _name,
     "title": _title,
     "kinematics": _mechanism,
-    "board": _settings(
-        BoardSettings,
-        {
-            "bitrate": Table.integer,
-            "steplen_ns": Table.integer,
-            "stepspace_ns": Table.integer,
-            "dirsetup_ns": Table.integer,
-            "dirhold_ns": Table.integer,
-            "step_rate_max_hz": Table.number,
-        },
-        {
-            "osc_pf": Table.integer,
-            "driver_profile": Table.text,
-            "current_a": Table.number,
-            "active_edge": lambda table, key: table.choice(key, ActiveEdge),
-            "idle_percent": Table.integer,
-            "fast_decay_percent": Table.integer,
-        },
-    ),
+    "board": _board,
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
     "base": _settings(BaseFrame, {}, dict.fromkeys(("x_mm", "y_mm", "z_mm", "phi_deg"), Table.number)),

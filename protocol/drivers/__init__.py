@@ -16,6 +16,7 @@ from steptwin.protocol.drivers.driver_profile import (
     one_of,
 )
 from steptwin.protocol.drivers.facts import Fact, Grade
+from steptwin.protocol.drivers.generic import GENERIC, DriverFigures
 from steptwin.protocol.drivers.modules import PROFILES as _MODULES
 from steptwin.protocol.drivers.oscillator import OSC_PF_MIN, Oscillator
 from steptwin.protocol.drivers.pin_table import PinTable
@@ -24,8 +25,12 @@ from steptwin.protocol.drivers.tb6560 import bare_chip
 
 PROFILES: Final = {profile.name: profile for profile in (*_TB6560, *_CARRIERS, *_MODULES)}
 """Profiles by their names."""
+DRIVER_NAMES: Final = (*PROFILES, GENERIC)
+"""All drivers that a robot file may name; the generic one needs the file's own figures."""
 
 __all__ = [
+    "DRIVER_NAMES",
+    "GENERIC",
     "NO_TIMES",
     "OSC_PF_MIN",
     "PROFILES",
@@ -35,6 +40,7 @@ __all__ = [
     "Cooling",
     "Coupler",
     "CurrentSetting",
+    "DriverFigures",
     "DriverProfile",
     "Fact",
     "Grade",

@@ -22,6 +22,8 @@ _NARROW_DEG: Final = 6.3
 
 _PIN_V: Final = 3.3
 """High level of a board's pin: the supply of an STM32."""
+_PIN_MA: Final = 8.0
+"""Current that a pin of an STM32F103 gives or takes at its logic levels (DS5319, output voltage characteristics)."""
 
 
 def check_robot(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
@@ -135,13 +137,19 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
 def _levels_missed(robot: "Robot") -> list[str]:
     """Return a warning if the board's pins do not drive the inputs of the drivers that the file names."""
     profile = robot.board.profile
-    high_v = profile.inputs.value.high_v
-    if high_v <= _PIN_V:
+    high_v, light_ma = profile.inputs.value
+    needs, have = [], []
+    if high_v > _PIN_V:
+        needs.append(f"{high_v:g} V or more at STEP, DIR and ENABLE as high")
+        have.append(f"{_PIN_V:g} V")
+    if light_ma > _PIN_MA:
+        needs.append(f"{light_ma:g} mA" + ("" if needs else " at STEP, DIR and ENABLE"))
+        have.append(f"{_PIN_MA:g} mA")
+    if not needs:
         return []
     return [
-        f"board.driver_profile: {profile.name} takes {high_v:g} V or more at STEP, DIR and ENABLE as high, and the"
-        f" board's pins have {_PIN_V:g} V: put buffers of 5 V between, or pull its inputs low from 5 V"
-        f" ({profile.inputs.source})"
+        f"board.driver_profile: {profile.name} takes {' and '.join(needs)}, and the board's pins have"
+        f" {' and '.join(have)}: put buffers of 5 V between, or pull its inputs low from 5 V ({profile.inputs.source})"
     ]
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from steptwin.emulator.drivers.driver_module import Module, fitted
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings
+from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings, named_profile
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol.drivers import PROFILES, ActiveEdge, ChipSheet, DriverProfile
+from steptwin.protocol.drivers import DRIVER_NAMES, GENERIC, ActiveEdge, ChipSheet, DriverProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +34,18 @@ def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverPr
     """Return the drivers that the robot's file names, or those named by `instead`.
 
     Raises:
-        InputError: the drivers do not exist.
+        InputError: the drivers do not exist, or generic ones have no figures in the robot's file.
     """
     if instead is None:
         return board.profile
-    if instead not in PROFILES:
-        raise unknown("driver profile", instead, PROFILES)
-    return PROFILES[instead]
+    profile = named_profile(instead, board.driver)
+    if profile is not None:
+        return profile
+    if instead == GENERIC:
+        raise InputError(
+            f"driver profile {GENERIC}: the robot's file has no table [board.driver] with its times (docs/driver.md)"
+        )
+    raise unknown("driver profile", instead, DRIVER_NAMES)
 
 
 def other_drivers(board: BoardSettings, name: str) -> str | None:

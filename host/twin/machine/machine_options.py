@@ -119,7 +119,7 @@ _DRIVERS = Spelling(
     example='"3a-module"',
     says="Put other drivers on the emulated board, unknown to planner and firmware (docs/driver.md): chip-100pf,"
     " chip-330pf, chip-1000pf, 3a-module, slow-blue-board, a4988, drv8825, a3967, tmc2209, tmc5160, dm542, dm542t,"
-    " tb6600. They have their usual settings instead of the robot file's"
+    " tb6600; generic is that of the file's [board.driver]. They have their usual settings instead of the robot file's"
     " current_a and the like.",
 )
 _DIP = Spelling(

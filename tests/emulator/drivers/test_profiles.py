@@ -1,6 +1,7 @@
 """Every driver keeps its datasheet's limits, on both sides of each: the figures here are the documents' own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,23 @@ from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import fitted
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange
-from steptwin.protocol.drivers import PROFILES, Grade
+from steptwin.protocol import drivers
+from steptwin.protocol.drivers import GENERIC, DriverFigures, Grade
 from tests.emulator.pins import WIDTH, at, pins
 
-NAMES = ("a4988", "drv8825", "a3967", "tmc2209", "tmc5160", "dm542", "dm542t", "tb6600")
+FIGURES = DriverFigures(
+    microsteps=(1, 5, 8, 256),
+    steplen_ns=1_300,
+    stepspace_ns=2_100,
+    dirsetup_ns=400,
+    dirhold_ns=3_300,
+    enable_ns=70_000,
+    wake_ns=5_000_000,
+    step_rate_max_hz=100_000,
+    current_max_a=2.2,
+)
+PROFILES = {**drivers.PROFILES, GENERIC: FIGURES.profile()}
+NAMES = ("a4988", "drv8825", "a3967", "tmc2209", "tmc5160", "dm542", "dm542t", "tb6600", GENERIC)
 UP = 100
 """Instant of power-up, in counts."""
 SETTLED = 72_000_000
@@ -56,6 +70,7 @@ def made(
         ("dm542", 2_500),
         ("dm542t", 2_500),
         ("tb6600", 5_000),
+        (GENERIC, 1_300),
     ],
 )
 def test_high_as_long_as_the_document_says(name: str, ns: int) -> None:
@@ -74,6 +89,7 @@ def test_high_as_long_as_the_document_says(name: str, ns: int) -> None:
         ("dm542", 2_500, 5_000),
         ("dm542t", 2_500, 5_000),
         ("tb6600", 5_000, 0),
+        (GENERIC, 2_100, 10_000),
     ],
 )
 def test_low_as_long_as_the_document_says_and_no_faster_than_its_rate(name: str, ns: int, period_ns: int) -> None:
@@ -99,6 +115,7 @@ def test_low_as_long_as_the_document_says_and_no_faster_than_its_rate(name: str,
         ("dm542", 5_000, 10_000),
         ("dm542t", 5_000, 10_000),
         ("tb6600", 5_000, 5_000),
+        (GENERIC, 400, 3_300),
     ],
 )
 def test_dir_stands_still_around_the_edge(name: str, setup_ns: int, hold_ns: int) -> None:
@@ -112,19 +129,23 @@ def test_dir_stands_still_around_the_edge(name: str, setup_ns: int, hold_ns: int
     assert broken(setup, hold - 1) == [Rule.DIR_HOLD]
 
 
-@pytest.mark.parametrize(("name", "ns"), [("drv8825", 650), ("dm542", 10_000), ("dm542t", 200_000_000)])
+@pytest.mark.parametrize(
+    ("name", "ns"), [("drv8825", 650), ("dm542", 10_000), ("dm542t", 200_000_000), (GENERIC, 70_000)]
+)
 def test_enabled_before_the_first_step(name: str, ns: int) -> None:
     enable = SETTLED - counts(ns)
     assert made(name, (SETTLED,), steps=1, enable=enable) == []
     assert made(name, (SETTLED,), steps=0, enable=enable + 1) == [Rule.ENABLE_SETUP]
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("drv8825", "dm542", "dm542t")])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("drv8825", "dm542", "dm542t", GENERIC)])
 def test_others_ask_for_no_time_after_enable(name: str) -> None:
     assert made(name, (SETTLED,), steps=1, enable=SETTLED - 1) == []
 
 
-@pytest.mark.parametrize(("name", "ns"), [("a4988", 1_000_000), ("drv8825", 1_700_000), ("a3967", 1_000_000)])
+@pytest.mark.parametrize(
+    ("name", "ns"), [("a4988", 1_000_000), ("drv8825", 1_700_000), ("a3967", 1_000_000), (GENERIC, 5_000_000)]
+)
 def test_awake_before_the_first_step(name: str, ns: int) -> None:
     assert made(name, (UP + counts(ns),), steps=1) == []
     assert made(name, (UP + counts(ns) - 1,), steps=0) == [Rule.WAKE_UP]
@@ -141,6 +162,7 @@ def test_awake_before_the_first_step(name: str, ns: int) -> None:
         ("dm542", False),
         ("dm542t", False),
         ("tb6600", False),
+        (GENERIC, False),
     ],
 )
 def test_while_disabled(name: str, counts_on: bool) -> None:
@@ -150,6 +172,14 @@ def test_while_disabled(name: str, counts_on: bool) -> None:
     driver.feed(pins((SETTLED, SETTLED + 9000), changes=at(SETTLED - 10, ENABLE=0)))
     assert driver.steps[0].size == (2 if counts_on else 0)
     assert driver.violations.rules() == ([] if counts_on else [Rule.DISABLED] * 2)
+
+
+def test_a_generic_driver_may_count_while_it_is_off() -> None:
+    driver = Driver(fitted(replace(FIGURES, counts_while_off=True).profile(), 8))
+    driver.feed(pins(changes=SUPPLY, until=UP + 1))
+    driver.feed(pins((SETTLED, SETTLED + 9000), changes=at(SETTLED - 10, ENABLE=0)))
+    assert driver.steps[0].size == 2
+    assert driver.violations.rules() == []
 
 
 @pytest.mark.parametrize(
@@ -169,6 +199,7 @@ def test_while_disabled(name: str, counts_on: bool) -> None:
             | {5: "1110", 10: "0110", 20: "1010", 25: "0010", 40: "1100", 50: "0100", 100: "1000", 125: "0000"},
         ),
         ("tb6600", {1: "110", 2: "101 011", 4: "100", 8: "010", 16: "001", 32: "000"}),
+        (GENERIC, {1: "00000", 5: "00001", 8: "00010", 256: "00011"}),
     ],
 )
 def test_pins_and_switches_select_the_microsteps(name: str, table: dict[int, str]) -> None:
@@ -215,7 +246,15 @@ def test_home(name: str, output: tuple[str, int] | None, degrees: float) -> None
 
 @pytest.mark.parametrize(
     ("name", "most_a"),
-    [("a4988", 2.0), ("drv8825", 2.5), ("a3967", 0.75), ("tmc2209", 2.8), ("dm542", 4.2), ("dm542t", 4.2)],
+    [
+        ("a4988", 2.0),
+        ("drv8825", 2.5),
+        ("a3967", 0.75),
+        ("tmc2209", 2.8),
+        ("dm542", 4.2),
+        ("dm542t", 4.2),
+        (GENERIC, 2.2),
+    ],
 )
 def test_the_highest_current(name: str, most_a: float) -> None:
     assert fitted(PROFILES[name], 8, most_a).full_a == most_a

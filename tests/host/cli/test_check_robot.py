@@ -195,6 +195,28 @@ def test_inputs_that_the_boards_pins_do_not_reach(
         assert found[0].startswith(f"steptwin: warning: board.driver_profile: {driver} {told}")
 
 
+@pytest.mark.parametrize(
+    ("high_v", "light_ma", "told"),
+    [
+        (3.3, 8.0, None),
+        (3.31, 8.0, "3.31 V or more at STEP, DIR and ENABLE as high, and the board's pins have 3.3 V: put"),
+        (3.3, 8.1, "8.1 mA at STEP, DIR and ENABLE, and the board's pins have 8 mA: put"),
+        (5.0, 10.0, "5 V or more at STEP, DIR and ENABLE as high and 10 mA, and the board's pins have 3.3 V and 8 mA"),
+    ],
+)
+def test_levels_and_currents_of_a_driver_of_ones_own(
+    high_v: float, light_ma: float, told: str | None, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    times = "".join(f"{name}_ns = 5000\n" for name in ("steplen", "stepspace", "dirsetup", "dirhold"))
+    figures = f"[board.driver]\nmicrosteps = [8, 16]\n{times}input_high_v = {high_v}\ninput_ma = {light_ma}\n"
+    text = TEXT.replace("osc_pf = 330", 'driver_profile = "generic"', 1).replace("[joints", f"{figures}\n[joints", 1)
+    arm.write_text(text, encoding="utf-8")
+    assert run(["check", str(arm)]) == 0
+    found = [line for line in capsys.readouterr().err.splitlines() if "driver_profile" in line]
+    assert len(found) == (told is not None)
+    assert told is None or found[0].startswith(f"steptwin: warning: board.driver_profile: generic takes {told}")
+
+
 def test_a_robot_file_needs_no_robot(arm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm.write_text(TEXT, encoding="utf-8")
     assert run(["check", str(arm), "lab-scara"]) == 2

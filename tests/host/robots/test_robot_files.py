@@ -295,7 +295,7 @@ class TestMistakesInAFile:
             pytest.param(
                 "osc_pf = 330",
                 'osc_pf = 330\ndriver_profil = "3a-module"',
-                "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile?",
+                "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile or driver?",
                 id="mistyped driver profile",
             ),
             pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is not one of 125000, 250000", id="bit rate"),
