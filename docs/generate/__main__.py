@@ -5,6 +5,7 @@ from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
 from docs.generate.pictures import (
     write_calibration_picture,
+    write_machine_pictures,
     write_pictures,
     write_warehouse_picture,
     write_waveform_pictures,
@@ -31,6 +32,7 @@ def main() -> None:
     write_pictures(runs)
     write_waveform_pictures(runs)
     write_calibration_picture()
+    write_machine_pictures()
     write_warehouse_picture()
     write_papers(runs)
 

@@ -15,11 +15,14 @@ from matplotlib.patches import Rectangle
 from docs.generate.commands import DOCS
 from docs.generate.robots_page import PICTURE_KINDS, picture
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.planner import plan
+from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots import DEFAULT_VIEW, PICTURES, PlotView
 from steptwin.host.record.plots.canvas import STYLE
-from steptwin.host.robots import load_robot, parse_robot
+from steptwin.host.robots import MACHINES, load_robot, parse_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.links import Role
@@ -30,6 +33,7 @@ from steptwin.host.studies.calibration import identify_errors, simulate_measurem
 from steptwin.host.studies.calibration.residuals import draw_residuals
 from steptwin.host.studies.papers.drawing import small_png
 from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.twin.embedded.execution import execute
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
@@ -51,6 +55,18 @@ def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
         figure = draw()
         figure.align_ylabels()
         path.write_bytes(small_png(figure))
+
+
+def write_machine_pictures() -> None:
+    """Draw the tool's path in the example of each arm of docs/machines.md."""
+    for robot in map(load_robot, MACHINES):
+        if robot.kinematics != "chain":
+            continue
+        example = f"docs/programs/{robot.name}.toml"
+        program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
+        outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
+        path = DOCS / picture(robot.name, "example", "path")
+        write_picture(path, partial(PICTURES["tool-path"], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
 
 
 _KIND: Final = "calibration-scara"

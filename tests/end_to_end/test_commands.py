@@ -22,9 +22,10 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
         "calibration-scara": ["th1", "th2", "d3", "th4"],
         "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
         "ar4-mk3": ["J1", "J2", "J3", "J4", "J5", "J6"],
+        "parol6": ["J1", "J2", "J3", "J4", "J5", "J6"],
     }
-    assert [robot["name"] for robot in document["robots"] if not robot["paper"]] == ["ar4-mk3"]
-    assert list(names)[-1] == "ar4-mk3"
+    machines = [robot["name"] for robot in document["robots"] if not robot["paper"]]
+    assert machines == list(names)[-len(machines) :] == ["ar4-mk3", "parol6"]
     assert run(["robots"]) == 0
     shown = capsys.readouterr().out
     assert "\nwarehouse-scara: Jiang Aimin, Guo Liang, Tan Xiangquan: Development" in shown

@@ -1,4 +1,4 @@
-"""An AR4 searches its switches as its maker has it: J1 to J6 one after the other, each on its own side."""
+"""Arms search their switches as their makers have it: J1 to J6 one after the other, each on its own side."""
 
 import numpy as np
 import pytest
@@ -32,3 +32,27 @@ def test_one_after_the_other_each_to_its_side(fast_kernel: Kernel) -> None:
         assert reached_deg == pytest.approx(EDGES_DEG[: i + 1], abs=0.5)
         assert positions[i + 1 :] == stood[i + 1 :]
     assert reported_steps(AR4, machine) == board.driver_positions()
+
+
+PAROL6 = load_robot("parol6")
+PAROL6_STEPS = (10240 - 13500, -32000 - 19588, 57905 - 23020, 0 + 10200, 0 - 8900, 32000)
+"""Where the firmware's switches are: its stand-by position less its way from the switch. J6's is stand-by itself."""
+
+
+def test_the_parol6s_switches_are_those_of_its_firmware() -> None:
+    """They close as J4 comes from below and the others from above; the firmware's microstep is 0.05625 deg."""
+    assert [joint.homing.method for joint in PAROL6.joints if joint.homing] == [22, 22, 22, 20, 22, 22]
+    for joint, steps in zip(PAROL6.joints, PAROL6_STEPS, strict=True):
+        at = joint.switches.home_from if joint.name == "J4" else joint.switches.home_to
+        assert at == pytest.approx(0.05625 * steps / joint.transmission.ratio, abs=6e-4)
+
+
+@pytest.mark.parametrize("start", [(90, -90, 180, 0, 0, 180), (-100, -20, 280, -100, 80, 10)])
+def test_the_parol6_finds_its_switches(fast_kernel: Kernel, start: tuple[float, ...]) -> None:
+    """From stand-by, and from where J1 and J6 stand within their switches and leave them first."""
+    board, machine = machine_of(PAROL6, list(start), fast_kernel)
+    machine.home_axes(how(PAROL6))
+    reached = board.driver_positions()
+    assert reported_steps(PAROL6, machine) == reached
+    apart_deg = np.divide(np.subtract(reached, PAROL6_STEPS), PAROL6.steps_per_unit)
+    assert np.all(np.abs(apart_deg) < 0.7)  # it brakes behind the edge

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots import read_robot
+from steptwin.host.robots import MACHINES, load_robot, read_robot
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.robot import Robot
@@ -114,8 +114,8 @@ TEXTS: Final = {
 
 @cache
 def arm(name: str) -> Robot:
-    """One of the arms."""
-    return read_robot(TEXTS[name])
+    """One of the arms, or one that StepTwin brings."""
+    return load_robot(name) if name in MACHINES else read_robot(TEXTS[name])
 
 
 def kinematics_of(robot: Robot) -> SerialArm:

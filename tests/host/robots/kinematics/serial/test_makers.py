@@ -29,15 +29,22 @@ def test_the_ar4s_stored_pose(robot: Robot) -> None:
     assert angle_deg(pose[3:], of_rpy_deg(np.array([175.5, 57.9, 168.6]))) < 0.1
 
 
-def test_the_parol6_at_its_stand_by_joints() -> None:
+@pytest.mark.parametrize("name", ["PAROL6", "parol6"])
+def test_the_parol6_at_its_stand_by_joints(name: str) -> None:
     """90 -90 180 0 0 180 deg: the upper arm upright, the forearm level along y, the gripper 45.25 mm below it."""
-    pose = kinematics_of(arm("PAROL6")).forward(np.array([[90.0, -90.0, 180.0, 0.0, 0.0, 180.0]]))[0]
+    pose = kinematics_of(arm(name)).forward(np.array([[90.0, -90.0, 180.0, 0.0, 0.0, 180.0]]))[0]
     assert pose[:3] == pytest.approx([0.0, 23.42 + 176.35 + 62.8, 110.5 + 180.0 + 43.5 - 45.25], abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("name", "rows", "modified"),
-    [("AR4", AR4_ROWS, True), ("PAROL6", PAROL6_ROWS, False), ("Dummy", DUMMY_ROWS, False)],
+    [
+        ("AR4", AR4_ROWS, True),
+        ("ar4-mk3", AR4_ROWS, True),
+        ("PAROL6", PAROL6_ROWS, False),
+        ("parol6", PAROL6_ROWS, False),
+        ("Dummy", DUMMY_ROWS, False),
+    ],
 )
 def test_against_the_toolbox(name: str, rows: tuple[tuple[float, ...], ...], modified: bool) -> None:
     toolbox = pytest.importorskip("roboticstoolbox")
