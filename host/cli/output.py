@@ -117,7 +117,13 @@ def pose_words(pose: Mapping[str, Any], decimals: int, attitude: str) -> str:
     for key, name, unit in (("rpy_deg", "rpy", " deg"), ("direction", "direction", "")):
         if key in pose:
             words.append(f"{name} {' '.join(fixed(value, decimals) for value in pose[key])}{unit}")
-    return ", ".join(words)
+    upright = "rpy_deg" in pose and abs(pose["rpy_deg"][1]) >= _LEVEL_DEG
+    return ", ".join(words) + (f" ({_UPRIGHT})" if upright else "")
+
+
+_LEVEL_DEG: Final = 89.999
+"""Pitch from which on roll is 0: `LEVEL_DEG` of the rotations, listed again, since importing that takes numpy."""
+_UPRIGHT: Final = "at this pitch roll and yaw are one turn, all of it yaw"
 
 
 def number_of(count: int, noun: str) -> str:

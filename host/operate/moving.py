@@ -81,7 +81,10 @@ def nearest_joints(robot: Robot, position: ToolPosition, near: list[float]) -> l
     branches = kinematics.inverse(np.array([pose]), standing)
     within = [branch.joints[0] for branch in branches if branch.reachable[0]]
     if not within:
-        reasons = "; ".join(f"{branch.name}: {branch.reason(0)}" for branch in branches)
+        why: dict[str | None, list[str]] = {}
+        for branch in branches:
+            why.setdefault(branch.reason(0), []).append(branch.name)
+        reasons = "; ".join(f"{', '.join(names)}: {reason}" for reason, names in why.items())
         passing = passing_text(robot, pose, standing)
         raise InputError(f"no branch reaches {kinematics.task.words(pose)}: {reasons}{passing}")
     nearest = min(within, key=lambda joints: 1 / limits_along(robot, joints - standing)[0])

@@ -44,7 +44,7 @@ def jog(
     loaded, rest = live.robot_and_rest(words)
     if len(rest) != 2:
         raise InputError(
-            f"a joint or x, y, z, phi, and a distance or a speed are needed after the robot,"
+            "a joint or x, y, z, phi, rx, ry, rz, and a distance or a speed are needed after the robot,"
             f" not {' '.join(rest) or 'nothing'}"
         )
     name, text = rest

@@ -109,12 +109,18 @@ def move(
     """
     from steptwin.host.operate.moving import Goal, goal_by_name, joints_at, move, nearest_joints
     from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
+    from steptwin.host.robots.kinematics import make_kinematics
 
     loaded, rest = live.robot_and_rest(words)
     pose = target.given()
     joints = _joints(loaded, rest)
     if [bool(pose), bool(joints), to is not None].count(True) != 1:
-        raise InputError("where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to")
+        raise InputError(
+            "where to? either joints, or a tool pose by --x, --y, --z, --phi, or a saved position by --to; in space a"
+            " pose has --rpy or another orientation instead of --phi"
+        )
+    if pose:
+        make_kinematics(loaded).task.check(pose.coordinates, pose.orientation)
     check_percent(speed, "--speed")
     if not 0 < speed <= 100:
         raise InputError(f"--speed {speed:g}: is not above 0 and up to 100 percent")

@@ -84,7 +84,8 @@ def _pose(
     if "phi" in task.coordinates and "phi" not in place and not kinematics.attitude_follows:
         raise InputError(f"--phi is missing: the tool of {robot.name} turns")
     if not task.is_flat and orientation is None:
-        raise InputError(f"the orientation is missing: {'--direction' if task is DIRECTION_TASK else '--rpy'}")
+        options = "--direction 'X Y Z'" if task is DIRECTION_TASK else "--rpy 'R P Y', --quaternion, --rotvec or --abc"
+        raise InputError(f"the orientation is missing: {options}")
     return task.changed((nan,) * task.width, place, orientation)
 
 

@@ -71,9 +71,12 @@ def read_position(table: Table) -> Position:
     """Return a position from a table; raise InputError for an empty one or for joints beside tool coordinates."""
     branch = table.text("branch", empty=False) if "branch" in table else None
     orientation = _read_orientation(table)
+    for key in table:
+        if key not in ORIENTATIONS and isinstance(table.values[key], list):
+            raise unknown("orientation", key, ORIENTATIONS)
     numbers = {key: table.number(key) for key in table if key not in ("branch", *ORIENTATIONS)}
     if not numbers and orientation is None:
-        raise InputError("names neither a joint nor one of the tool's coordinates x, y, z, phi")
+        raise InputError("names neither a joint nor one of the tool's coordinates x, y, z, phi nor an orientation")
     of_tool = [key for key in numbers if key in STEP_NAMES] + ([orientation.key] if orientation else [])
     if not of_tool:
         if branch is not None:

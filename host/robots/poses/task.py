@@ -98,7 +98,7 @@ class Task(ABC):
 
     def words(self, pose: FloatArray | Sequence[float]) -> str:
         """Return a pose in words."""
-        x_mm, y_mm, z_mm = pose[:3]
+        x_mm, y_mm, z_mm = (np.round(pose[:3], 9) + 0.0).tolist()  # without the dust of products
         return f"x {x_mm:g}, y {y_mm:g}, z {z_mm:g} mm"
 
     def changed(self, pose: Pose, coordinates: Mapping[str, float], orientation: Orientation | None) -> Pose:

@@ -215,7 +215,7 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("th1", "a joint or x, y, z, phi, and a distance or a speed are needed after the robot, not th1"),
+        ("th1", "a joint or x, y, z, phi, rx, ry, rz, and a distance or a speed are needed after the robot, not th1"),
         ("th9 1", "joint 'th9' is unknown: did you mean th3 or th2 or th1?"),
         ("th1 fast", "AMOUNT: 'fast' is not a number"),
         ("th1 5mm", "AMOUNT: 5mm is not in deg or deg/s"),

@@ -89,7 +89,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         """
     ) == [
         "positions.a: th1: beside x; a position is either of joints or of the tool",
-        "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi",
+        "positions.b: names neither a joint nor one of the tool's coordinates x, y, z, phi nor an orientation",
         "step 1: speed: key 'speed' is unknown: did you mean speed_percent?",
         "step 2: speed_mm_s: is missing",
         "step 3: a step has exactly one of "
@@ -113,6 +113,17 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         ('go = "a"\nduration_s = 0', "duration_s: 0 s is not at least 0.001 s"),
         ('go = "a"\nduration_s = 0.0005', "duration_s: 0.0005 s is not a whole number of milliseconds"),
         ('go = "a"\nlaw = "linear"', "law: 'linear' is not one of s-curve, trapezoid, cubic, quintic"),
+        ("go = { x = 1, rpy_deg = [1, 2] }", "go: rpy_deg: has 2 numbers, it takes 3"),
+        ("go = { x = 1, rpy_deg = 30 }", "go: rpy_deg: 30 is not a list"),
+        ('go = { rpy_deg = [1, "a", 3] }', "go: rpy_deg[1]: 'a' is not a number"),
+        (
+            "go = { rpy_deg = [1, 2, 3], abc_deg = [1, 2, 3] }",
+            "go: abc_deg: beside rpy_deg; a pose has one orientation",
+        ),
+        ("go = { quaternion_wxyz = [1, 0, 0, 0] }", "go: orientation 'quaternion_wxyz' is unknown: did you mean"),
+        ("go = { quaternion_xyzw = [0.9, 0, 0, 0] }", "go: quaternion_xyzw: has the length 0.9, a rotation has 1, x y"),
+        ("go = { th1 = 1, rpy_deg = [1, 2, 3] }", "go: th1: beside rpy_deg; a position is either of joints or of the"),
+        ("by = { rpy_deg = [1, 2, 3] }\nspeed_mm_s = 3", "by.rpy_deg: a relative move turns by rx, ry, rz, in degrees"),
         ("by = { th1 = 1 }\nspeed_mm_s = 3", "speed_mm_s: key 'speed_mm_s' is unknown: there are by, law,"),
         ('arc = { via = "a" }\nspeed_mm_s = 3', "arc.to: is missing"),
         ('arc = { via = "a", too = "b" }\nspeed_mm_s = 3', "arc.too: key 'too' is unknown: did you mean to?"),
