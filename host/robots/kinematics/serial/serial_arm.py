@@ -381,6 +381,18 @@ class SerialArm:
 
     def joint_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         """Return joint velocities for tool velocities of shape (n, task.rates), where singular by least squares."""
+        velocities, singular = np.zeros_like(joints), np.ones(len(joints), np.bool_)
+        if self.form:
+            of_base = (self._turned_back(tool_velocities[:, part], joints) for part in (slice(3), slice(3, 6)))
+            moves_mm, turns_deg = of_base
+            rates, det = self.form.rates.of(np.deg2rad(joints[:, self._free]), moves_mm, np.deg2rad(turns_deg))
+            singular = ~(np.abs(det) > _SINGULAR_DET * self.reach_mm**3)
+            velocities[:, self._free] = np.rad2deg(rates)
+        if singular.any():
+            velocities[singular] = self._numeric_velocities(joints[singular], tool_velocities[singular])
+        return velocities
+
+    def _numeric_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
         numeric = self._numeric
         rotations, jacobians = numeric.jacobians(joints)
         back = reversed_rotation(rotations)
@@ -394,6 +406,17 @@ class SerialArm:
             rates * np.where(numeric.slides, numeric.reach_mm, np.rad2deg(1.0))[list(self._free)]
         )
         return velocities
+
+    def _turned_back(self, vectors: FloatArray, standing: FloatArray) -> FloatArray:
+        """Return vectors of shape (n, 3) in the base's frame, as if the joints that are held were at 0."""
+        axes = self._axes
+        if self.dh.base.phi_deg:
+            vectors = turned(vectors, of_rotation_vector(np.array([0.0, 0.0, -self.dh.base.phi_deg])))
+        for column in self.held:
+            if not axes.slides[column]:
+                back = of_rotation_vector(-standing[:, column, np.newaxis] * axes.directions[column])
+                vectors = turned(vectors, back)
+        return vectors
 
 
 def _solved_rates(jacobians: FloatArray, wanted: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ import numpy as np
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
 from steptwin.host.robots.kinematics.serial.vectors import Column, ConstantAxis, Vectors, constant, weighted
+from steptwin.host.robots.kinematics.serial.wrist_rates import WristRates
 
 MISS_MAX_MM: Final = 1e-4
 """Distance by which the wrist's axes may miss each other: the rounding of angles in files."""
@@ -187,6 +188,8 @@ class SphericalWrist:
         self._wrist_rad, self._wrist_size, self._wrist_rest = float(np.arctan2(b5, a5)), float(np.hypot(a5, b5)), c5
         self.is_square = abs(self._wrist_rest) < _CLAMPED and abs(self._wrist_size - 1.0) < _CLAMPED
         """True if axis 5 is square to both neighbours: then an angle near 0 is known to the last digit."""
+        self.rates = WristRates(axes, wrist)
+        """How fast the joints are for a velocity of the tool."""
         self.signs: dict[str, tuple[float, float, float]] = {}
         self._name_branches(r, k)
 
