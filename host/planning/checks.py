@@ -72,13 +72,18 @@ class SampleCheck:
 
     def watched(self, windows: Iterable[Samples]) -> Iterator[Samples]:
         """Look at windows as they are taken; raise InputError, as `check_positions`, at one that is not finite."""
-        for samples in windows:
-            self.look(samples)
+        for samples in self.looking(windows):
             if self._not_finite:
                 self.check_positions()
             yield samples
 
-    def look(self, samples: Samples) -> None:
+    def looking(self, windows: Iterable[Samples]) -> Iterator[Samples]:
+        """Look at windows as they are taken, whatever is in them."""
+        for samples in windows:
+            self._look(samples)
+            yield samples
+
+    def _look(self, samples: Samples) -> None:
         """Look at the next window."""
         self._first, self._last = self._first or samples, samples
         for i, joint in enumerate(self._joints):

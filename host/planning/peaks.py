@@ -10,7 +10,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import Trajectory, states
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
 
@@ -42,7 +42,7 @@ def sampled(trajectory: Trajectory) -> Iterator[Samples]:
     """Yield a trajectory in windows; each begins with the millisecond with which the one before ends."""
     for times_ms in windows_ms(round(1000 * trajectory.duration_s)):
         t_s = times_ms / 1000
-        yield Samples(t_s, trajectory.positions(t_s), trajectory.velocities(t_s))
+        yield Samples(t_s, *states(trajectory, t_s))
 
 
 def shifted(windows: Iterable[Samples], from_s: float) -> Iterator[Samples]:

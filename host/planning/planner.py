@@ -22,7 +22,6 @@ from steptwin.host.planning.peaks import (
     check_length,
     highest,
     sampled,
-    shifted,
     speed_peaks,
     step_rate_peaks,
 )
@@ -112,13 +111,13 @@ def _slower_drives(robot: Robot, trajectory: Trajectory, point_ms: int, error: c
     return ", and so does " + " and ".join(f"joints.{name}.{setting}" for name, (_, setting) in changed.items())
 
 
-def step_peaks(robot: Robot, part: Trajectory, from_ms: int, point_ms: int = DEFAULT_POINT_MS) -> tuple[Peak, ...]:
+def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[Samples]) -> tuple[Peak, ...]:
     """Return the peaks of a part of a motion that begins at a time of it, as the planner finds them in the whole.
 
-    Raises TooFastError if PVT records cannot hold the part.
+    `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
     """
-    own_ms = _point_times_ms(part, point_ms, from_ms)
-    points, velocities, peaks = _looked(robot, own_ms, shifted(sampled(part), from_ms / 1000))
+    own_ms = _point_times_ms(part, DEFAULT_POINT_MS, from_ms)
+    points, velocities, peaks = _looked(robot, own_ms, windows)
     return (*_step_rates(robot, own_ms + from_ms, points, velocities), *peaks)
 
 

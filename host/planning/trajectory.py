@@ -1,5 +1,6 @@
 """The interface of a trajectory: joint positions and velocities as functions of time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
@@ -82,6 +83,15 @@ class Trajectory(Protocol):
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities in mm/s and deg/s, shape (n, joints), at times of shape (n,) in [0, duration_s]."""
         ...
+
+
+def states(trajectory: Trajectory, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a trajectory's positions and velocities, both of shape (n, joints), at times of shape (n,).
+
+    A trajectory that computes both together in less time has a method of this name; others need not have it.
+    """
+    together: Callable[[FloatArray], tuple[FloatArray, FloatArray]] | None = getattr(trajectory, "states", None)
+    return together(t_s) if together else (trajectory.positions(t_s), trajectory.velocities(t_s))
 
 
 @runtime_checkable

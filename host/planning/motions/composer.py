@@ -1,12 +1,12 @@
 """Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import shortened, unknown, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve, check_duration
@@ -14,7 +14,7 @@ from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, states
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
@@ -75,22 +75,34 @@ class Sequence:
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
-        return self._pieced(t_s, lambda part, own_s: part.positions(own_s))
+        positions = np.empty((len(t_s), len(self.joint_names)))
+        for part, rows, own_s in self._parts_at(t_s):
+            positions[rows] = part.positions(own_s)
+        return positions
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints)."""
-        return self._pieced(t_s, lambda part, own_s: part.velocities(own_s))
+        velocities = np.empty((len(t_s), len(self.joint_names)))
+        for part, rows, own_s in self._parts_at(t_s):
+            velocities[rows] = part.velocities(own_s)
+        return velocities
 
-    def _pieced(self, t_s: FloatArray, of: Callable[[Trajectory, FloatArray], FloatArray]) -> FloatArray:
+    def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both."""
+        positions, velocities = np.empty((2, len(t_s), len(self.joint_names)))
+        for part, rows, own_s in self._parts_at(t_s):
+            positions[rows], velocities[rows] = states(part, own_s)
+        return positions, velocities
+
+    def _parts_at(self, t_s: FloatArray) -> Iterator[tuple[Trajectory, Int64Array, FloatArray]]:
+        """Yield each part that moves at some of the times, the rows of these, and the part's own times."""
         starts_s = np.array(self.starts_ms) / 1000
         which = np.clip(np.searchsorted(starts_s, t_s, side="right") - 1, 0, len(self.parts) - 1)
-        values = np.empty((len(t_s), len(self.joint_names)))
         counts = np.bincount(which, minlength=len(self.parts))
         in_order = np.split(np.argsort(which, kind="stable"), np.cumsum(counts)[:-1])
         for i in np.flatnonzero(counts):
-            part, own = self.parts[i], in_order[i]
-            values[own] = of(part, np.clip(t_s[own] - starts_s[i], 0.0, part.duration_s))
-        return values
+            part, rows = self.parts[i], in_order[i]
+            yield part, rows, np.clip(t_s[rows] - starts_s[i], 0.0, part.duration_s)
 
 
 SWITCHING_S: Final = 0.3

@@ -9,7 +9,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, left_open, waits_of
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, left_open, states, waits_of
 
 
 def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest: int) -> int | None:
@@ -120,6 +120,11 @@ class Stretched:
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints)."""
         return self.trajectory.velocities(self._own_s(t_s)) / self.factor
+
+    def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both."""
+        positions, velocities = states(self.trajectory, self._own_s(t_s))
+        return positions, velocities / self.factor
 
     def _own_s(self, t_s: FloatArray) -> FloatArray:
         return (t_s / self.factor).clip(0.0, self.trajectory.duration_s)

@@ -200,16 +200,33 @@ class ToolMove:
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
         guides = self._guides(t_s)
-        solved = self.kinematics.at(self.poses(t_s), self.branch, self.guide_joints[0], guides)
-        for axis in self.rotary:  # choose the turn that the guide is in
-            solved[:, axis] += 360.0 * np.round((guides[:, axis] - solved[:, axis]) / 360.0)
-        return solved
+        return self._in_turns(self._solved(self.law.position(t_s), guides), guides)
 
     def velocities(self, t_s: FloatArray) -> FloatArray:
         """Return joint velocities, of shape (n, joints), by the inverse Jacobian."""
         s_mm = self.law.position(t_s)
+        return self._rates(t_s, s_mm, self._solved(s_mm, self._guides(t_s)))
+
+    def states(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both, from one inverse of the poses."""
+        s_mm, guides = self.law.position(t_s), self._guides(t_s)
+        joints = self._solved(s_mm, guides)
+        velocities = self._rates(t_s, s_mm, joints)
+        return self._in_turns(joints, guides), velocities
+
+    def _solved(self, s_mm: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return joints, of shape (n, joints), at lengths of the path, near guides but for turns."""
+        return self.kinematics.at(self.path.poses(s_mm), self.branch, self.guide_joints[0], guides)
+
+    def _in_turns(self, joints: FloatArray, guides: FloatArray) -> FloatArray:
+        """Return joints with each rotary one, in place, in the turn that the guide is in."""
+        for axis in self.rotary:
+            joints[:, axis] += 360.0 * np.round((guides[:, axis] - joints[:, axis]) / 360.0)
+        return joints
+
+    def _rates(self, t_s: FloatArray, s_mm: FloatArray, joints: FloatArray) -> FloatArray:
+        """Return the velocities of joints that lead the tool along the path."""
         tool = self.law.velocity(t_s)[:, np.newaxis] * self.path.derivatives(s_mm)
-        joints = self.kinematics.at(self.path.poses(s_mm), self.branch, self.guide_joints[0], self._guides(t_s))
         return self.kinematics.joint_velocities(joints, tool)
 
     def _guides(self, t_s: FloatArray) -> FloatArray:

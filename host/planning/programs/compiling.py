@@ -225,13 +225,15 @@ class _Walk:
             with Findings().collecting():
                 self._stand_after(step)
             return
+        made = MadeStep(self._robot, place, step, before, round(1000 * from_s))
         part = moves.composer.last_part(from_s) if step.pace is not None else None
         if part is not None:
-            self._check_positions(place, step, before.composer.joints, part, from_s)
-        made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
+            check = checks.SampleCheck(self._robot)
+            made = made.looked_at(part, check.looking(shifted(sampled(part), from_s)))
+            self._check_positions(made, part, check)
         changes = part.changes if isinstance(part, ToolMove) else ()
         changes = tuple((from_s + t_s, name) for t_s, name in changes)
-        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks(), changes))
+        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks, changes))
         self._made.append(made)
 
     def _stand_after(self, step: Step) -> None:
@@ -240,11 +242,9 @@ class _Walk:
         if end is not None:
             self._stand_at(end)
 
-    def _check_positions(self, place: Place, step: Step, start: FloatArray, part: Trajectory, from_s: float) -> None:
+    def _check_positions(self, made: MadeStep, part: Trajectory, check: checks.SampleCheck) -> None:
         """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""
-        check = checks.SampleCheck(self._robot)
-        for samples in shifted(sampled(part), from_s):
-            check.look(samples)
+        start, step = made.before.composer.joints, made.step
         ends = part.positions(np.array([part.duration_s]))[0].tolist()
         for i, joint in enumerate(self._robot.joints):
             if checks.is_outside(joint, start[i]):
@@ -254,4 +254,4 @@ class _Walk:
             try:
                 check.check_joint(i)
             except InputError as error:
-                self.complaints.add(place, step, error)
+                self.complaints.add(made.place, step, error)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.motions.stretched import least_passing
-from steptwin.host.planning.peaks import Peak, Quantity, TooLongError
+from steptwin.host.planning.peaks import Peak, Quantity, Samples, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import Pace
@@ -140,7 +140,8 @@ class MadeStep:
         step: the step.
         before: moves that begin where the step begins.
         from_ms: time of the program when it begins.
-        part: its motion; None if it does not move.
+        peaks: the peaks of each joint; none without motion, or if PVT records cannot hold it.
+        refused: error of a motion that PVT records cannot hold.
     """
 
     robot: Robot
@@ -148,21 +149,27 @@ class MadeStep:
     step: Step
     before: Moves
     from_ms: int
-    part: Trajectory | None
+    peaks: tuple[Peak, ...] = ()
+    refused: TooFastError | None = None
 
-    def peaks(self) -> tuple[Peak, ...]:
-        """Return the peaks of each joint; none without motion, or if PVT records cannot hold it."""
+    def looked_at(self, part: Trajectory, windows: Iterable[Samples]) -> "MadeStep":
+        """Return the step with what the windows of its motion show."""
         try:
-            return () if self.part is None else step_peaks(self.robot, self.part, self.from_ms)
-        except checks.TooFastError:
-            return ()
+            return replace(self, peaks=step_peaks(self.robot, part, self.from_ms, windows), refused=None)
+        except TooFastError as error:
+            return replace(self, peaks=(), refused=error)
 
-    def check_speed(self, pace: Pace | None = None) -> None:
-        """Raise TooFastError if the step, or the step with another pace, is too fast."""
-        part = self.part if pace is None else self._with(pace)
+    def check_speed(self) -> None:
+        """Raise TooFastError if the step is too fast."""
+        if self.refused is not None:
+            raise self.refused
+        checks.check_peaks(sorted(self.peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
+
+    def check_pace(self, pace: Pace) -> None:
+        """Raise TooFastError if the step is too fast with another pace."""
+        part = self._with(pace)
         if part is not None:
-            peaks = step_peaks(self.robot, part, self.from_ms)
-            checks.check_peaks(sorted(peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
+            self.looked_at(part, shifted(sampled(part), self.from_ms / 1000)).check_speed()
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
@@ -215,7 +222,7 @@ def _advice(step: Step, group: list[_FastStep]) -> str:
     places = sorted(different.values(), key=lambda fast: -fast.error.least_stretch)
     turns_in_space = not make_kinematics(places[0].made.robot).task.is_flat
     names = [name for name in step.pace.keys if name != "speed_deg_s" or turns_in_space]
-    values = passing_values(step.pace, names, places[0].error, [fast.made.check_speed for fast in places])
+    values = passing_values(step.pace, names, places[0].error, [fast.made.check_pace for fast in places])
     if not values:
         return f"no {' and no '.join(names)} alone passes"
     return f"{' or '.join(values)} passes"

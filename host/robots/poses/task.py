@@ -401,4 +401,6 @@ class Turning:
 
     def at(self, part: FloatArray) -> FloatArray:
         """Return the orientations at parts of the turn of shape (n,), from 0 to 1, shape (n, columns)."""
+        if not self.turn_deg.any():
+            return np.tile(self.start, (len(part), 1))
         return self.task.carried(of_rotation_vector(part[:, np.newaxis] * self.turn_deg), self.start)
