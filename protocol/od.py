@@ -140,6 +140,11 @@ def rw(
     return address
 
 
+def rate_q16(percent: int) -> int:
+    """Return a rate of the group's time in 1/65 536 of full rate, rounded up as the firmware has it."""
+    return -(-percent * 65_536 // 100)
+
+
 def _rate(address: int, title: str, full_steps: int, unit: EntryUnit, mapping: Mapping = Mapping.NONE) -> int:
     """Add a speed, an acceleration or a jerk, whose default is given in full steps and seconds."""
     return rw(address, U32, title, full_steps * UNITS_PER_FULL_STEP, 1, unit=unit, mapping=mapping)
@@ -266,6 +271,37 @@ BOARD_TEMPERATURE_MAX = rw(0x2002_05, I16, "Highest board temperature in {unit}"
 record(0x2010, "Interpolation group")
 GROUP_STOP = rw(0x2010_01, U8, "Group stop: a fault stops all interpolating axes", 1, 0, 1)
 QUEUE_LOW_WATER = rw(0x2010_02, U8, "Low-water mark of the queue in {unit}", 16, 0, 64, unit=RECORDS)
+FULL_RATE_Q16: Final = 1 << 16
+"""Rate at which the time of an interpolation group is real time."""
+RATE_PERCENT_MIN: Final = 10
+RATE_PERCENT_MAX: Final = 150
+"""Bounds of the rate that a host may want, in percent of full rate."""
+RATE_MIN_Q16: Final = rate_q16(RATE_PERCENT_MIN)
+RATE_MAX_Q16: Final = rate_q16(RATE_PERCENT_MAX)
+GROUP_RATE_Q16 = rw(
+    0x2010_03,
+    U32,
+    "Rate wanted of the group's time: 65 536 is full rate",
+    FULL_RATE_Q16,
+    RATE_MIN_Q16,
+    RATE_MAX_Q16,
+    read="Interpolation.wanted_rate",
+    write="Interpolation.want_rate",
+)
+GROUP_RATE_NOW_Q16 = ro(
+    0x2010_04, U32, "Present rate of the group's time", default=FULL_RATE_Q16, read="Interpolation.present_rate"
+)
+GROUP_RATE_HIGHEST_Q16 = rw(
+    0x2010_05,
+    U32,
+    "Highest rate that the axis' records allow; buffer clear sets full rate",
+    FULL_RATE_Q16,
+    FULL_RATE_Q16,
+    RATE_MAX_Q16,
+    read="Interpolation.highest_rate",
+    write="Interpolation.allow_rate",
+)
+BOARD_AXES = ro(0x2010_06, U8, "Number of axes on the board", read="AxisMotion.board_axes")
 record(0x2012, "PVT status")
 PVT_NEXT_SEQUENCE = ro(0x2012_01, U8, "Next sequence number", mapping=TX, read="Interpolation.next_sequence")
 PVT_FREE_RECORDS = ro(0x2012_02, U8, "Free records", RECORDS, TX, read="Interpolation.free_records")

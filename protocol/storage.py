@@ -19,7 +19,8 @@ _Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
 _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
-_NO_PARAMETERS = frozenset((od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, *od.STORES, *od.RESTORES))
+_STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
+_NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))
 
 
 class ParameterStorage:

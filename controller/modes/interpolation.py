@@ -10,7 +10,7 @@ queues the record. The other three are read from their cells.
 
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.motion.axis_motion import Refusal
-from steptwin.controller.motion.kernel import I32_MAX, TICKS_PER_MS
+from steptwin.controller.motion.kernel import FULL_RATE_Q16, I32_MAX, TICKS_PER_MS
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.soft_limits import hull
 from steptwin.controller.node.stops import AxisStop, StopKind
@@ -29,6 +29,7 @@ class Interpolation(DriveMode):
         super().__init__(context)
         self._errors = context.errors
         self._stop = stop
+        self._group = context.board.motion.group
         self.next_sequence = 0
         """Number that the next record must have."""
         self._sticky = 0
@@ -81,7 +82,7 @@ class Interpolation(DriveMode):
             least, most = hull(start, velocity, displacement_units, end_velocity, duration_ms)
             if least < min(low, start) or most > max(high, start):
                 return Refusal.SOFT_LIMIT
-        return self._motion.push_ticks(displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
+        return self._motion.push_record(displacement_units, end_velocity, duration_ms * TICKS_PER_MS)
 
     def _drop(self, verdict: Verdict) -> None:
         """Count and flag a gap or an overflow; report only the first in a row, so that junk cannot flood the bus."""
@@ -107,12 +108,41 @@ class Interpolation(DriveMode):
         self.restart()
 
     def restart(self) -> None:
-        """Expect sequence number 0, clear the flags, and open the queue."""
+        """Expect sequence number 0, clear the flags, open the queue; its records are to run at full rate at most."""
         self.next_sequence = 0
         self._sticky = 0
         self._errors.resolved(ErrorCode.SEGMENT_REFUSED)
         self.finished()
         self._closed = False
+        self._motion.highest_rate_q16 = FULL_RATE_Q16
+
+    # --- the rate of the group's time
+
+    def wanted_rate(self) -> int:
+        """Return the rate at which the group runs while it is not halted; full rate while no axis interpolates."""
+        return self._group.wanted_q16 if self._group.members else FULL_RATE_Q16
+
+    def present_rate(self) -> int:
+        """Return the present rate of the group's time, which may be on its way to another."""
+        return self._group.rate_q16(self._context.board.motion.tick)
+
+    def want_rate(self, rate_q16: int) -> None:
+        """Let the group run slower or faster; refuse without a motion, or what is faster than its records allow."""
+        if not self._group.members:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        if rate_q16 > self._context.board.motion.highest_rate_q16:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
+        self._group.wanted_q16 = rate_q16
+
+    def highest_rate(self) -> int:
+        """Return the highest rate at which this axis' records keep the limit of the step rate."""
+        return self._motion.highest_rate_q16
+
+    def allow_rate(self, rate_q16: int) -> None:
+        """Judge the records that follow by their step rate at this rate; refuse while there are any."""
+        if self._motion.running or self._motion.queued:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        self._motion.highest_rate_q16 = rate_q16
 
     # --- the mode
 

@@ -106,6 +106,8 @@ class AxisMotion:
         """How the axis makes its steps."""
         self._lowered = False
         """True while the axis still runs within a higher rate limit than that of its configuration."""
+        self.highest_rate_q16 = k.FULL_RATE_Q16
+        """Highest rate of the group's time at which the records pushed keep the limit of the step rate."""
         self._set(k.LAST_RISE_COUNTS, k.NEVER_COUNTS)
         self._set(k.MICROSTEPS, UNCONFIGURED.microsteps)
         self._set(k.DURATION_TICKS, 1)
@@ -183,6 +185,11 @@ class AxisMotion:
         self._set(k.COUNTER, self._get(k.COUNTER) + shift)
         self._set(k.POSITION_Q16, self._get(k.POSITION_Q16) + shift * k.STEP_Q16)
         self.flush()
+
+    @property
+    def board_axes(self) -> int:
+        """Number of axes of the board, which share one time when they interpolate."""
+        return self._board.axis_count
 
     @property
     def running(self) -> bool:
@@ -269,9 +276,27 @@ class AxisMotion:
         answer = self._push(board.cells, board.queue, self._axis, displacement_units, end_velocity, duration_ticks)
         return Refusal(answer) if answer else Refusal.ACCEPTED
 
+    def push_record(self, displacement_units: int, end_velocity: int, duration_ticks: int) -> Refusal:
+        """Queue one segment for the group's time; refuse it if it is too fast at the highest rate of that time."""
+        if self.highest_rate_q16 == k.FULL_RATE_Q16:
+            return self.push_ticks(displacement_units, end_velocity, duration_ticks)
+        limit = self._get(k.RATE_LIMIT_Q16_PER_MS)
+        self._set(k.RATE_LIMIT_Q16_PER_MS, limit * k.FULL_RATE_Q16 // self.highest_rate_q16)
+        refusal = self.push_ticks(displacement_units, end_velocity, duration_ticks)
+        self._set(k.RATE_LIMIT_Q16_PER_MS, limit)
+        return refusal
+
     def start(self, *, in_group: bool = False) -> bool:
-        """Begin the oldest queued segment in the next tick, in the group's time or not; False if none is queued."""
+        """Begin the oldest queued segment in the next tick, in the group's time or not.
+
+        Return False if none is queued, or if the group's time runs faster than the axis' records allow. The first axis
+        of a group sets the rate wanted to full rate.
+        """
         board = self._board
+        if in_group and not board.group.members:
+            board.group.wanted_q16 = k.FULL_RATE_Q16
+        elif in_group and max(board.group.wanted_q16, board.group.rate_q16(board.tick)) > self.highest_rate_q16:
+            return False
         if not board.kernel.next_segment(board.cells, board.queue, self._axis):
             return False
         board.running_axes.add(self._axis)
@@ -361,17 +386,18 @@ class AxisMotion:
 
         It ends with the running segment at the latest, and a start or stop of the axis (`BoardState.starts`) makes it
         void. The slope of a cubic stays within its Bernstein coefficients a, a + b and a + 2b + 3c, and a group's time
-        never runs faster than ticks do.
+        never runs faster than the axis' highest rate.
         """
         a, b, c = self._get(k.COEFFICIENT_A), self._get(k.COEFFICIENT_B), self._get(k.COEFFICIENT_C)
         duration_ticks = self._get(k.DURATION_TICKS)
-        left_ticks = ((duration_ticks << 16) - self._get(k.ELAPSED_Q16)) >> 16
+        left_ticks = ((duration_ticks << 16) - self._get(k.ELAPSED_Q16)) // self.highest_rate_q16
         fastest = max(max(abs(a), abs(a + b)), abs(a + 2 * b + 3 * c))  # noqa: PLW3301  (of two each: made in C)
         offset_q16 = abs(self._get(k.POSITION_Q16) - self._get(k.COUNTER) * k.STEP_Q16)
         way_q16 = k.THRESHOLD_Q16 + (steps - 1) * k.STEP_Q16 - offset_q16 - _SLACK_Q16
         if way_q16 <= 0:
             return 0
-        return min(left_ticks, way_q16 * duration_ticks // fastest) if fastest else left_ticks
+        fastest_q16 = fastest * self.highest_rate_q16
+        return min(left_ticks, (way_q16 * duration_ticks << 16) // fastest_q16) if fastest else left_ticks
 
     # --- edges and events out
 

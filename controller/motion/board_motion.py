@@ -85,8 +85,13 @@ class BoardMotion(BoardState):
         self._free_edges = EDGE_CAPACITY
         return edges
 
+    @property
+    def highest_rate_q16(self) -> int:
+        """Highest rate of the group's time at which every member keeps its limit of the step rate."""
+        return min((self.axes[axis].highest_rate_q16 for axis in self.group.members), default=k.FULL_RATE_Q16)
+
     def ramp_group(self, decelerations_units_per_s2: Sequence[int]) -> None:
-        """Halt or resume the group, as its axes request, from the next tick on, within each axis' deceleration limit.
+        """Let the group's rate change to what is wanted, from the next tick on, within each axis' deceleration limit.
 
         See `group_time` for the formula. The speeds come from the segments that the ramp will cover, if they are
         queued.
@@ -99,15 +104,18 @@ class BoardMotion(BoardState):
     def _full_ramp_ticks(self, decelerations_units_per_s2: Sequence[int]) -> int:
         """Return the shortest ramp between full rate and 0 that keeps |v dr/dt| within every axis' deceleration D.
 
-        That is T = |v| / D, with v the highest speed in the T/2 of trajectory time that the ramp covers at most. A
-        longer ramp covers more segments, which may be faster: so T is increased until it suffices. Like a stop it lasts
-        at most STOP_MAX_MS.
+        That is T = |v| / D, with v the highest speed in the trajectory time that the ramp covers: T r^2 / 2 at most,
+        with r the highest rate on the way, at least 1. A longer ramp covers more segments, which may be faster: so T is
+        increased until it suffices. Like a stop it lasts at most STOP_MAX_MS.
         """
+        group = self.group
+        highest_q16 = max(k.FULL_RATE_Q16, group.rate_q16(self.tick), group.target_q16)
         needed, ticks = 1, 0
         while needed > ticks:
             ticks = needed
-            for axis in self.group.members:
-                velocity = self.axes[axis].fastest_units_per_s(ticks // 2 + 1)
+            covered_ticks = ticks * highest_q16 * highest_q16 // (2 * k.FULL_RATE_Q16 * k.FULL_RATE_Q16) + 1
+            for axis in group.members:
+                velocity = self.axes[axis].fastest_units_per_s(covered_ticks)
                 needed = max(needed, -(-velocity * TICKS_PER_SECOND // decelerations_units_per_s2[axis]))
             needed = min(needed, STOP_MAX_MS * k.TICKS_PER_MS)
         return ticks

@@ -19,8 +19,8 @@ widths: a change here is a change there too, and tests compare all bits. The sto
     direction   one row of DIR edges for each axis: 2 * counts + level.
 
 A halt slows trajectory time instead of the axes. In each tick the axes of the group advance i by the group's rate
-instead of by 1, and the rate ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in
-Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
+instead of by 1, and the rate ramps linearly to 0 and back, or to another up to HIGHEST_RATE_Q16. The rate is a function
+of the tick alone and i is kept in Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
 """
 
 from collections.abc import Callable
@@ -55,6 +55,8 @@ ROUNDING_Q16: Final = 4
 
 FULL_RATE_Q16: Final = 1 << 16
 """Rate at which trajectory time runs as fast as real time: one tick a tick."""
+HIGHEST_RATE_Q16: Final = FULL_RATE_Q16 * 3 // 2
+"""The highest rate. A segment of the group's lasts at least two ticks, so that at most one ends within a tick."""
 
 QUEUE_DEPTH: Final = 64
 DURATION_MAX_MS: Final = 255

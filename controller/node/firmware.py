@@ -54,7 +54,7 @@ class Firmware:
 
     The axes that interpolate form one group. It is halted while bit 8 of the controlword is set for any axis in the
     mode interpolated position, in any state of that axis' drive: the others do not resume because one has ended or
-    has a fault.
+    has a fault. Otherwise it runs at the rate that was wanted last (2010h:03).
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Firmware:
                 self._fetch_from(node, now_counts)
         else:
             self.dropped_frames += 1
-        if self._trips or self.motion.group.holding or self.motion.group.rest_tick is not None:
+        if self._trips or self.motion.group.must_ramp:
             self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
@@ -254,7 +254,7 @@ class Firmware:
         self._end_call(now_counts)
 
     def _end_call(self, now_counts: int) -> None:
-        """End a call: stop the axes that have tripped, then halt or resume the group."""
+        """End a call: stop the axes that have tripped, then let the group's rate change."""
         group = self.motion.group
         if not (self._trips or group.must_ramp):
             return

@@ -302,7 +302,7 @@ static int64_t run_ticks(
     const int32_t b = self->coefficient_b;
     const int32_t c = self->coefficient_c;
     const int32_t n = self->duration_ticks;
-    ST_ASSERT(n >= 1 && n <= ST_DURATION_MAX_MS * ST_TICKS_PER_MS && rate_q16 >= 0 && rate_q16 <= ST_FULL_RATE_Q16);
+    ST_ASSERT(n >= 1 && n <= ST_DURATION_MAX_MS * ST_TICKS_PER_MS && rate_q16 >= 0 && rate_q16 <= ST_HIGHEST_RATE_Q16);
     int64_t p = self->position_q16;
     const int32_t elapsed_q16 = self->elapsed_q16;
     const int64_t from_tick = tick;

@@ -11,8 +11,9 @@
  * + H and down when p reaches counter - H, with H = 1/2 + 1/16 step: the sixteenth is hysteresis.
  *
  * A halt slows trajectory time instead of the axes. In each tick the axes of the group advance i by the group's rate
- * instead of by 1, and the rate ramps linearly to 0 and back. The rate is a function of the tick alone and i is kept in
- * Q16 ticks, so that axes in step stay so to the last bit and keep to the planned path.
+ * instead of by 1, and the rate ramps linearly to 0 and back, or to another up to ST_HIGHEST_RATE_Q16. The rate is a
+ * function of the tick alone and i is kept in Q16 ticks, so that axes in step stay so to the last bit and keep to the
+ * planned path.
  *
  * Storage: `axes` is one st_axis for each axis, `queue` ST_QUEUE_DEPTH st_segment for each axis, `clk` and `direction`
  * one row of edges for each axis, as long as the edges of a call. All begins as 0, except that last_rise_counts is
@@ -37,6 +38,8 @@
 #define ST_ROUNDING_Q16 4
 /* Rate at which trajectory time runs as fast as real time: one tick a tick. */
 #define ST_FULL_RATE_Q16 65536
+/* The highest rate. A segment of the group's lasts at least two ticks, so that at most one ends within a tick. */
+#define ST_HIGHEST_RATE_Q16 98304
 
 /* Segments that wait for each axis: a power of two, at most 64. */
 #define ST_QUEUE_DEPTH 64
@@ -107,8 +110,8 @@ typedef struct {
 /* The time of the axes that halt together: a ramp of its rate that begins at the start of a tick. */
 typedef struct {
     int64_t ramp_tick;     /* -2^43 .. 2^43 - 1 */
-    int32_t rate_from_q16; /* 0 .. 2^16 */
-    int32_t rate_to_q16;   /* 0 .. 2^16 */
+    int32_t rate_from_q16; /* 0 .. 98304 */
+    int32_t rate_to_q16;   /* 0 .. 98304 */
     int32_t ramp_ticks;    /* 0 .. 2^17 - 1 */
 } st_group;
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.axis_motion import STOP_MAX_MS, AxisEvent, Refusal, stop_segments
 from steptwin.controller.motion.backend import Kernel, python_kernel
 from steptwin.controller.motion.board_motion import BoardMotion
-from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
+from steptwin.controller.motion.kernel import FULL_RATE_Q16, HIGHEST_RATE_Q16, TICK_COUNTS, TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.units import STEP
 
@@ -213,17 +213,23 @@ def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
     duration_ms=st.integers(1, 40),
     begun_ticks=st.integers(0, 100),
     steps=st.integers(1, 30),
+    rate_q16=st.sampled_from([FULL_RATE_Q16, 70_000, HIGHEST_RATE_Q16]),
 )
 def test_quiet_ticks_promise_fewer_steps(
-    displacement: int, end_velocity: int, duration_ms: int, begun_ticks: int, steps: int
+    displacement: int, end_velocity: int, duration_ms: int, begun_ticks: int, steps: int, rate_q16: int
 ) -> None:
+    """Also for the records of a group whose time runs as fast as it may."""
     motion = moving(python_kernel())
+    motion.axes[0].highest_rate_q16 = rate_q16
     assume(motion.axes[0].push(displacement, end_velocity, duration_ms) is Refusal.ACCEPTED)
-    assume(begun_ticks < duration_ms * TICKS_PER_MS)
-    motion.axes[0].start()
+    lasts_ticks = duration_ms * TICKS_PER_MS * FULL_RATE_Q16 // rate_q16
+    assume(begun_ticks < lasts_ticks)
+    motion.axes[0].start(in_group=True)
+    motion.group.wanted_q16 = rate_q16
+    motion.group.ramp(motion.tick, 0)
     motion.advance(begun_ticks)
     before, quiet_ticks = motion.axes[0].counter_steps, motion.axes[0].quiet_ticks(steps)
-    assert motion.tick + quiet_ticks <= duration_ms * TICKS_PER_MS
+    assert motion.tick + quiet_ticks <= lasts_ticks
     while quiet_ticks:
         quiet_ticks -= 1
         motion.advance(motion.tick + 1)

@@ -14,11 +14,14 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.axis_motion import STOP_MAX_MS, TICKS_PER_SECOND, AxisEvent, Refusal
 from steptwin.controller.motion.backend import Kernel, compiled_kernel, python_kernel
 from steptwin.controller.motion.board_motion import BoardMotion
+from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.step_config import StepConfig
+from steptwin.protocol import od
 from tests.controller.motion.kernel_rig import KernelRig, Timing, pin_timing_faults
 from tests.controller.units import STEP
 
 FULL = k.FULL_RATE_Q16
+SLOWEST, FASTEST = od.RATE_MIN_Q16, od.RATE_MAX_Q16
 KHZ = 64 * STEP
 """1000 steps/s as a record's velocity, in 1/64 unit per ms."""
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP)
@@ -65,6 +68,10 @@ class GroupRun:
         for axis, records in enumerate(self._unsent):
             while records and self.motion.axes[axis].queued < k.QUEUE_DEPTH:
                 assert self.motion.axes[axis].push(*records.pop(0)) is Refusal.ACCEPTED
+
+    def want(self, rate_q16: int) -> None:
+        self.motion.group.wanted_q16 = rate_q16
+        self.motion.ramp_group(self.limits)
 
     def hold(self, *, hold: bool) -> None:
         self.motion.group.hold(1, hold=hold)
@@ -259,8 +266,132 @@ def test_velocity_is_scaled(kernel: Kernel) -> None:
     assert motion.axes[0].halted
 
 
+RATES: dict[str, tuple[tuple[int, int | None], ...]] = {
+    "slower": ((1501, SLOWEST), (3000, FULL)),
+    "faster": ((1501, FASTEST),),
+    "up and down": ((700, FASTEST), (900, 40_000), (900, FASTEST), (300, FULL)),
+    "at half rate from the first segment on": ((7, FULL // 2),),
+    "halted from a rate and back to it": (
+        (800, FASTEST),
+        (900, 0),
+        (4000, None),
+        (500, SLOWEST),
+        (700, 0),
+        (900, None),
+    ),
+    "changed during a halt": ((1501, 0), (2000, FASTEST), (500, None)),
+    "changed on the way to another": ((1200, FASTEST), (100, SLOWEST), (100, FASTEST), (100, 0), (100, None)),
+}
+"""Ticks to let pass, then the rate wanted; 0 halts and None releases the halt."""
+
+
+@cache
+def rated(kernel: Kernel, script: tuple[tuple[int, int | None], ...], deceleration: int = DECELERATION) -> GroupRun:
+    """Let ticks pass, then change the rate, halt or resume, for each pair of the script; then run to the end."""
+    run = GroupRun(kernel, deceleration=deceleration)
+    for axis in run.motion.axes:
+        axis.highest_rate_q16 = FASTEST
+    for ticks, rate_q16 in script:
+        run.pass_ticks(ticks)
+        if rate_q16:
+            run.want(rate_q16)
+        else:
+            run.hold(hold=rate_q16 == 0)
+    return run.finish()
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_at_any_rate_every_edge_lies_on_the_planned_path(fast_kernel: Kernel, planned: GroupRun, name: str) -> None:
+    """As in a halt: axis 0's edges show the place on the path, and the bound allows for the higher speed."""
+    run = rated(fast_kernel, RATES[name])
+    for axis, rate_per_count in ((1, 900 / 72e6), (2, 700 / 72e6)):
+        assert run.signs(axis) == planned.signs(axis)
+        shown = np.interp(run.rises(axis), run.rises(0), planned.rises(0))
+        seen = (run.rises(axis) > run.rises(0)[0]) & (run.rises(axis) < run.rises(0)[-1])
+        assert np.abs(shown - planned.rises(axis))[seen].max() * rate_per_count < 0.1
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_at_any_rate_it_ends_where_planned_with_good_pulses(fast_kernel: Kernel, planned: GroupRun, name: str) -> None:
+    run = rated(fast_kernel, RATES[name])
+    assert run.demands[-1] == planned.demands[-1]
+    for axis in range(3):
+        directions = [(word >> 1, word & 1) for word in run.directions[axis]]
+        assert pin_timing_faults(run.clk[axis][0::2], run.clk[axis][1::2], directions, Timing()) == []
+    ends = [(tick, event) for tick, _, event in run.events if event is not AxisEvent.HALTED]
+    assert {event for _, event in ends} == {AxisEvent.FINISHED}
+    assert len({tick for tick, _ in ends}) == 1
+
+
+def test_a_rate_takes_its_part_of_the_time(fast_kernel: Kernel, planned: GroupRun) -> None:
+    """At 150 % from the start on 4800 ticks take 3200; at half rate 9600."""
+    for rate_q16, ticks in ((FASTEST, 3200), (FULL // 2, 9600)):
+        run = GroupRun(fast_kernel)
+        run.want(rate_q16)  # at rest: it changes at once
+        assert run.finish().motion.tick == ticks
+        assert planned.motion.tick == 4800
+
+
+@pytest.mark.parametrize("deceleration_hz_per_s", [20_000, 40_000, 400_000])
+@pytest.mark.parametrize("name", ["slower", "faster", "up and down", "halted from a rate and back to it"])
+def test_no_ramp_between_rates_is_steeper_than_allowed(
+    fast_kernel: Kernel, name: str, deceleration_hz_per_s: int
+) -> None:
+    """Where the plan has constant speed, all acceleration is the ramp's; over 20 ticks, rounding hardly shows."""
+    run = rated(fast_kernel, RATES[name], deceleration_hz_per_s * STEP)
+    fast = np.array(run.demands)[:, 0] / STEP
+    on_the_line = (fast > 450 + 1) & (fast < fast[-1] - 450 - 1)
+    over = 20
+    speeds_hz = (fast[over:] - fast[:-over]) / over * TICKS_PER_SECOND
+    accelerations = (speeds_hz[over:] - speeds_hz[:-over]) / over * TICKS_PER_SECOND
+    accelerations = np.abs(accelerations[on_the_line[: -2 * over] & on_the_line[2 * over :]])
+    blur = 4 / STEP / over**2 * TICKS_PER_SECOND**2
+    assert 0.9 * deceleration_hz_per_s < accelerations.max() <= deceleration_hz_per_s + blur
+
+
+def test_a_ramp_from_a_high_rate_suits_the_farther_segments_that_it_covers(kernel: Kernel) -> None:
+    """A full ramp of 800 ticks from 150 % covers 900 ticks of the path, not 400: there 8 kHz is planned, not 4."""
+    lasts = {}
+    for rate_q16 in (FULL, FASTEST):
+        motion = BoardMotion(kernel, 1)
+        motion.axes[0].configure(CONFIG)
+        for record in ((100 * STEP, 4 * KHZ, 50), (640 * STEP, 4 * KHZ, 160), (480 * STEP, 8 * KHZ, 80)):
+            assert motion.axes[0].push(*record) is Refusal.ACCEPTED
+        motion.axes[0].start(in_group=True)
+        motion.group.wanted_q16 = rate_q16
+        motion.ramp_group([20_000 * STEP])
+        motion.advance(210 * FULL // rate_q16)
+        motion.group.hold(0, hold=True)
+        motion.ramp_group([20_000 * STEP])
+        assert motion.group.rest_tick is not None
+        lasts[rate_q16] = motion.group.rest_tick - motion.tick
+    assert lasts == {FULL: 800, FASTEST: 1600 * 3 // 2}
+
+
+def test_every_ramp_is_told(kernel: Kernel) -> None:
+    motion, told = BoardMotion(kernel, 1), list[RateRamp]()
+    motion.group.on_ramp = told.append
+    motion.axes[0].configure(CONFIG)
+    motion.axes[0].push(1000 * STEP, 4 * KHZ, 250)
+    motion.axes[0].start(in_group=True)
+    motion.advance(40)
+    motion.group.wanted_q16 = SLOWEST
+    assert motion.group.must_ramp
+    motion.ramp_group([DECELERATION])
+    assert not motion.group.must_ramp
+    motion.axes[0].flush()
+    motion.advance(50)
+    assert motion.group.must_ramp
+    motion.ramp_group([DECELERATION])
+    assert [(ramp.tick, ramp.to_q16) for ramp in told] == [(40, SLOWEST), (50, FULL)]
+    assert told[0].from_q16 == FULL
+    assert told[0].ticks > 0
+    assert told[1].ticks == 0
+
+
 RAMPS = st.lists(
-    st.tuples(st.integers(1, 300), st.sampled_from([0, 0, FULL, FULL, 30_000]), st.integers(0, 200)), max_size=8
+    st.tuples(st.integers(1, 300), st.sampled_from([0, 0, FULL, FULL, 30_000, SLOWEST, FASTEST]), st.integers(0, 200)),
+    max_size=8,
 )
 SEGMENTS = st.lists(
     st.tuples(st.integers(-40_000, 40_000), st.integers(-900_000, 900_000), st.integers(1, 60)), min_size=1, max_size=12

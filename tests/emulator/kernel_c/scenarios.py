@@ -44,29 +44,34 @@ def scenario(seed: int) -> Scenario:
     longest = draw.choice((1, 300, 2500))
     timing = Timing(*(draw.randint(1, longest) for _ in range(2)), *(draw.randint(0, 4 * longest) for _ in range(2)))
     rate = k.I32_MAX if extreme else draw.choice((15, 60, 200)) * k.STEP_Q16
-    phases = tuple(_phase(draw, axes, microsteps, rate >> 16, extreme=extreme) for _ in range(draw.randint(1, 3)))
+    least_ticks = draw.choice((1, 2))
+    phases = tuple(
+        _phase(draw, axes, microsteps, rate >> 16, least_ticks, extreme=extreme) for _ in range(draw.randint(1, 3))
+    )
     in_group = tuple(draw.randint(0, 1) for _ in range(axes))
     first_tick = draw.choice((0, 0, draw.randint(0, 1 << 40)))
     inverted, stops_late = draw.randint(0, 1), extreme or draw.random() < 0.5
     return Scenario(axes, microsteps, timing, rate, in_group, first_tick, inverted, stops_late, phases)
 
 
-def _phase(draw: Random, axes: int, microsteps: int, steps_per_ms: int, *, extreme: bool) -> Phase:
+def _phase(draw: Random, axes: int, microsteps: int, steps_per_ms: int, least_ticks: int, *, extreme: bool) -> Phase:
+    """Draw a phase; only where no segment is shorter than two ticks the group runs faster than at full rate."""
     largest = k.I32_MAX // 3 // (4 * microsteps)
 
     def segment() -> Segment:
         if extreme:
             displacement = draw.choice((0, largest, -largest, largest + 1, draw.randint(-largest, largest), k.I32_MAX))
             velocity = draw.choice((0, draw.randint(-(1 << 23), 1 << 23), k.I32_MAX, -k.I32_MAX - 1))
-            return displacement, velocity, draw.choice((0, 1, 1020, 1021, draw.randint(1, 1020)))
-        ticks = draw.randint(1, 60)
+            return displacement, velocity, draw.choice((0, least_ticks, 1020, 1021, draw.randint(least_ticks, 1020)))
+        ticks = draw.randint(least_ticks, 60)
         units_per_ms = steps_per_ms * 16_384 // microsteps
         speed = draw.choice((units_per_ms // 200, units_per_ms // 4, units_per_ms * 2 // 5))
         velocity = draw.choice((0, 32 * draw.randint(-speed, speed), 64 * units_per_ms + draw.randint(0, 1)))
         return draw.randint(-speed, speed) * ticks // 4, velocity, ticks
 
     segments = tuple(tuple(segment() for _ in range(draw.choice((1, 4, 66 if extreme else 8)))) for _ in range(axes))
-    ramp = draw.choice((None, (draw.randint(0, k.FULL_RATE_Q16), draw.randint(0, 40)), (0, 10), (k.FULL_RATE_Q16, 20)))
+    highest = k.FULL_RATE_Q16 if least_ticks < 2 else k.HIGHEST_RATE_Q16
+    ramp = draw.choice((None, (draw.randint(0, highest), draw.randint(0, 40)), (0, 10), (highest, 20)))
     return Phase(segments, ramp, draw.randint(1, 40))
 
 
