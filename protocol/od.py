@@ -64,6 +64,8 @@ IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
 PULSE_NS_MIN: Final = 4_000
 TIMING_NS_MAX: Final = 1_000_000
 """Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
+SETTLING_US_MAX: Final = 10_000_000
+"""Longest time from ENABLE until a driver takes steps: ten seconds."""
 CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""
 MILLI: Final = -3
@@ -258,6 +260,9 @@ STEPSPACE_NS = _timing(0x2001_02, "stepspace: CLK low", 33_666, PULSE_NS_MIN)
 DIRSETUP_NS = _timing(0x2001_03, "dirsetup: DIR stable before a CLK rise", 15_000, 0)
 DIRHOLD_NS = _timing(0x2001_04, "dirhold: DIR stable after a CLK rise", 15_000, 0)
 INVERT_MASK = rw(0x2001_05, U8, "Invert mask: 2 inverts DIR", 0, 0, 2, write="DriverSettings.change_at")
+SETTLING_US = rw(
+    0x2001_06, U32, "settling: OPERATION ENABLED so long after ENABLE in {unit}", 0, 0, SETTLING_US_MAX, unit=US
+)
 record(0x2002, "Board measurements and their limits")
 BOARD_TEMPERATURE = ro(
     0x2002_01, I16, "Board temperature in {unit}", TENTH_DEGC, TX, read="BoardReadings.temperature_decidegc"

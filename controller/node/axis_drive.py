@@ -53,6 +53,10 @@ class AxisDrive:
         """True from an emergency stop by a program (2015h) until the fault reset."""
         self._after_stop: State | None = None
         """State to enter when the stop in progress has ended."""
+        self._settled_us = 0
+        """Time from which on the driver, whose outputs are on, takes steps (2001h:06)."""
+        self._enable_due_us: int | None = None
+        """The same while "enable operation" waits for it; else None."""
         self.fault_number = 0
         """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
         self._fault_us = 0
@@ -127,6 +131,8 @@ class AxisDrive:
         """Change the state by command. A moving axis first stops, in the way that the option codes select."""
         if target is (self._after_stop or self.state):
             return
+        if target is State.OPERATION_ENABLED and self._enable_due_us is not None:
+            return  # which comes when the driver has settled
         if self.state is State.FAULT:
             if any(self.supervision.causes()):
                 return  # a fault cannot be reset while its cause lasts
@@ -185,6 +191,12 @@ class AxisDrive:
     # --- states
 
     def _enter(self, state: State) -> None:
+        """Enter a state; OPERATION ENABLED by way of SWITCHED ON, until the driver takes steps."""
+        now_us, self._enable_due_us = self._context.now_us, None
+        if state in ENERGISED and not self.energised:
+            self._settled_us = now_us + self._dictionary.get(od.SETTLING_US)
+        if state is State.OPERATION_ENABLED and now_us < self._settled_us:
+            state, self._enable_due_us = State.SWITCHED_ON, self._settled_us
         was_energised, self.state = self.energised, state
         self.energised = state in ENERGISED
         self._context.pins.set(Pin.ENABLE, int(self.energised))
@@ -194,6 +206,15 @@ class AxisDrive:
             self.mode.interrupted()
         if self.energised and not was_energised:
             self.supervision.check()
+
+    def _settle_driver(self, now_us: int) -> None:
+        """Obey "enable operation" now that the driver takes steps, unless another command has come."""
+        if self._enable_due_us is None or now_us < self._enable_due_us:
+            return
+        self._enable_due_us = None
+        self._obey(next_state(self.state, self._controlword, self._controlword))
+        if self._enabled:
+            self.mode.control(self._controlword, self._controlword)
 
     def finished(self) -> None:
         """Handle the end of all segments: the axis is at rest."""
@@ -300,12 +321,14 @@ class AxisDrive:
 
     def dues_us(self) -> tuple[int | None, ...]:
         """Return the time of the next poll of each part of the drive; None if a part waits for nothing."""
-        return self.feed.due_us, self.supervision.due_us, self.settings.due_us, self.mode.due_us
+        parts = self.feed, self.supervision, self.settings, self.mode
+        return self._enable_due_us, *(part.due_us for part in parts)
 
     def poll(self, now_us: int) -> bool:
         """Do the work that is due; return whether there was any."""
         if all(due_us is None or due_us > now_us for due_us in self.dues_us()):
             return False
+        self._settle_driver(now_us)
         self.feed.poll(now_us)
         self.supervision.poll(now_us)
         self.settings.poll(now_us)

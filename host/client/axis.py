@@ -47,9 +47,12 @@ class AxisSettings:
     velocity_max_units_per_s: int
     deceleration_units_per_s2: int
     """Deceleration of a halt, a quick stop and the stop after a fault."""
+    settling_us: int = 0
+    """Time from ENABLE until the driver takes steps."""
 
     def objects(self) -> Objects:
-        """Return the entries that hold these settings."""
+        """Return the entries that hold these settings; a time of settling that is 0 stays as the axis has it."""
+        settling = [(od.SETTLING_US, self.settling_us)] if self.settling_us else []
         return [
             (od.MICROSTEPS if self.microsteps in _BYTE else od.MICROSTEPS_WORD, self.microsteps),
             (od.STEPLEN_NS, self.steplen_ns),
@@ -59,6 +62,7 @@ class AxisSettings:
             (od.MAX_PROFILE_VELOCITY, self.velocity_max_units_per_s),
             (od.PROFILE_DECELERATION, self.deceleration_units_per_s2),
             (od.QUICK_STOP_DECELERATION, self.deceleration_units_per_s2),
+            *settling,
         ]
 
 
@@ -298,23 +302,54 @@ class AxisClient:
         self._boots_since_enabled = 0
 
     def enable(self) -> None:
-        """Lead the drive to OPERATION ENABLED by its controlwords; raise DeviceFaultError if it stays elsewhere."""
-        self.watch_for_restarts()
-        state = State.NOT_READY_TO_SWITCH_ON
+        """Lead the drive to OPERATION ENABLED; raise DeviceFaultError if it stays elsewhere."""
+        if not self.begin_enabling():
+            self.await_enabled()
 
-        def settled() -> bool:
-            nonlocal state
+    def begin_enabling(self) -> bool:
+        """Lead the drive towards OPERATION ENABLED by its controlwords; return False if its driver has yet to settle.
+
+        Raises:
+            DeviceFaultError: it stays elsewhere.
+        """
+        self.watch_for_restarts()
+        state, told = State.NOT_READY_TO_SWITCH_ON, 0
+
+        def done() -> bool:
+            nonlocal state, told
             state = self.state()
+            if state is State.SWITCHED_ON and told == ENABLE_OPERATION:
+                return True
+            told = _ENABLING.get(state, told)
             if state in _ENABLING:
-                self.write(od.CONTROLWORD, _ENABLING[state])
+                self.write(od.CONTROLWORD, told)
             return state not in _ENABLING
 
-        wait_until(self._link, settled, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
-        if state is not State.OPERATION_ENABLED:
-            why = error_words(self.read(od.ERROR_CODE)) if state in FAULT_STATES else f"it is {state_words(state)}"
-            raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}").plainly(
-                f"{self.name} cannot be switched on: {why}"
-            )
+        wait_until(self._link, done, _STATE_TIMEOUT_S, _STATUS_WAIT_S)
+        if state is not State.SWITCHED_ON:
+            self._require_enabled(state)
+        return state is State.OPERATION_ENABLED
+
+    def await_enabled(self) -> None:
+        """Wait until the driver has settled (2001h:06); raise DeviceFaultError if the drive is not enabled then."""
+        timeout_s = _STATE_TIMEOUT_S + 1e-6 * self.read(od.SETTLING_US)
+        state = State.SWITCHED_ON
+
+        def done() -> bool:
+            nonlocal state
+            state = self.state()
+            return state is not State.SWITCHED_ON
+
+        wait_until(self._link, done, timeout_s)
+        self._require_enabled(state)
+
+    def _require_enabled(self, state: State) -> None:
+        if state is State.OPERATION_ENABLED:
+            return
+        why = error_words(self.read(od.ERROR_CODE)) if state in FAULT_STATES else f"it is {state_words(state)}"
+        raise DeviceFaultError(f"{self.name}: cannot be enabled, the drive is in {state_text(state)}").plainly(
+            f"{self.name} cannot be switched on: {why}"
+        )
 
     def disable(self) -> None:
         """Switch the drive's power off."""

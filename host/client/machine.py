@@ -113,9 +113,10 @@ class Machine:
         self.link.network.nmt.state = "OPERATIONAL"
 
     def enable(self, axes: Collection[int] | None = None) -> None:
-        """Enable these drives; None: all."""
-        for i in range(len(self.axes)) if axes is None else axes:
-            self.axes[i].enable()
+        """Enable these drives, None: all; their drivers settle together."""
+        chosen = [self.axes[i] for i in (range(len(self.axes)) if axes is None else axes)]
+        for axis in [axis for axis in chosen if not axis.begin_enabling()]:
+            axis.await_enabled()
 
     def disable(self) -> None:
         """Switch every drive off."""

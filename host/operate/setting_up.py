@@ -16,6 +16,8 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 _HOLD_AFTER_QUICK_STOP: Final = 6
 """Quick stop option code (605Ah): stop by the quick stop ramp, then hold the position, so a vertical axis stays up."""
+_FRAME_NS: Final = 44_000
+"""Shortest frame at 1 Mbit/s. What starts a motion comes at least one after ENABLE, so that less needs no wait."""
 _NO_TARGETS: Final = [
     (od.TARGET_VELOCITY, 0),
     (od.POSITION_LIMIT_MIN, DataType.INTEGER32.low),
@@ -64,7 +66,7 @@ def restore_decelerations(machine: Machine, robot: Robot, axes: Iterable[int]) -
 
 def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
     """Return the settings of a joint's axis: the speed limit is the driver's, the deceleration of stops the axis'."""
-    transmission = joint.transmission
+    transmission, settling_ns = joint.transmission, board.profile.settling_ns
     return AxisSettings(
         microsteps=transmission.microsteps,
         steplen_ns=board.steplen_ns,
@@ -75,4 +77,5 @@ def axis_settings(joint: Joint, board: BoardSettings) -> AxisSettings:
         deceleration_units_per_s2=ceil(
             (joint.axis_acceleration_max or joint.acceleration_max) * transmission.wire_units_per_unit
         ),
+        settling_us=-(-settling_ns // 1000) if settling_ns > _FRAME_NS else 0,
     )

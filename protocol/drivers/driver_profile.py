@@ -119,6 +119,12 @@ class DriverProfile:
     cooling: Fact[Cooling] = _BARE
     source: str = "wires"
 
+    @property
+    def settling_ns(self) -> int:
+        """Time from ENABLE until it takes steps; ENABLE comes after the supply, so it is awake then, too."""
+        asked_ns = [times.ns(name) for times in (self.chip.times, self.times) for name in ("enable_ns", "wake_ns")]
+        return max(asked_ns) + self.enable.value.to_high_ns
+
     def mode(self, microsteps: int) -> int:
         """Return microsteps that the driver has; raise ValueError, with the nearest ones, for others."""
         return one_of(microsteps, self.chip.microsteps, f"{self.name}'s")
