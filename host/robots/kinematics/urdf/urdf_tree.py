@@ -140,7 +140,9 @@ class UrdfTree:
         leaves = [link for link in self.links if link not in parents]
         if base is not None:
             leaves = [link for link in leaves if any(joint.parent == base for joint in self._up(link))]
-        free = [link for link in leaves if not any(joint.mimics for joint in self._up(link, base))]
+        ways = {link: self._up(link, base) for link in leaves}
+        leaves = [link for link, way in ways.items() if any(joint.kind in MOVING for joint in way)] or leaves
+        free = [link for link in leaves if not any(joint.mimics for joint in ways[link])]
         if len(free) != 1:
             named = ", ".join(map(shortened, free or leaves)) or "none"
             raise InputError(f"--tip is missing: which of the last links is the tool's? There are {named}")

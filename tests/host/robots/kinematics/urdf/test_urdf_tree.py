@@ -120,6 +120,13 @@ def test_the_tip_is_the_only_leaf_that_needs_no_mimic() -> None:
     assert complaint(urdf(TWO, MIMIC, links="abcd")).endswith("There are d")
 
 
+def test_a_leaf_to_which_nothing_moves_is_no_tool() -> None:
+    """The Moveo's file has a fixed link `odom` at its base, and a gripper whose jaws mimic each other."""
+    odom = joint("O", "a", "e", kind="fixed")
+    assert [each.name for each in read_urdf(urdf(TWO, odom, links="abce")).way(None, None)] == ["J1", "J2"]
+    assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("There are d")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -197,6 +204,7 @@ def test_what_is_wrong_in_the_chain(text: str, message: str, tmp_path: Path) -> 
         MIMIC,
         joint("V", "c", "d", kind="floating"),
         joint("V", "c", "d", '<axis xyz="0 0 0"/><origin xyz="a"/>'),
+        '<link name="m"><visual><geometry><mesh filename="package://r/a.stl" scale="no"/></geometry></visual></link>',
     ],
 )
 def test_beside_the_chain_anything_may_be(beside: str, tmp_path: Path) -> None:
