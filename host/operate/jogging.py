@@ -1,4 +1,4 @@
-"""Jog one joint at a speed: for a time, until a condition holds, or until Ctrl-C."""
+"""Jog one joint or the tool at a speed: for a time, until a condition holds, or until Ctrl-C."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,8 +25,9 @@ from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.operate.setting_up import clear_targets, restore_decelerations
 from steptwin.host.planning.motions.joint_move import limits_along
-from steptwin.host.planning.tool_by_hand import check_tool_jog, plan_tool_jog
+from steptwin.host.planning.tool_by_hand import StepFrame, check_tool_jog, plan_tool_jog
 from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.poses import PoseDocument
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Status
@@ -40,13 +41,23 @@ class ToolJogged:
     start: list[float]
     end: list[float]
     at_end: bool
+    pose: PoseDocument | None
 
 
-def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[], bool]) -> ToolJogged:
-    """Move the tool along x, y or z of the world, or turn it by phi, until `until` returns True.
+def jog_tool(
+    session: Session,
+    coordinate: str,
+    speed: float,
+    seconds: float | None,
+    *,
+    frame: StepFrame = StepFrame.WORLD,
+    until: Callable[[], bool] = lambda: False,
+) -> ToolJogged:
+    """Move the tool along x, y or z of the world or of its own, or turn it about them or by phi.
 
     The speed is in mm/s or deg/s, with a sign. The way ends where reach and limits end. On the way `until` is called
-    every 10 ms; then the tool halts on its line, and the rest of the way is given up.
+    every 10 ms; when it returns True or the time is over, the tool halts on its line, and the rest of the way is given
+    up. Without a time so does KeyboardInterrupt, which is not raised further.
 
     Raises:
         InputError: the tool cannot move in this direction, with the reason; or as `execute_live`.
@@ -54,19 +65,24 @@ def jog_tool(session: Session, coordinate: str, speed: float, until: Callable[[]
     """
     check_tool_jog(session.robot, coordinate, speed)
     with session.charge("jog") as charge:
-        plan = plan_tool_jog(session.robot, charge.start.joints, coordinate, speed)
+        plan = plan_tool_jog(session.robot, charge.start.joints, coordinate, speed, frame)
         machine = charge.enable()
         move_within(session, charge.start.units, plan.start_units)
         start = session.positions(plan.start_units)
         if until():
-            return ToolJogged(coordinate, start, start, at_end=False)
+            return ToolJogged(coordinate, start, start, at_end=False, pose=session.pose(start))
         stream = machine.start(StreamedMotion(plan.records(), plan.start_units))
-        while not (stream.ended or until()):
-            machine.wait(POLL_S)
+        until_s = session.link.now_s() + (inf if seconds is None else seconds)
+        try:
+            while not (stream.ended or session.link.now_s() >= until_s or until()):
+                machine.wait(POLL_S)
+        except KeyboardInterrupt:
+            if seconds is not None:
+                raise
         if not stream.ended:
             abandon_trajectory(machine)
         end = session.positions(machine.positions_units())
-    return ToolJogged(coordinate, start, end, at_end=stream.ended)
+    return ToolJogged(coordinate, start, end, stream.ended, session.pose(end))
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ def _within_limits(joint: Joint, start: float, goal: float) -> float:
 
 
 def step_tool(session: Session, step: ToolStep, *, progress: Progress = lambda _: None) -> Moved:
-    """Move the tool by a step, straight in the world frame, on the branch of the standing arm.
+    """Move the tool by a step, straight or on the spot, on the branch of the standing arm.
 
     Raises:
         InputError: the path is not possible, with what would pass; or as `execute_live`.

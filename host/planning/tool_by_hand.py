@@ -1,4 +1,7 @@
-"""Plan one step of the tool by hand: straight along the world's axes, or turning on the spot, as fast as is allowed.
+"""Plan one step of the tool by hand: straight along axes, or turning on the spot, as fast as is allowed.
+
+The axes are the world's, or the tool's own as it stands at the start: a turn about one of these is the same turn about
+the direction that this axis has in the world, since it does not move.
 
 Along the path the joints move by q'(s) for each mm or degree s of the tool. So the tool may have at most the speed
 
@@ -10,7 +13,8 @@ too high. A way that would end soon is made at half the speed, or half of that, 
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -26,7 +30,8 @@ from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
-from steptwin.host.robots.poses import STEP_NAMES, Pose, Task, Turning, turn_of
+from steptwin.host.robots.kinematics.base import tool_frames
+from steptwin.host.robots.poses import PLACE, STEP_NAMES, TURNS, Pose, Task, Turning, turn_of
 from steptwin.host.robots.robot import Robot
 
 SPEED_MAX_MM_S: Final = 250.0
@@ -35,22 +40,36 @@ TURN_SPEED_MAX_DEG_S: Final = 90.0
 """Highest speed of a tool that turns on the spot by hand."""
 TURN_MAX_DEG: Final = 360.0
 
-STEP_UNITS: Final = {name: "mm" if name in ("x", "y", "z") else "deg" for name in STEP_NAMES}
+STEP_UNITS: Final = {name: PLACE.get(name, "deg") for name in STEP_NAMES}
 """The unit of each step of a tool by its name; which of them a robot's tool can make, its task says."""
 
 _QUARTERS: Final = (0.25, 0.5, 0.75, 1.0)
 _RAMP_S: Final = 0.3
-"""Time that the tool takes to its speed."""
+"""Time that the tool takes to its speed, unless a longer ramp makes the whole motion shorter."""
 _PER_UNIT: Final = 10
 """What would pass is found in tenths of a mm or degree."""
 
 
+class StepFrame(StrEnum):
+    """The axes along and about which a step goes: the world's, or the tool's own, as `fk --matrices` prints them."""
+
+    WORLD = "world"
+    TOOL = "tool"
+
+
 @dataclass(frozen=True, slots=True)
 class ToolStep:
-    """A step of the tool: distances in mm and degrees by coordinate, and the part of the highest speeds to use."""
+    """A step of the tool.
+
+    Attributes:
+        distances: in mm and degrees by coordinate.
+        speed_percent: part of the highest speeds to use.
+        frame: the axes that x, y, z, rx, ry and rz mean; phi is about the vertical in any case.
+    """
 
     distances: Mapping[str, float]
     speed_percent: float
+    frame: StepFrame = StepFrame.WORLD
 
     def __post_init__(self) -> None:
         for name in self.distances:
@@ -69,14 +88,24 @@ class ToolStep:
     @property
     def moves(self) -> bool:
         """True if the tool changes its place and does not only turn."""
-        return any(self.distances.get(name) for name in ("x", "y", "z"))
+        return any(self.distances.get(name) for name in PLACE)
 
     def __str__(self) -> str:
-        return ", ".join(f"{name} {value:+g} {STEP_UNITS[name]}" for name, value in self.distances.items())
+        words = ", ".join(f"{name} {value:+g} {STEP_UNITS[name]}" for name, value in self.distances.items())
+        return f"the tool's {words}" if self.frame is StepFrame.TOOL else words
 
     def part(self, fraction: float) -> "ToolStep":
         """Return a part of the step, in the same direction."""
-        return ToolStep({name: fraction * value for name, value in self.distances.items()}, self.speed_percent)
+        return replace(self, distances={name: fraction * value for name, value in self.distances.items()})
+
+    def in_world(self, tool: FloatArray) -> dict[str, float]:
+        """Return the distances along and about the world's axes; `tool`, (3, 3), has the tool's in its columns."""
+        along = dict(self.distances)
+        for names in (tuple(PLACE), TURNS) if self.frame is StepFrame.TOOL else ():
+            if any(name in along for name in names):
+                way = tool @ np.array([along.get(name, 0.0) for name in names])
+                along.update(zip(names, way.tolist(), strict=True))
+        return along
 
 
 def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
@@ -90,9 +119,14 @@ def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
         raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
     kinematics.task.check_steps(step.distances)
     try:
-        return _plan(robot, standing, step)
+        plan, stretch = _plan(robot, standing, step, _RAMP_S)
     except InputError as error:
         raise InputError(f"{step}: {error}; {_passing_text(robot, standing, step)}") from error
+    if stretch > 1.0:  # a ramp of the square of it needs no more acceleration, and leaves the speed
+        with suppress(InputError):
+            gentle, _ = _plan(robot, standing, step, _RAMP_S * stretch**2)
+            plan = min(plan, gentle, key=lambda each: each.trajectory.duration_s)
+    return plan
 
 
 def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolStep | None:
@@ -102,7 +136,7 @@ def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolSt
     while failing - passing > 1:  # a way that passes has no part that fails
         middle = (passing + failing) // 2
         try:
-            _plan(robot, standing, step.part(middle / tenths))
+            _plan(robot, standing, step.part(middle / tenths), _RAMP_S)
         except InputError:
             failing = middle
         else:
@@ -117,15 +151,19 @@ def _passing_text(robot: Robot, standing: list[float], step: ToolStep) -> str:
     return f"{passing} passes"
 
 
-def _plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
-    return plan_stretched(robot, _motion(robot, within_limits(robot, standing), step))
+def _plan(robot: Robot, standing: list[float], step: ToolStep, ramp_s: float) -> tuple[Plan, float]:
+    """Return the plan of a step with a ramp, and by what the joints' limits make it slower."""
+    motion = _motion(robot, within_limits(robot, standing), step, ramp_s)
+    plan = plan_stretched(robot, motion)
+    return plan, plan.trajectory.duration_s / motion.duration_s
 
 
 def step_path(robot: Robot, start: FloatArray, step: ToolStep) -> ToolPath:
     """Return the tool's path of a step from the joints `start`, of shape (joints,)."""
     kinematics = make_kinematics(robot)
     here: Pose = tuple(kinematics.forward(start[np.newaxis])[0].tolist())
-    path = _path(kinematics.task, here, step)
+    tool = tool_frames(kinematics, start[np.newaxis])[0, :3, :3]
+    path = _path(kinematics.task, here, step, step.in_world(tool))
     return FreeAttitude(path) if kinematics.attitude_follows else path
 
 
@@ -141,15 +179,16 @@ def within_limits(robot: Robot, standing: list[float]) -> FloatArray:
     return within
 
 
-def _motion(robot: Robot, start: FloatArray, step: ToolStep) -> Trajectory:
+def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> Trajectory:
     kinematics = make_kinematics(robot)
     branch = present_branch(robot, start)
     path = step_path(robot, start, step)
     goal = _goal(kinematics, path, branch, start)
     speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
     if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
-        return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), _law(path, 1.0, speed))
-    return ToolMove.along(robot, path, _law(path, path.length_mm, speed), branch, start)
+        law = _law(path, 1.0, speed, ramp_s)
+        return JointMove(robot.joint_names, tuple(start.tolist()), tuple(goal.tolist()), law)
+    return ToolMove.along(robot, path, _law(path, path.length_mm, speed, ramp_s), branch, start)
 
 
 def _goal(kinematics: Kinematics, path: ToolPath, branch: str, start: FloatArray) -> FloatArray:
@@ -169,17 +208,21 @@ def _solve(kinematics: Kinematics, path: ToolPath, share: float, branch: str, ne
     return joints
 
 
-def _path(task: Task, here: Pose, step: ToolStep) -> ToolPath:
-    there = task.stepped(here, step.distances)
+def _path(task: Task, here: Pose, step: ToolStep, distances: Mapping[str, float]) -> ToolPath:
+    """Return the path of a step from a pose; distances are those along and about the world's axes."""
+    there = task.stepped(here, distances)
     if task.is_flat:
-        return StraightLine(here, there) if step.moves else Turn(here, step.distances.get("phi", 0.0))
+        return StraightLine(here, there) if step.moves else Turn(here, distances.get("phi", 0.0))
+    turn_deg, orientation = turn_of(distances), np.array(here[3:])
+    if not step.moves and task.is_spin(orientation, turn_deg):
+        raise InputError("turns the tool about itself only, and its spin follows from the arm: nothing would move")
     places = StraightLine(here[:3], there[:3]) if step.moves else OnTheSpot(here[:3], step.turn_deg)
-    return Oriented(places, Turning(task, np.array(here[3:]), turn_of(step.distances)))
+    return Oriented(places, Turning(task, orientation, turn_deg))
 
 
-def _law(path: ToolPath, distance: float, speed: float) -> SCurve:
+def _law(path: ToolPath, distance: float, speed: float, ramp_s: float) -> SCurve:
     """Return the law that covers a distance while the tool moves along its path at a speed."""
-    return SCurve.at_speed(distance, speed * distance / path.length_mm, _RAMP_S)
+    return SCurve.at_speed(distance, speed * distance / path.length_mm, ramp_s)
 
 
 WAY_MAX_MM: Final = 2000.0
@@ -214,7 +257,9 @@ def check_tool_jog(robot: Robot, coordinate: str, speed: float) -> None:
         raise InputError(f"{coordinate}: a speed of {speed:g} {unit}/s is not {limit}")
 
 
-def plan_tool_jog(robot: Robot, standing: list[float], coordinate: str, speed: float) -> Plan:
+def plan_tool_jog(
+    robot: Robot, standing: list[float], coordinate: str, speed: float, frame: StepFrame = StepFrame.WORLD
+) -> Plan:
     """Plan a straight way of the tool, or a turn on the spot, from a joint position at a speed with a sign.
 
     Raises:
@@ -223,15 +268,15 @@ def plan_tool_jog(robot: Robot, standing: list[float], coordinate: str, speed: f
     check_tool_jog(robot, coordinate, speed)
     longest = TURN_MAX_DEG if STEP_UNITS[coordinate] == "deg" else WAY_MAX_MM
     percent = 100.0 * abs(speed) / tool_speed_max(coordinate)
-    whole = ToolStep({coordinate: longest if speed > 0 else -longest}, percent)
+    whole = ToolStep({coordinate: longest if speed > 0 else -longest}, percent, frame)
     way, fraction = _farthest(_speeds_along(robot, within_limits(robot, standing), whole), abs(speed))
     for _ in range(_SHORTENINGS if way else 0):
         with suppress(InputError):
-            distances = whole.part(way / longest).distances
-            return plan_tool_step(robot, standing, ToolStep(distances, fraction * percent))
+            slower = replace(whole.part(way / longest), speed_percent=fraction * percent)
+            return plan_tool_step(robot, standing, slower)
         way *= _SHORTER
-    part = farthest_part(robot, standing, whole)
-    return plan_tool_step(robot, standing, whole if part is None else part)  # the whole way says why nothing passes
+    part = farthest_part(robot, standing, whole) or whole.part(1 / (_PER_UNIT * longest))
+    return plan_tool_step(robot, standing, part)  # where not even the least passes, it says why
 
 
 def _speeds_along(robot: Robot, start: FloatArray, step: ToolStep) -> FloatArray:

@@ -1,31 +1,41 @@
 """`steptwin jog ROBOT WHAT AMOUNT --connect ...`: move a joint or the tool of a live board by hand."""
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import check_percent, finite_number
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.live.move import tell_moved
 from steptwin.host.cli.options import argument, naming_options, option
-from steptwin.host.cli.output import fixed, progress_bar
+from steptwin.host.cli.output import fixed, pose_text, progress_bar
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
-    from steptwin.host.operate.jogging import Jogged
+    from steptwin.host.operate.jogging import Jogged, ToolJogged
     from steptwin.host.operate.moving import Moved
     from steptwin.host.operate.session import Session
+    from steptwin.host.planning.tool_by_hand import StepFrame
     from steptwin.host.robots.robot import Robot
 
+_AT_END: Final = ", at the end of its travel"
 
-@command("lab-scara th2 +1 --connect 127.0.0.1", "lab-scara th2 -10deg/s --connect 127.0.0.1", negatives=True)
+
+@command(
+    "lab-scara th2 +1 --connect 127.0.0.1",
+    "ar4-mk3 rz 5deg/s --frame tool --connect 127.0.0.1",
+    negatives=True,
+)
 def jog(
     live: SessionOptions,
     words: list[str] | None = argument(
         "ROBOT WHAT AMOUNT",
         "The robot; one of its joints, or x, y, z, phi, rx, ry or rz of its tool; and how far, such as +1, 1mm or"
-        " -5deg, or for a joint how fast, such as 5mm/s.",
+        " -5deg, or how fast, such as 5mm/s.",
+    ),
+    frame: str | None = option(
+        "NAME", "Axes along and about which the tool moves: world, or tool for its own; world by default."
     ),
     seconds: float | None = option("S", "Time to move at a speed, which then needs no unit; by default until Ctrl-C."),
     speed: float | None = option(
@@ -34,12 +44,12 @@ def jog(
         " default.",
     ),
 ) -> None:
-    """Move a joint or the tool by a step, or a joint at a speed until Ctrl-C.
+    """Move a joint or the tool, by a step or at a speed until Ctrl-C.
 
     A number alone is a distance: the machine moves by it and stops. A speed has its unit, or the time by --seconds.
 
     A joint that knows its position keeps its limits; another one moves until a limit switch stops it, in fault. The
-    tool moves straight along the world's axes.
+    tool moves straight along axes, or turns about them on the spot.
     """
     loaded, rest = live.robot_and_rest(words)
     if len(rest) != 2:
@@ -49,17 +59,31 @@ def jog(
         )
     name, text = rest
     unit = _unit(loaded, name)
+    axes = _frame(loaded, name, frame)
     value, at_speed = _amount(text, unit, timed=seconds is not None)
     if at_speed:
         _check_at_speed(loaded, name, value, seconds, speed)
     else:
         _check_step(loaded, name, value, seconds, speed)
     with live.session(loaded) as session:
-        if at_speed:
-            _tell_jogged(live, loaded, _at_speed(session, name, value, seconds))
+        if not at_speed:
+            tell_moved(live, loaded, _by_step(session, name, value, speed, axes))
+        elif name in loaded.joint_names:
+            _tell_jogged(live, loaded, _joint_at_speed(session, name, value, seconds))
         else:
-            moved = _by_step(session, name, value, speed)
-            tell_moved(live, loaded, moved)
+            _tell_tool_jogged(live, loaded, _tool_at_speed(session, name, value, seconds, axes))
+
+
+def _frame(robot: "Robot", name: str, text: str | None) -> "StepFrame":
+    from steptwin.host.planning.tool_by_hand import StepFrame
+
+    if text is None:
+        return StepFrame.WORLD
+    if text not in list(StepFrame):
+        raise InputError(f"--frame {text}: there are {', '.join(StepFrame)}")
+    if name in robot.joint_names:
+        raise InputError(f"--frame {text}: is for the tool; {name} is a joint")
+    return StepFrame(text)
 
 
 def _unit(robot: "Robot", name: str) -> str:
@@ -86,10 +110,12 @@ def _amount(text: str, unit: str, *, timed: bool) -> tuple[float, bool]:
 
 def _check_at_speed(robot: "Robot", name: str, value: float, seconds: float | None, speed: float | None) -> None:
     from steptwin.host.operate.jogging import check_jog
+    from steptwin.host.planning.tool_by_hand import check_tool_jog
 
-    if name not in robot.joint_names:
-        raise InputError(f"{name}: the tool is jogged by steps, such as {name} +1; only a joint has a speed")
-    check_jog(robot, name, value)
+    if name in robot.joint_names:
+        check_jog(robot, name, value)
+    else:
+        check_tool_jog(robot, name, value)
     if seconds is not None and not 0 < seconds < float("inf"):
         raise InputError(f"--seconds {seconds:g}: is not above 0 and finite")
     if speed is not None:
@@ -112,13 +138,21 @@ def _check_step(robot: "Robot", name: str, value: float, seconds: float | None, 
         ToolStep({name: value}, 1.0)
 
 
-def _at_speed(session: "Session", name: str, value: float, seconds: float | None) -> "Jogged":
+def _joint_at_speed(session: "Session", name: str, value: float, seconds: float | None) -> "Jogged":
     from steptwin.host.operate.jogging import jog
 
     return jog(session, name, value, seconds)
 
 
-def _by_step(session: "Session", name: str, distance: float, speed: float | None) -> "Moved":
+def _tool_at_speed(
+    session: "Session", name: str, value: float, seconds: float | None, frame: "StepFrame"
+) -> "ToolJogged":
+    from steptwin.host.operate.jogging import jog_tool
+
+    return jog_tool(session, name, value, seconds, frame=frame)
+
+
+def _by_step(session: "Session", name: str, distance: float, speed: float | None, frame: "StepFrame") -> "Moved":
     from steptwin.host.operate.stepping import STEP_SPEED_PERCENT, step_joint, step_tool
     from steptwin.host.planning.tool_by_hand import ToolStep
 
@@ -126,11 +160,18 @@ def _by_step(session: "Session", name: str, distance: float, speed: float | None
     with progress_bar(f"{session.robot.name} jog") as progress:
         if name in session.robot.joint_names:
             return step_joint(session, name, distance, speed_percent=percent, progress=progress)
-        return step_tool(session, ToolStep({name: distance}, percent), progress=progress)
+        return step_tool(session, ToolStep({name: distance}, percent, frame), progress=progress)
 
 
 def _tell_jogged(live: LiveOptions, robot: "Robot", jogged: "Jogged") -> None:
     unit = robot.joint(jogged.joint).unit
-    at_limit = ", at the end of its travel" if jogged.at_limit else ""
+    at_limit = _AT_END if jogged.at_limit else ""
     way = f"{jogged.joint}: from {fixed(jogged.start)} to {fixed(jogged.end)} {unit}{at_limit}"
     live.tell_of(robot, asdict(jogged), way)
+
+
+def _tell_tool_jogged(live: LiveOptions, robot: "Robot", jogged: "ToolJogged") -> None:
+    named = {each: dict(zip(robot.joint_names, getattr(jogged, each), strict=True)) for each in ("start", "end")}
+    joints = ", ".join(f"{name} {fixed(position)}" for name, position in named["end"].items())
+    pose = () if jogged.pose is None else (pose_text(jogged.pose),)
+    live.tell_of(robot, asdict(jogged) | named, joints + (_AT_END if jogged.at_end else ""), *pose)

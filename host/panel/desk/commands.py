@@ -18,7 +18,7 @@ from steptwin.host.panel.desk.stops import StopAskedError
 from steptwin.host.panel.desk.words import told
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.programs.positions import ToolPosition
-from steptwin.host.planning.tool_by_hand import ToolStep
+from steptwin.host.planning.tool_by_hand import StepFrame, ToolStep
 from steptwin.host.robots.robot import Robot
 
 
@@ -183,11 +183,12 @@ class StepJoint(Command):
 
 @dataclass(frozen=True, slots=True)
 class StepTool(Command):
-    """Move the tool by distances along x, y, z of the world, or turn it by phi, by name."""
+    """Move the tool by distances along axes of the world or of its own, or turn it about them or by phi, by name."""
 
     needs_homed = True
     distances: Mapping[str, float]
     speed_percent: float = STEP_SPEED_PERCENT
+    frame: StepFrame = StepFrame.WORLD
 
     @property
     def title(self) -> str:
@@ -204,7 +205,7 @@ class StepTool(Command):
         return _words(work.session.robot, step_tool(work.session, self._step(), progress=work.progress).end)
 
     def _step(self) -> ToolStep:
-        return ToolStep(self.distances, self.speed_percent)
+        return ToolStep(self.distances, self.speed_percent, self.frame)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.requests import Request
 from steptwin.host.panel.desk.settings import MachineSettings
 from steptwin.host.panel.desk.words import RefusedError
-from steptwin.host.planning.tool_by_hand import check_tool_jog
+from steptwin.host.planning.tool_by_hand import StepFrame, check_tool_jog
 
 BEAT_S: Final = 0.08
 """Time after which a page repeats its beat."""
@@ -64,12 +64,13 @@ class JointJog(Jog):
 
 @dataclass(frozen=True, slots=True)
 class ToolJog(Jog):
-    """Move the tool along x, y or z of the world, or turn it by phi."""
+    """Move the tool along an axis of the world or of its own, or turn it about one or by phi."""
 
     named = "jog {0.coordinate}"
     needs_homed = True
     coordinate: str
     speed: float
+    frame: StepFrame = StepFrame.WORLD
 
     def check(self, limits: MachineSettings, _standing: Sequence[float]) -> None:
         """Raise InputError unless the coordinate exists and takes the speed."""
@@ -77,7 +78,7 @@ class ToolJog(Jog):
 
     def perform(self, session: Session, released: Callable[[], bool]) -> JogEnd:
         """Jog until the button is released, or the tool can go no further."""
-        jogged = jog_tool(session, self.coordinate, self.speed, released)
+        jogged = jog_tool(session, self.coordinate, self.speed, None, frame=self.frame, until=released)
         return JogEnd(jogged.end != jogged.start, jogged.at_end)
 
 

@@ -44,10 +44,14 @@ PoseDocument = dict[str, float | list[float]]
 PLACE: Final = {"x": "mm", "y": "mm", "z": "mm"}
 """The coordinates with which every pose begins, and their units."""
 _TURNS: Final = {"rx": "deg", "ry": "deg", "rz": "deg"}
+TURNS: Final = tuple(_TURNS)
+"""The names of turns about axes."""
 
 STEP_NAMES: Final = (*PLACE, "phi", *_TURNS)
 """The names of the tool's steps, whatever its task: along the station's axes, by phi, or about the station's axes."""
 
+SPIN_OFF_MAX: Final = 1e-6
+"""Sine of the angle to a direction up to which a turn is one about it."""
 HALF_TURN_DEG: Final = 179.999
 """Angle from which on the way of a turn is not certain."""
 
@@ -150,6 +154,11 @@ class Task(ABC):
     def carried(self, rotation: FloatArray, orientation: FloatArray) -> FloatArray:
         """Return orientations after rotations about the station's axes; only of tasks that are not flat."""
         raise NotImplementedError
+
+    def is_spin(self, orientation: FloatArray, turn_deg: FloatArray) -> bool:
+        """Return whether a turn, as a rotation vector, changes nothing that the tool can be told."""
+        del orientation, turn_deg
+        return False
 
     def turn_between_deg(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         """Return the shortest turn between two orientations as a rotation vector; only of tasks that are not flat."""
@@ -273,6 +282,10 @@ class DirectionTask(Task):
     def carried(self, rotation: FloatArray, orientation: FloatArray) -> FloatArray:
         """Return the directions after rotations."""
         return turned(orientation, rotation)
+
+    def is_spin(self, orientation: FloatArray, turn_deg: FloatArray) -> bool:
+        """Return whether the turn is about the direction itself, to a millionth."""
+        return bool(np.linalg.norm(np.cross(orientation, turn_deg)) <= SPIN_OFF_MAX * np.linalg.norm(turn_deg))
 
     def turn_between_deg(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         """Return the turn in the plane of both directions."""

@@ -119,7 +119,7 @@ def test_a_condition_ends_a_jog(board: EmbeddedBoard, session: Session) -> None:
 
 def test_a_jog_of_the_tool_ends_on_its_line(board: EmbeddedBoard, session: Session) -> None:
     """By a condition, which leaves nothing that could go on; and where the reach ends."""
-    jogged = jog_tool(session, "y", -20.0, after(101))
+    jogged = jog_tool(session, "y", -20.0, None, until=after(101))
     assert not jogged.at_end
     ways = tool_of(jogged.end)[:3] - tool_of(jogged.start)[:3]
     assert ways == pytest.approx([0.0, -20.0, 0.0], abs=4.0)
@@ -128,8 +128,8 @@ def test_a_jog_of_the_tool_ends_on_its_line(board: EmbeddedBoard, session: Sessi
     board.wait(0.5)
     assert board.driver_positions() == standing
     assert [state.state for state in axis_states(session)] == ["OPERATION ENABLED"] * 6
-    assert jog_tool(session, "z", 20.0, lambda: False).at_end
-    stood = jog_tool(session, "z", -20.0, lambda: True)
+    assert jog_tool(session, "z", 20.0, None).at_end
+    stood = jog_tool(session, "z", -20.0, None, until=lambda: True)
     assert stood.start == stood.end
     step_tool(session, ToolStep({"y": 1.0}, 20.0))
 

@@ -212,6 +212,22 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
     assert "tool: x " in out
 
 
+@pytest.mark.usefixtures("session")
+def test_the_tool_at_a_speed_by_the_command(steptwin: CommandLine) -> None:
+    """At home the warehouse's tool points along the world's x, z is its own z: along y both frames differ by a turn."""
+    before = steptwin.json("status warehouse-scara")["pose"]
+    document = steptwin.json("jog warehouse-scara y -20mm/s --seconds 1")
+    assert list(document) == ["robot", "coordinate", "start", "end", "at_end", "pose"]
+    moved = {key: value - before[key] for key, value in document["pose"].items()}
+    assert -20.0 < moved["y_mm"] < -14.0  # with a ramp up, and one down
+    assert [moved["x_mm"], moved["z_mm"]] == pytest.approx([0.0, 0.0], abs=0.15)
+    turned = steptwin.json("jog warehouse-scara phi 20 --seconds 1 --frame tool")
+    assert 14.0 < turned["pose"]["attitude_deg"] - document["pose"]["attitude_deg"] < 20.5
+    exit_code, out, err = steptwin.run("jog warehouse-scara z -60mm/s --seconds 60")
+    assert (exit_code, err) == (0, "")
+    assert ", at the end of its travel" in out
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -227,8 +243,12 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
         ("th1 999deg/s", "th1: a speed of 999 deg/s is not from 0.000351563 to 120 deg/s, with a sign"),
         ("th1 1 --speed 0.5", "--speed 0.5: is 0.5 % of the speed; for 0.5 of it write --speed 50; the least is 1"),
         ("th1 1 --speed 0", "--speed 0: is not from 1 to 100 percent"),
-        ("x 5mm/s", "x: the tool is jogged by steps, such as x +1; only a joint has a speed"),
-        ("x 5 --seconds 1", "x: the tool is jogged by steps, such as x +1; only a joint has a speed"),
+        ("x 251mm/s", "x: a speed of 251 mm/s is not above 0 and up to 250 mm/s, with a sign"),
+        ("phi -91 --seconds 1", "phi: a speed of -91 deg/s is not above 0 and up to 90 deg/s, with a sign"),
+        ("x 5mm/s --speed 5", "--speed 5: is for a step; the speed of this jog is 5"),
+        ("rx 5deg/s", "joint 'rx' is unknown: did you mean x?"),
+        ("x 5 --frame base", "--frame base: there are world, tool"),
+        ("th1 5 --frame tool", "--frame tool: is for the tool; th1 is a joint"),
         ("x 0", "a step of 0 moves nothing: x +0 mm"),
         ("phi 400", "phi +400 deg: a step turns the tool by at most 360 deg"),
     ],

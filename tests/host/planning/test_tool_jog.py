@@ -7,12 +7,14 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.tool_by_hand import (
     SPEED_MAX_MM_S,
     WAY_MAX_MM,
+    StepFrame,
     ToolStep,
     check_tool_jog,
     farthest_part,
     plan_tool_jog,
 )
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing
 
@@ -63,3 +65,27 @@ def test_bad_jogs_are_refused() -> None:
     top = [robot.joints[0].upper, *standing(robot)[1:]]
     with pytest.raises(InputError, match=r"jog a joint first$"):
         plan_tool_jog(robot, top, "z", 10.0)
+
+
+@pytest.mark.parametrize("frame", StepFrame)
+def test_a_six_axis_arm_turns_on_the_spot_at_the_speed_that_was_asked_for(frame: StepFrame) -> None:
+    robot = load_robot("ar4-mk3")
+    plan = plan_tool_jog(robot, [0.0, 10.0, 20.0, 0.0, 45.0, 0.0], "rz", 8.0, frame)
+    t_s = np.linspace(0.0, plan.trajectory.duration_s, 1001)
+    path = poses(plan, t_s)
+    assert np.abs(path[:, :3] - path[0, :3]).max() < 1e-6
+    rates = make_kinematics(robot).task.off_deg(path[1:], path[:-1]) / np.diff(t_s)
+    assert rates.max() == pytest.approx(8.0, rel=0.02)
+
+
+def test_a_jog_that_is_refused_names_the_joint() -> None:
+    """By the least way: that the end of a long one were out of reach would be no reason."""
+    robot = load_robot("ar4-mk3")
+    for joints, name, speed, reason in (
+        ([0.0] * 6, "y", 20.0, "J4 would move by 90 deg in a millisecond, near the stretched wrist"),
+        ([0.0, 0.0, -89.0, 0.0, 0.0, 0.0], "x", -20.0, "J3: -89.03 deg is outside -89..52 deg"),
+    ):
+        with pytest.raises(InputError) as refused:
+            plan_tool_jog(robot, joints, name, speed, StepFrame.TOOL)
+        assert reason in str(refused.value)
+        assert str(refused.value).startswith(f"the tool's {name} {'-' if speed < 0 else '+'}0.1 mm: ")

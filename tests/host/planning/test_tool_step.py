@@ -12,14 +12,17 @@ from steptwin.host.planning.tool_by_hand import (
     SPEED_MAX_MM_S,
     TURN_MAX_DEG,
     TURN_SPEED_MAX_DEG_S,
+    StepFrame,
     ToolStep,
     plan_tool_step,
 )
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
+from tests.host.robots.kinematics.serial.test_numeric import five_axes
 from tests.host.robots.kinematics.test_usual_scara import scara
 
 STANDING = {
@@ -29,6 +32,9 @@ STANDING = {
     "calibration-scara": [-20.0, -50.0, 60.0, 100.0],
     "hybrid-arm": [15.0, 20.0, -30.0, 40.0],
 }
+ARM = load_robot("ar4-mk3")
+BENT = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+"""A joint position of the six-axis arm in which its tool is turned about all three axes of the world."""
 """A joint position of each robot from which its tool can go in all directions."""
 ROBOTS = [load_robot(name) for name in STANDING]
 AXES = ("x", "y", "z", "phi")
@@ -177,3 +183,63 @@ def test_the_rounding_of_a_limit_to_wire_units_does_not_hold_the_tool(limit: flo
 )
 def test_a_bad_step(distances: dict[str, float], complaint: str) -> None:
     assert complaint_of(lambda: ToolStep(distances, 20.0)) == complaint
+
+
+def moved_by(robot: Robot, start: list[float], step: ToolStep) -> tuple[FloatArray, FloatArray]:
+    """Return by what the tool moves, (3,), and turns, (3, 3), in the axes of the step's frame."""
+    plan = plan_tool_step(robot, start, step)
+    joints = plan.trajectory.positions(np.array([0.0, plan.trajectory.duration_s]))
+    first, last = tool_frames(make_kinematics(robot), joints)
+    axes = first[:3, :3] if step.frame is StepFrame.TOOL else np.eye(3)
+    return axes.T @ (last - first)[:3, 3], axes.T @ last[:3, :3] @ first[:3, :3].T @ axes
+
+
+def turn_about(axis: int, angle_deg: float) -> FloatArray:
+    """Return the rotation about one axis, as books write it."""
+    turn = np.eye(3)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    turn[first, first] = turn[second, second] = np.cos(np.deg2rad(angle_deg))
+    turn[second, first] = np.sin(np.deg2rad(angle_deg))
+    turn[first, second] = -turn[second, first]
+    return turn
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("frame", StepFrame)
+def test_a_six_axis_arm_moves_along_and_turns_about_each_axis(frame: StepFrame, axis: int, sign: float) -> None:
+    way_mm, turn = moved_by(ARM, BENT, ToolStep({"xyz"[axis]: 12.0 * sign}, 20.0, frame))
+    assert way_mm == pytest.approx(12.0 * sign * np.eye(3)[axis], abs=1e-6)
+    assert turn == pytest.approx(np.eye(3), abs=1e-8)
+    way_mm, turn = moved_by(ARM, BENT, ToolStep({f"r{'xyz'[axis]}": 9.0 * sign}, 20.0, frame))
+    assert way_mm == pytest.approx(np.zeros(3), abs=1e-6)
+    assert turn == pytest.approx(turn_about(axis, 9.0 * sign), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_every_arm_moves_along_its_tool(name: str) -> None:
+    robot = load_robot(name)
+    for axis in range(3):
+        way_mm, _ = moved_by(robot, standing(robot), ToolStep({"xyz"[axis]: 7.0}, 20.0, StepFrame.TOOL))
+        assert way_mm == pytest.approx(7.0 * np.eye(3)[axis], abs=1e-6)
+
+
+def test_a_refused_step_along_the_tool_says_so() -> None:
+    """With J5 at 0 the axes of J4 and J6 are one: J4 would have to jump."""
+    step = ToolStep({"y": 10.0}, 20.0, StepFrame.TOOL)
+    complaint = complaint_of(lambda: plan_tool_step(ARM, [0.0] * 6, step))
+    assert complaint.startswith("the tool's y +10 mm: at t = ")
+    assert "J4 would move by 90 deg in a millisecond, near the stretched wrist" in complaint
+    assert complaint.endswith("; not even 0.1 passes in this direction: jog a joint first")
+
+
+def test_a_spin_that_follows_from_the_arm_is_no_step() -> None:
+    """An arm of five axes turns its direction about the tool's x and y; about its own z nothing would move."""
+    arm = five_axes()
+    start = rounded(arm, [20.0, 10.0, 20.0, 30.0, 40.0])
+    before = make_kinematics(arm).forward(np.array([start]))[0, 3:]
+    plan = plan_tool_step(arm, start, ToolStep({"rx": 5.0}, 20.0, StepFrame.TOOL))
+    after = poses(plan, np.array([plan.trajectory.duration_s]))[0, 3:]
+    assert np.rad2deg(np.arccos(before @ after)) == pytest.approx(5.0, abs=1e-6)
+    complaint = complaint_of(lambda: plan_tool_step(arm, start, ToolStep({"rz": 5.0}, 20.0, StepFrame.TOOL)))
+    assert complaint.startswith("the tool's rz +5 deg: turns the tool about itself only, and its spin follows from the")
