@@ -73,7 +73,11 @@ from steptwin.host.planning.trajectory import Trajectory as Trajectory
 from steptwin.host.planning.trajectory_file import read_trajectory as read_trajectory
 from steptwin.host.robots import load_robot as load_robot
 from steptwin.host.robots import robot_names as robot_names
+from steptwin.host.robots.kinematics import Branch as Branch
+from steptwin.host.robots.kinematics import Kinematics as Kinematics
+from steptwin.host.robots.kinematics import make_kinematics as make_kinematics
 from steptwin.host.robots.kinematics.chain import Chain as Chain
+from steptwin.host.robots.poses import Orientation as Orientation
 from steptwin.host.robots.robot import Robot as Robot
 from steptwin.host.studies.calibration import Identification as Identification
 from steptwin.host.studies.calibration import Measurements as Measurements
