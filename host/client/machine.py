@@ -202,13 +202,14 @@ class Machine:
             BusError: a node does not answer, or a queue does not fill.
         """
         self._waits = None
-        self._set_status_period(min(motion.records[0].durations_ms + [HOLD_MS] * bool(motion.waits)))
+        shortest_ms = min(motion.records[0].durations_ms + [HOLD_MS] * bool(motion.waits))
+        self._set_status_period(shortest_ms * 100 // motion.highest_percent)
         stream = self._stream = Stream(self.link, self.axes, motion)
         self._waits = stream.waits
         return stream
 
     def _set_status_period(self, shortest_ms: int) -> None:
-        """Make the nodes report their queues' free places often enough for segments as short as `shortest_ms`.
+        """Make the nodes report their queues' free places often enough for segments that pass in `shortest_ms`.
 
         Nodes take PDO parameters only in PRE-OPERATIONAL; their drives keep their state meanwhile.
         """

@@ -28,7 +28,7 @@ def pause_trajectory(machine: Machine) -> bool:
         BusError: the axes do not come to rest.
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
-    running = _running(machine, "pause")
+    running = running_axes(machine, "pause")
     send_pause(running)
     require(
         machine,
@@ -51,7 +51,7 @@ def resume_trajectory(machine: Machine) -> None:
         BusError: the axes do not set off.
         DeviceFaultError: a fault has ended the trajectory meanwhile.
     """
-    running = _running(machine, "resume")
+    running = running_axes(machine, "resume")
     send_resume(running)
     require(machine, lambda: not any(axis.halted for axis in running), "the axes do not go on", REPLY_TIMEOUT_S)
     check_faults(machine.link, machine.axes)
@@ -78,8 +78,11 @@ def send_resume(axes: Sequence[AxisClient]) -> None:
         axis.send_interpolation_controlword(_RUN)
 
 
-def _running(machine: Machine, what: str) -> list[AxisClient]:
-    """Return the axes that execute records; a node that is not OPERATIONAL sends no report and executes none."""
+def running_axes(machine: Machine, what: str) -> list[AxisClient]:
+    """Return the axes that execute records; a node that is not OPERATIONAL sends no report and executes none.
+
+    Raises InputError, with what is to be done in it, if no axis does.
+    """
     await_reports(machine, machine.axes)
     running = [axis for axis in machine.axes if axis.interpolating]
     if not running:

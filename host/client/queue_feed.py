@@ -4,8 +4,8 @@ Credits are the free places last reported, less the records sent since. After a 
 that the board expects next; a further gap counts only once the board has had time to see the resent records. Without
 any progress for a while, every record that is not acknowledged is sent again.
 
-Trajectory time passes as fast as the clock or, while the group halts, more slowly. So it lies between the start of the
-record executed and that record's end plus the time since the report.
+Trajectory time passes as fast as the clock, more slowly, or faster, up to the highest speed that its stream allows. So
+it lies between the start of the record executed and that record's end plus the time since the report at that speed.
 """
 
 from collections.abc import Iterable
@@ -28,11 +28,12 @@ _BEHIND: Final = SEQUENCE_MODULUS // 2
 class TrajectoryTime:
     """Lower and upper bound of the time since the trajectory's start, in seconds."""
 
-    def __init__(self, durations_ms: list[int], now_s: float) -> None:
+    def __init__(self, durations_ms: list[int], now_s: float, highest_percent: int = 100) -> None:
         self._begins_ms = [0, *accumulate(durations_ms)]
         """The beginning of every record, then the end of the last."""
         self._executing = 0
         self._reported_s = now_s
+        self._highest_rate = highest_percent / 100
 
     def extend(self, durations_ms: Iterable[int]) -> None:
         """Add records behind the last one."""
@@ -57,7 +58,8 @@ class TrajectoryTime:
 
     def most_s(self, now_s: float) -> float:
         """Return the upper bound: the trajectory has reached at most this time."""
-        return self._begins_ms[min(self._executing + 1, len(self._begins_ms) - 1)] / 1000 + now_s - self._reported_s
+        ended_s = self._begins_ms[min(self._executing + 1, len(self._begins_ms) - 1)] / 1000
+        return ended_s + (now_s - self._reported_s) * self._highest_rate
 
 
 _I24_MASK = (1 << 24) - 1

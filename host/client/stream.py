@@ -27,12 +27,15 @@ class StreamedMotion(NamedTuple):
         start_units: where the axes must stand, in wire units.
         outputs: outputs to switch on the way.
         waits: waits for inputs, in order of time; the axes stand still until each input has its level.
+        highest_percent: highest speed at which programs may let the axes execute the records, in percent of the planned
+            one; the boards refuse the records unless their step rates allow it.
     """
 
     records: tuple[AxisRecords, ...]
     start_units: list[int]
     outputs: tuple[OutputCommand, ...] = ()
     waits: tuple[InputWait, ...] = ()
+    highest_percent: int = 100
 
 
 def stop_the_rest(axes: Sequence[AxisClient]) -> None:
@@ -50,7 +53,10 @@ _PRELOAD_RECORDS: Final = 32
 _PRELOAD_TIMEOUT_S: Final = 5.0
 """Time limit for filling the queues: on a bad line lost records can be sent again a few times."""
 _STALL_S: Final = 5.0
-"""Time limit for a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp."""
+"""Time limit for a record: one of 255 ms takes up to sqrt(2 * 0.255 * 16.3) = 2.9 s at the end of a slow halt ramp.
+
+At 10 % of its speed it takes 2.6 s, and before such a halt 3.4 s, of which the ramp takes 1.6 s.
+"""
 
 
 class Stream:
@@ -70,6 +76,8 @@ class Stream:
                 raise DeviceFaultError(f"{axis.name}: the position is unknown: home the axis first")
         for axis, start in zip(axes, motion.start_units, strict=True):
             _prepare(axis, start)
+            if motion.highest_percent > 100:  # that of a queue that is clear is 100 %
+                axis.write(od.GROUP_RATE_HIGHEST_Q16, od.rate_q16(motion.highest_percent))
         legs = divide(motion.records, motion.outputs, motion.waits)
         self.waits = Waits(axes, motion.waits, legs)
         self._feeds = [QueueFeed(axis, own, link.now_s()) for axis, own in zip(axes, legs[0].records, strict=True)]
@@ -78,7 +86,7 @@ class Stream:
         require(link, self._preloaded, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
         self._start_together()
         now_s = link.now_s()
-        self._reached = TrajectoryTime(fed_ms, now_s)
+        self._reached = TrajectoryTime(fed_ms, now_s, motion.highest_percent)
         self._schedule = OutputSchedule(axes, legs[0].outputs, self._reached)
         self._seen = axes[0].pvt_status
         self._progress_s = now_s

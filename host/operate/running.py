@@ -14,6 +14,7 @@ from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_m
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.planning.clearance import check_way
+from steptwin.host.planning.faster import PLANNED_PERCENT, highest_speed
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
@@ -118,7 +119,10 @@ def execute_live(
         except InputError as error:
             says = f"approach=True: {error}" if approach else f"{error}; approach=True moves it there first"
             raise InputError(says).plainly(str(error) if approach else says) from error
-        return run_plan(charge, plan, job, repeat=repeat, progress=progress, begun=begun)
+        highest_percent = highest_speed(plan).percent
+        return run_plan(
+            charge, plan, job, repeat=repeat, progress=progress, begun=begun, highest_percent=highest_percent
+        )
 
 
 def run_plan(
@@ -129,11 +133,15 @@ def run_plan(
     repeat: int = 1,
     progress: Progress = lambda _: None,
     begun: Callable[[], None] = lambda: None,
+    highest_percent: int = PLANNED_PERCENT,
 ) -> LiveOutcome:
-    """Move a machine in charge to a plan's start, and run it; arguments and errors are those of `execute_live`."""
+    """Move a machine in charge to a plan's start, and run it; arguments and errors are those of `execute_live`.
+
+    Programs may make it faster on the way, up to `highest_percent` of the planned speed.
+    """
     session = charge.session
     started_s = time.perf_counter()
-    motion = streamed_motion(plan)
+    motion = streamed_motion(plan)._replace(highest_percent=highest_percent)
     machine = charge.enable()
     move_within(session, charge.start.units, plan.start_units)
     repetitions, axes = 0, tuple[AxisEnd, ...]()

@@ -1,7 +1,7 @@
 """Read a machine's status: from its nodes' own reports and, while no trajectory is streamed, by SDO.
 
-A node serves one SDO dialogue at a time, so SDO requests could disturb a program that streams. While one does, values
-that only SDO can read are None.
+A node serves one SDO dialogue at a time, so SDO requests could disturb a program that streams. While one does, only the
+trajectory's speed is asked for, in one frame; other values that only SDO can read are None.
 """
 
 from dataclasses import asdict, dataclass
@@ -10,6 +10,7 @@ from typing import Any
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.reports import await_reports
+from steptwin.host.client.time_rate import present_speed_percent
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.inputs_outputs import read_inputs
@@ -96,6 +97,8 @@ class MachineStatus:
     pose: PoseDocument | None
     inputs: dict[str, bool] | None
     """Whether each input of the robot's file is on; None while a trajectory is streamed."""
+    speed_percent: float | None
+    """Present speed of the trajectory in percent of the planned one, 0 in a pause; None without one."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document of the status."""
@@ -119,7 +122,8 @@ def read_status(session: Session) -> MachineStatus:
     known = all(axis.position_known for axis in axes)
     pose = session.pose([axis.position for axis in axes]) if known else None
     inputs = None if streaming else read_inputs(session)
-    return MachineStatus(session.robot.name, streaming, axes, pose, inputs)
+    speed_percent = present_speed_percent(session.machine.axes)
+    return MachineStatus(session.robot.name, streaming, axes, pose, inputs, speed_percent)
 
 
 def _reported(axis: AxisClient) -> DriveStatus:

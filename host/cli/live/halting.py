@@ -1,4 +1,4 @@
-"""`steptwin pause|resume|stop|estop|reset|outputs ROBOT --connect ...`: halt a live board, let it go on, switch it."""
+"""`steptwin pause|resume|speed|stop|estop|reset|outputs ROBOT --connect ...`: halt a live board, let it go on."""
 
 import time
 from collections.abc import Callable
@@ -44,6 +44,32 @@ def resume(live: SessionOptions, robot: RobotName = None) -> None:
         session.require_present()
         resume_trajectory(session.machine)
     live.tell_of(loaded, {"halted": False}, "goes on")
+
+
+@command("lab-scara 50 --connect 127.0.0.1", "lab-scara 120 --json --connect 127.0.0.1")
+def speed(
+    live: SessionOptions,
+    words: list[str] | None = argument(
+        "ROBOT PERCENT", "The robot, and the percentage of the planned speed, 10 to 150."
+    ),
+) -> None:
+    """Make the running trajectory slower or faster, on its path; the next one begins at 100 %.
+
+    No joint or driver exceeds its limits: more than the motion allows is refused, with the highest speed that passes.
+    """
+    from steptwin.host.client.time_rate import change_speed, check_speed
+
+    loaded, rest = live.robot_and_rest(words)
+    text = rest[0].removesuffix("%") if rest else ""
+    if len(rest) != 1 or not (text.isascii() and text.isdecimal()):
+        raise InputError(f"after the robot: a whole number of percent, such as 50, not {' '.join(rest) or 'nothing'}")
+    percent = int(text)
+    check_speed(percent)
+    with live.session(loaded) as session:
+        session.require_present()
+        highest = change_speed(session.machine, percent)
+    document = {"speed_percent": percent, "highest_percent": highest}
+    live.tell_of(loaded, document, f"goes on at {percent} % of the planned speed")
 
 
 @command(*_EXAMPLES)

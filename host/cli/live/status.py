@@ -134,7 +134,8 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
         levels = (f"{name} {'on' if on else 'off'}" for name, on in seen.inputs.items())
         lines.append(f"inputs: {', '.join(levels)}")
     if seen.streaming:
-        lines.append("a trajectory is running: no questions are asked, so that its host is not disturbed")
+        lines.append("a trajectory is running: no more questions are asked, so that its host is not disturbed")
+        lines.append(f"speed: {seen.speed_percent:g} % of the planned one")
     return Group(table, *(Text(printable(line)) for line in lines))
 
 

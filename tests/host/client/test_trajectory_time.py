@@ -43,3 +43,12 @@ def test_no_number_leads_beyond_the_last_record() -> None:
     reached = TrajectoryTime([10, 20, 30], now_s=0.0)
     reached.report(7, now_s=0.0)
     assert reached.least_s == 0.03
+
+
+def test_a_stream_that_may_be_made_faster_may_be_further() -> None:
+    """At 150 % of its speed a second of the clock is up to 1.5 s of the trajectory."""
+    reached = TrajectoryTime([10, 20, 30], now_s=100.0, highest_percent=150)
+    assert reached.most_s(100.0) == pytest.approx(0.01)
+    assert reached.most_s(101.0) == pytest.approx(0.01 + 1.5)
+    reached.report(1, now_s=101.0)
+    assert reached.most_s(101.002) == pytest.approx(0.03 + 0.003)

@@ -36,7 +36,7 @@ ACTIONS: dict[str, tuple[Callable[[Session], object], int]] = {
     "step of the tool": (lambda session: step_tool(session, ToolStep({"x": -1.0}, 20.0)), 132),
     "jog of the tool": (lambda session: jog_tool(session, "x", -5.0, None, until=lambda: True), 96),
     "home": (lambda session: home_robot(session, joints=["th2"], stay=True), 117),
-    "run": (lambda session: execute_live(session, spiral(), "spiral", approach=True), 152),
+    "run": (lambda session: execute_live(session, spiral(), "spiral", approach=True), 156),
 }
 """What is done, and its SDO dialogues: reads and writes of one object each."""
 

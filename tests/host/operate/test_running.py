@@ -94,7 +94,7 @@ def test_a_stop_by_another_program_ends_it(
 def test_another_program_may_read_the_status(
     board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`status` beside a run sends no SDO request, and a move beside it is refused."""
+    """`status` beside a run asks only how fast it is, in one frame, and a move beside it is refused."""
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     move(session, pull.start_joints)
     seen: list[MachineStatus] = []
@@ -103,7 +103,8 @@ def test_another_program_may_read_the_status(
         if fraction > 0.5 and not seen:
             begin = len(board.bus_log)
             seen.append(read_status(other))
-            assert not sdo_requests(board, begin)
+            (request,) = sdo_requests(board, begin)
+            assert (request.cob_id, request.data) == (0x610, bytes.fromhex("4010200400000000"))
             with pytest.raises(BusError, match=r"^another program is in charge of the machine, says sx "):
                 move(other, pull.start_joints)
 
