@@ -8,10 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-import scipy
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.whole_file import whole_file
@@ -23,9 +22,6 @@ from steptwin.host.record.folder.layout import TRAJECTORY, existing_file
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.robot import Robot
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
 
 CUBICS_OFF_STEPS: Final = 1e-4
 """Largest distance of the stored cubics from the planned motion: a 75th of the verifier's tolerance."""
@@ -88,7 +84,9 @@ def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocit
     Accelerations are those of the cubics just after each point, at the end just before it.
     """
     kinematics = make_kinematics(robot)
-    accelerations = scipy.interpolate.CubicHermiteSpline(t_s, positions, velocities)(t_s, 2)
+    third, second = _cubics(t_s, positions, velocities)[:2]
+    end_s = t_s[-1] - t_s[-2]
+    accelerations = np.concatenate([2 * second, 2 * second[-1:] + third[-1:] * end_s * 6])
     task = kinematics.task
     cosines = len(TOOL_AXES) if task.width else 0
     rounded = len(robot.joints) + len(task.coordinates)
@@ -110,10 +108,22 @@ def _stored_ms(plan: Plan) -> Int64Array:
     every_ms = np.arange(plan.times_ms[-1] + 1)
     t_s, point_s = every_ms / 1000, plan.times_ms / 1000
     motion = plan.trajectory
-    cubics = scipy.interpolate.CubicHermiteSpline(point_s, motion.positions(point_s), motion.velocities(point_s))
-    off_steps = np.abs(plan.robot.to_steps(_positions(cubics, t_s) - motion.positions(t_s)))
+    cubics = _cubics(point_s, motion.positions(point_s), motion.velocities(point_s))
+    nearest = np.searchsorted(plan.times_ms[1:-1], every_ms, side="right")
+    third, second, first, start = cubics[:, nearest]
+    since_s = (t_s - point_s[nearest])[:, np.newaxis]
+    positions = ((third * since_s + second) * since_s + first) * since_s + start
+    off_steps = np.abs(plan.robot.to_steps(positions - motion.positions(t_s)))
     return plan.times_ms if off_steps.max() <= CUBICS_OFF_STEPS else every_ms
 
 
-def _positions(cubics: "CubicHermiteSpline", t_s: FloatArray) -> FloatArray:
-    return np.asarray(cubics(t_s))
+def _cubics(t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    """Return the cubics between points, of shape (4, points - 1, joints): in powers of the time since the point before.
+
+    The highest power comes first. They are those of `scipy.interpolate.CubicHermiteSpline` to the last bit; to import
+    that would take longer than to write the folder.
+    """
+    dt_s = np.diff(t_s)[:, np.newaxis]
+    slopes = np.diff(positions, axis=0) / dt_s
+    bend = (velocities[:-1] + velocities[1:] - 2 * slopes) / dt_s
+    return np.array([bend / dt_s, (slopes - velocities[:-1]) / dt_s - bend, velocities[:-1], positions[:-1]])

@@ -175,6 +175,11 @@ def plain_texts(artist: Artist) -> None:
 def save_figure(figure: Figure, path: Path, metadata: Mapping[str, Any]) -> None:
     """Write a picture."""
     plain_texts(figure)
+    layout = figure.get_layout_engine()
+    if layout and path.suffix == ".png":  # else `savefig` would draw it twice, once only to lay it out
+        figure.set_dpi(DOTS_PER_INCH)
+        layout.execute(figure)
+        figure.set_layout_engine(None)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # drawn as an empty box
         with whole_file(path) as file:
