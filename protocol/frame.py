@@ -12,6 +12,8 @@ class Frame(NamedTuple):
 
 BITRATES: Final = (125_000, 250_000, 500_000, 1_000_000)
 """The bit rates, in bit/s, that the board's CAN controller is set up for."""
+DEFAULT_BITRATE: Final = BITRATES[-1]
+"""Bit rate of a robot whose file names none: the fastest of classical CAN. [A]"""
 
 COB_NMT: Final = 0x000
 COB_SYNC: Final = 0x080

@@ -19,6 +19,7 @@ from steptwin.protocol.drivers import (
     DriverProfile,
     bare_chip,
 )
+from steptwin.protocol.frame import DEFAULT_BITRATE
 from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -111,7 +112,6 @@ class BoardSettings:
     """The settings of the board; the names of the pulses' times are LinuxCNC's. None: the drivers' usual setting.
 
     Attributes:
-        bitrate: bit rate of the CAN bus, in bit/s.
         osc_pf: capacitor at each TB6560's OSC pin, which sets the shortest CLK pulse that it accepts; None if
             `driver_profile` sets it.
         steplen_ns: time for which CLK is high.
@@ -119,6 +119,7 @@ class BoardSettings:
         dirsetup_ns: time for which DIR is stable before CLK rises.
         dirhold_ns: time for which DIR is stable after CLK has risen.
         step_rate_max_hz: highest step rate that a driver gets.
+        bitrate: bit rate of the CAN bus, in bit/s.
         driver_profile: name of the drivers' profile; None for TB6560s on the board itself.
         driver: figures of generic drivers.
         current_a: phase current at full torque.
@@ -130,13 +131,13 @@ class BoardSettings:
         InputError: a value out of range, pulses too long for the step rate, or too short for the named drivers' chip.
     """
 
-    bitrate: int
     osc_pf: int | None
     steplen_ns: int
     stepspace_ns: int
     dirsetup_ns: int
     dirhold_ns: int
     step_rate_max_hz: float
+    bitrate: int = DEFAULT_BITRATE
     driver_profile: str | None = None
     driver: DriverFigures | None = None
     current_a: float | None = None

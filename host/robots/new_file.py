@@ -29,7 +29,6 @@ from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
 from steptwin.host.robots.robot import Dimension, Robot
 
 BOARD: Final = BoardSettings(
-    bitrate=1_000_000,
     osc_pf=330,
     steplen_ns=33_000,
     stepspace_ns=33_666,

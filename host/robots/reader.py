@@ -362,6 +362,7 @@ _figures: Final = _settings(
     },
 )
 _BOARD_OPTIONAL: Final[dict[str, Reading]] = {
+    "bitrate": Table.integer,
     "osc_pf": Table.integer,
     "driver_profile": Table.text,
     "driver": _figures,
@@ -375,10 +376,9 @@ _BOARD_OPTIONAL: Final[dict[str, Reading]] = {
 def _board(table: Table, key: str) -> BoardSettings:
     """Return the board's settings; drivers that the file names bring the times that it leaves out."""
     with table.section(key) as section:
-        own = {"bitrate": Table.integer}
         if "driver_profile" not in section:
-            return judged(BoardSettings, section.gather(own | _PULSES, _BOARD_OPTIONAL), section.findings)
-        values = section.gather(own, _PULSES | _BOARD_OPTIONAL)
+            return judged(BoardSettings, section.gather(_PULSES, _BOARD_OPTIONAL), section.findings)
+        values = section.gather({}, _PULSES | _BOARD_OPTIONAL)
         times: dict[str, int] = {}
         with suppress(UnreadError):
             profile = named_profile(values.get("driver_profile", ""), values.get("driver"))

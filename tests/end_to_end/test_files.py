@@ -190,7 +190,7 @@ PART = TEACHING[TEACHING.index("[boxes.part]") :]
 
 TIMING = {"steplen_ns = 33_000": "steplen_ns = 35_000", "stepspace_ns = 33_666": "stepspace_ns = 31_000"}
 DIRECTION = {"dirsetup_ns = 15_000": "dirsetup_ns = 2_000", "dirhold_ns = 15_000": "dirhold_ns = 20_000"}
-SLOW = {"step_rate_max_hz = 15_000": "step_rate_max_hz = 12_500", "bitrate = 1_000_000": "bitrate = 500_000"}
+SLOW = {"step_rate_max_hz = 15_000": "step_rate_max_hz = 12_500", "osc_pf = 330": "osc_pf = 330\nbitrate = 500_000"}
 
 
 class TestARobotOfOnesOwn:

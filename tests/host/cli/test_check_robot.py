@@ -19,7 +19,7 @@ WRONG = {
     "travel_per_turn = 5.0": "travel_per_trun = 5.0",
     "l2_mm = 100.0": "l2_mm = '100'",
     "osc_pf = 330": "osc_pf = 12",
-    "bitrate = 1_000_000": "bitrate = 999",
+    "steplen_ns =": "bitrate = 999\nsteplen_ns =",
     "microsteps = 16": "microsteps = 3",
     "ratio = 4.0": "",
     "th4 = 0.0 #": "th5 = 0.0 #",

@@ -304,12 +304,15 @@ class TestMistakesInAFile:
                 "board.driver_profil: key 'driver_profil' is unknown: did you mean driver_profile or driver?",
                 id="mistyped driver profile",
             ),
-            pytest.param("1_000_000", "800_000", "board.bitrate: 800000 is not one of 125000, 250000", id="bit rate"),
+            pytest.param(
+                "[board]",
+                "[board]\nbitrate = 800_000",
+                "board.bitrate: 800000 is not one of 125000, 250000",
+                id="bit rate",
+            ),
             pytest.param("33_000", "3_999", "board.steplen_ns: 3999 ns is outside 4000..1000000 ns", id="steplen"),
             pytest.param("15_000", "1_000_001", "board.dirsetup_ns: 1000001 ns is outside 0..1000000", id="dirsetup"),
-            pytest.param(
-                "bitrate = 1_000_000", "bitrate = 1e6", "board.bitrate: 1000000.0 is not a whole", id="bitrate"
-            ),
+            pytest.param("[board]", "[board]\nbitrate = 1e6", "board.bitrate: 1000000.0 is not a whole", id="bitrate"),
             pytest.param(
                 "steplen_ns = 33_000",
                 "steplen_ns = 33_002",

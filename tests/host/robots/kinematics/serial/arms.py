@@ -21,7 +21,6 @@ Limits = Sequence[tuple[float, float]]
 
 _BOARD: Final = """
 [board]
-bitrate = 1_000_000
 osc_pf = 330
 steplen_ns = 33_000
 stepspace_ns = 33_666
