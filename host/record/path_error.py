@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import floor, log10
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -13,9 +14,13 @@ from steptwin.host.verify.deviation import deviations
 
 
 def heading(run: RunInfo, *what: str) -> str:
-    """Return robot, job and what is shown of them, and that the run is simulated."""
-    return f"{' · '.join((printable(shortened(run.robot)), printable(shortened(run.job)), *what))} (SIMULATED)"
+    """Return robot, job or its file's name, what is shown of them, and that the run is simulated."""
+    job = Path(run.job).name if run.job.endswith(_FILES) else run.job
+    return f"{' · '.join((printable(shortened(run.robot)), printable(shortened(job)), *what))} (SIMULATED)"
 
+
+_FILES: Final = (".toml", ".csv", ".json", ".yaml", ".yml")
+"""Endings of a job that is a file, by its path."""
 
 MAGNIFIED_PART: Final = 0.04
 """Largest size of the magnified error, as a fraction of the path's extent."""

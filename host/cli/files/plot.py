@@ -1,6 +1,6 @@
 """`steptwin plot DIR`: draw pictures of a stored run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, chosen_names, keep_files
-from steptwin.host.cli.options import given_options, naming_options, option
+from steptwin.host.cli.options import given_options, naming_options, option, switch
 from steptwin.host.cli.output import warn
 from steptwin.host.common.errors import InputError
 
@@ -53,10 +53,11 @@ class PlotOptions(AnswerOptions):
 
     what: list[str] | None = option(
         "NAME,...",
-        "Pictures: joints, step-rates, tool-path, tool-pose, error, timing, jitter, widths, edges, phases; repeatable;"
-        " by default all.",
+        "Pictures: joints, step-rates, tool-path, tool-pose, in-space, error, timing, jitter, widths, edges, phases;"
+        " repeatable; by default all.",
     )
     form: Literal["png", "svg", "pdf"] = option("FORMAT", "png, or as vectors svg or pdf.", "--format", default="png")
+    frames: bool = switch("In-space also with the frames of base, joints and tool: x red, y green, z blue.")
     out: Path | None = option("DIR", "Folder for them; by default DIR itself.")
     replace: Replace = False
 
@@ -65,6 +66,8 @@ class PlotOptions(AnswerOptions):
         from steptwin.host.record.plots import PICTURES
 
         names = chosen_names("--what", self.what, PICTURES) if self.what else list(PICTURES)
+        if self.frames and "in-space" not in names:
+            raise InputError(f"--frames: is for the picture in-space, not for {', '.join(names)}")
         if self.out is not None:
             keep_files((self.out / f"{name}.{self.form}" for name in names), replace=self.replace)
         return names
@@ -84,6 +87,6 @@ def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: Pl
         stored = read_run(folder, plan)
     if stored.interruption:
         warn(f"{folder}: {stored.interruption}")
-    view = close_up.view(stored.duration_s)
+    view = replace(close_up.view(stored.duration_s), frames=wanted.frames)
     paths = write_plots(wanted.out or folder, stored.comparison, stored.report.run, names, wanted.form, view)
     wanted.tell({"files": [str(path) for path in paths]}, *map(str, paths))

@@ -6,7 +6,7 @@ from pathlib import Path
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, keep_files
 from steptwin.host.cli.live.panel_process import require_extra
-from steptwin.host.cli.options import argument, naming_options, option
+from steptwin.host.cli.options import argument, naming_options, option, switch
 from steptwin.host.cli.output import progress_bar, say, warn
 
 
@@ -40,6 +40,7 @@ class FilmOptions:
     from_s: float | None = option("SECONDS", "First time of the motion.", "--from")
     to_s: float | None = option("SECONDS", "Last time of the motion.", "--to")
     magnify: float | None = option("FACTOR", "Magnify the path's error so many times; by default until it shows.")
+    frames: bool = switch("Also draw the frames of base, joints and tool: x red, y green, z blue.")
     fps: float = option("N", "Frames a second.", default=20.0)
     width: int = option("PIXELS", "Width of a gif or mp4.", default=720)
 
@@ -71,7 +72,7 @@ def animate(
             warn(f"{folder}: {stored.interruption}")
         if stored.no_plan:
             warn(f"{folder}: has no plan: {stored.no_plan}; this shows what the drivers have counted")
-        shot = Shot(wanted.fps, wanted.speed, wanted.from_s, wanted.to_s, wanted.magnify)
+        shot = Shot(wanted.fps, wanted.speed, wanted.from_s, wanted.to_s, wanted.magnify, wanted.frames)
         with progress_bar(out.name) as progress:
             film = write_animation(out, stored, seen_from, shot, wanted.width, progress)
     frames, lasts_s = len(film.times_s), (len(film.times_s) - 1) / film.fps

@@ -37,7 +37,14 @@ STYLES: Final[dict[Role, dict[str, Any]]] = {
     Role.SLIDE: {"color": "#4c86c6", "linewidth": 10.0, "solid_capstyle": "butt"},
     Role.LINK: {"color": "#3b4a5a", "linewidth": 6.0, "marker": "o", "markersize": 8, "markerfacecolor": "white"},
     Role.TOOL: {"color": "#d9822b", "linewidth": 3.0},
+    Role.HAND: {"color": "#d9822b", "linewidth": 2.0},
+    Role.AXIS: {"color": "#2456a6", "linewidth": 0.9, "linestyle": "-."},
+    Role.X: {"color": "#b5432a", "linewidth": 1.8},
+    Role.Y: {"color": "#2a7f62", "linewidth": 1.8},
+    Role.Z: {"color": "#2456a6", "linewidth": 1.8},
 }
+_HEAD_PIXELS: Final = 9.0
+"""Length of the head of the arrow that shows where the tool points."""
 SHADOW: Final = "0.88"
 GRID: Final = "0.93"
 BOX: Final = "#a08c6c"
@@ -66,15 +73,19 @@ class FilmDrawing:
             self._draw_world_axes(axes)
             axes.plot(*self._seen(film.path.planned_mm)[:, :2].T, color=PLANNED, linewidth=3.5, zorder=1)
             self._boxes = [LineCollection([], color=BOX, linewidth=1.2) for _ in film.boxes]
-            self._parts = [(part, axes.plot([], [], **STYLES[part.role])[0]) for part in film.parts]
+            self._parts, self._marks = (
+                [(part, axes.plot([], [], **STYLES[part.role])[0]) for part in parts]
+                for parts in (film.parts, film.marks)
+            )
             self._shadow = LineCollection([], color=SHADOW, linewidth=5.0)
             for lines in (self._shadow, *self._boxes):
                 axes.add_collection(lines)
             self._counted: Line2D = axes.plot([], [], color=COUNTED, linewidth=1.2)[0]
             self._clock = figure.text(0.015, 0.02, "", family="DejaVu Sans Mono", size=11)
             plain_texts(figure)
-        self._moving = [self._shadow, *self._boxes, *(line for _, line in self._parts), self._counted, self._clock]
-        for artist in self._moving:
+            self._mm_per_pixel = float(np.diff(axes.get_xlim())[0]) / axes.bbox.width
+        drawn = [line for _, line in (*self._parts, *self._marks)]
+        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock):
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
@@ -89,15 +100,18 @@ class FilmDrawing:
         """Draw one frame."""
         film = self._film
         self._canvas.restore_region(self._background)
-        self._shadow.set_segments([self._on_ground(part.points_mm[i]) for part in film.parts])
+        bodies = (part for part in film.parts if part.role is not Role.HAND)
+        self._shadow.set_segments([self._on_ground(part.points_mm[i]) for part in bodies])
         for box, lines in zip(film.boxes, self._boxes, strict=True):
             lines.set_segments(list(self._seen(box.edges_mm + box.shifts_mm[i])[..., :2]))
-        for part, line in self._parts:
-            line.set_data(*self._seen(part.points_mm[i])[:, :2].T)
+        for part, line in (*self._parts, *self._marks):
+            seen = self._seen(part.points_mm[i])[:, :2]
+            line.set_data(*(self._with_head(seen) if part.role is Role.HAND else seen).T)
         self._counted.set_data(*self._counted_seen[: film.path_until[i]].T)
         self._clock.set_text(f"t = {film.times_s[i]:.3f} s")
         far_to_near = sorted(self._parts, key=lambda each: self._nearness(each[0], i))
-        for artist in (self._shadow, *self._boxes, *(line for _, line in far_to_near), self._counted, self._clock):
+        drawn = [line for _, line in (*far_to_near, *self._marks)]
+        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock):
             artist.draw(self._canvas.get_renderer())
         return np.array(self._canvas.buffer_rgba(), np.uint8)
 
@@ -107,6 +121,16 @@ class FilmDrawing:
     def _nearness(self, part: ArmPart, i: int) -> tuple[bool, float]:
         """Return the order of drawing: guides first, then from far to near."""
         return part.role is not Role.GUIDE, float(self._seen(part.points_mm[i])[:, 2].mean())
+
+    def _with_head(self, seen: FloatArray) -> FloatArray:
+        """Return a line of two points, in the picture, with the head of an arrow at its end; none seen end on."""
+        way = seen[1] - seen[0]
+        length = float(np.hypot(*way))
+        if not length > 0.0:
+            return seen
+        ahead = min(_HEAD_PIXELS * self._mm_per_pixel, length) / length * way
+        aside = 0.5 * np.array([-ahead[1], ahead[0]])
+        return np.array([seen[0], seen[1], seen[1] - ahead + aside, seen[1], seen[1] - ahead - aside])
 
     def _on_ground(self, points_mm: FloatArray) -> FloatArray:
         on_ground_mm = points_mm.copy()
@@ -171,7 +195,7 @@ LAST_FRAME_S: Final = 1.0
 
 def write_gif(path: Path, drawing: FilmDrawing, fps: float, progress: Progress) -> None:
     """Write an animation that repeats for ever. All frames have the colours of the last one, which shows everything."""
-    palette = _image(drawing, drawing.frames - 1).quantize(COLOURS)
+    palette = _palette(drawing)
     frames = []
     for i in range(drawing.frames):
         frames.append(_image(drawing, i).quantize(palette=palette, dither=Image.Dither.NONE))
@@ -179,6 +203,15 @@ def write_gif(path: Path, drawing: FilmDrawing, fps: float, progress: Progress) 
     durations_ms = [*gif_durations_ms(len(frames) - 1, fps), int(1e3 * LAST_FRAME_S)]
     with whole_file(path) as file:
         frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=durations_ms, loop=0)
+
+
+def _palette(drawing: FilmDrawing) -> Image.Image:
+    """Return the last frame with a swatch of each style, so that thin lines keep their colours, in COLOURS colours."""
+    image = _image(drawing, drawing.frames - 1)
+    side = image.width // len(STYLES)
+    for i, style in enumerate(STYLES.values()):
+        image.paste(style["color"], (i * side, 0, (i + 1) * side, side // 2))
+    return image.quantize(COLOURS)
 
 
 def _image(drawing: FilmDrawing, i: int) -> Image.Image:

@@ -160,6 +160,7 @@ class Shot:
         from_s: first time of the motion; None: its start.
         to_s: last time of the motion; None: its end.
         gain: factor by which the path's error is magnified; None: a round one that makes it visible.
+        frames: whether the frames of base, joints and tool are shown.
     """
 
     fps: float = FPS
@@ -167,6 +168,7 @@ class Shot:
     from_s: float | None = None
     to_s: float | None = None
     gain: float | None = None
+    frames: bool = False
 
 
 USUAL_SHOT: Final = Shot()
@@ -182,6 +184,7 @@ class Film:
         fps: frames a second.
         speed: seconds of the motion in a second of the animation.
         parts: the machine's parts at every frame.
+        marks: the axes of its joints, and its frames if they are to be shown.
         boxes: the boxes around it.
         path: the tool's path over the whole motion, and its error.
         path_until: shape (frames,), number of the path's points that each frame has behind it.
@@ -193,6 +196,7 @@ class Film:
     fps: float
     speed: float
     parts: tuple[ArmPart, ...]
+    marks: tuple[ArmPart, ...]
     boxes: tuple[ShownBox, ...]
     path: PathError
     path_until: Int64Array
@@ -223,6 +227,7 @@ def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
         fps=shot.fps,
         speed=speed,
         parts=machine.links(times_s),
+        marks=machine.marks(times_s, frames=shot.frames),
         boxes=shown_boxes(machine, times_s),
         path=path,
         path_until=2 * np.searchsorted(path_s, times_s, side="right"),

@@ -47,7 +47,8 @@ def _document(film: Film, camera: Camera) -> dict[str, Any]:
         "speeds": sorted({*SPEEDS, film.speed}),
         "times": _list(film.times_s, _ERROR_DECIMALS),
         "parts": [
-            {"name": part.name, "role": part.role, "points": _list(part.points_mm, _DECIMALS)} for part in film.parts
+            {"name": part.name, "role": part.role, "points": _list(part.points_mm, _DECIMALS)}
+            for part in (*film.parts, *film.marks)
         ],
         "boxes": [
             {"name": box.name, "edges": _list(box.edges_mm, _DECIMALS), "shifts": _list(box.shifts_mm, _DECIMALS)}

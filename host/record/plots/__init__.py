@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from steptwin.host.record.plots.canvas import STYLE, PlotMoment, PlotView, save_figure
 from steptwin.host.record.plots.close_ups import draw_edges, draw_phases
+from steptwin.host.record.plots.in_space import draw_run_in_space
 from steptwin.host.record.plots.joints import draw_error, draw_joints, draw_step_rates
 from steptwin.host.record.plots.timing import draw_jitter, draw_timing, draw_widths
 from steptwin.host.record.plots.tool_path import draw_tool_path, draw_tool_pose
@@ -30,6 +31,7 @@ PICTURES: Final[dict[str, Draw]] = {
     "step-rates": _whole(draw_step_rates),
     "tool-path": _whole(draw_tool_path),
     "tool-pose": _whole(draw_tool_pose),
+    "in-space": draw_run_in_space,
     "error": _whole(draw_error),
     "timing": _whole(draw_timing),
     "jitter": _whole(draw_jitter),
@@ -39,7 +41,7 @@ PICTURES: Final[dict[str, Draw]] = {
 }
 """Pictures by the names of their files, which the command line takes too."""
 
-OF_TOOL: Final = ("tool-path", "tool-pose")
+OF_TOOL: Final = ("tool-path", "tool-pose", "in-space")
 """Pictures of the tool, which are left out for a machine that has none."""
 
 CLOSE_UPS: Final = ("edges", "phases")
@@ -62,7 +64,7 @@ def write_plots(
 ) -> list[Path]:
     """Draw pictures of a run into a directory, made if missing, and return the paths of the files.
 
-    `view` chooses the part of the run that pictures of single edges show.
+    `view` chooses the part of the run that pictures of single edges show, and frames in the picture in space.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
     paths = []

@@ -54,10 +54,17 @@ class PlotMoment:
 
 @dataclass(frozen=True, slots=True)
 class PlotView:
-    """The part of a run that a user asks for; None leaves the choice to the picture."""
+    """The part of a run that a user asks for; None leaves the choice to the picture.
+
+    Attributes:
+        at_s: middle of a close-up.
+        span_s: its width.
+        frames: whether the picture in space has the frames of base, joints and tool.
+    """
 
     at_s: float | None = None
     span_s: float | None = None
+    frames: bool = False
 
     def moment(self, comparison: Comparison, intervals: int) -> PlotMoment:
         """Return the part to show: by default around the fastest pulses, `intervals` of their intervals long.

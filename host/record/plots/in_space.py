@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, Final
 
 import numpy as np
@@ -10,22 +10,27 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES
+from steptwin.host.record.path_error import heading, path_error
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, WIDTH_INCHES, PlotView
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
+from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics, marks
+from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
+from steptwin.host.verify import Comparison, RunInfo
 
 ARM: Final = "#7a3d00"
 """Colour of the arm: dark brown, as in the views onto planes."""
 TRIAD: Final = (("x", "#b5432a"), ("y", "#2a7f62"), ("z", "#2456a6"))
 """Names and colours of a frame's axes; the letter is written at each axis' end, so that print needs no colours."""
 
-_WIDTHS: Final = {Role.GUIDE: 1.2, Role.SLIDE: 5.0, Role.LINK: 4.5, Role.TOOL: 2.0}
+_WIDTHS: Final = {Role.GUIDE: 1.2, Role.SLIDE: 5.0, Role.LINK: 4.5, Role.TOOL: 2.0, Role.HAND: 2.0}
 _HIGHEST_INCHES: Final = 6.2
 """Greatest height of a view's box on paper, without its labels."""
 _SHARES: Final = {1: (1.0,), 2: (0.6, 0.4)}
 """Parts of the picture's width for each of one or two views."""
+_NARROWEST_INCHES: Final = 6.0
+"""Least width of a figure: its heading fits."""
 _BESIDE_INCHES: Final = 1.6
 """Room for labels beside a view's box, on both sides together."""
 _AROUND_INCHES: Final = (0.65, 0.8)
@@ -38,6 +43,8 @@ _BASE_PART: Final = 0.08
 """Radius of the base's ring in parts of the arm's extent."""
 _DEPTH_PART: Final = 0.4
 """Least depth of the view's box in parts of its longest side."""
+_LEAST_MM: Final = 1.0
+"""Least side of the view's box, around a tool that stands still."""
 _BESIDE_PART: Final = 0.45
 """Distance between the labels of two axes that point the same way, level, in parts of their length."""
 _NEAR: Final = 0.03
@@ -52,6 +59,17 @@ _ASIDE_PART: Final = 0.07
 _HEAD_PART: Final = 0.03
 """Length of the head of a dimension's arrow in parts of the arm's extent."""
 _DIMENSION: Final = "#a02010"
+HAND: Final = "#d9822b"
+"""Colour of the arrow that shows where the tool points."""
+_POINTING: Final = {"scara": "x", "direction": "z", "pose": "z"}
+"""The tool's axis that shows its orientation, by its task."""
+_INSTANTS: Final = 2001
+"""Instants of a run's path; its arrows are at some of them."""
+_ARROWS: Final = 20
+_ARROW_PART: Final = 0.12
+"""Length of an arrow of the tool's direction in parts of the path's extent."""
+_PIECES: Final = 12
+"""Places of a body that a label keeps away from."""
 _AXIS: Final = "#2456a6"
 
 
@@ -65,9 +83,9 @@ def draw_arm_in_space(robot: Robot, joints: tuple[float, ...] | None = None) -> 
     guided = [part for part in parts if part.name.startswith("rail")]
     figure, views = _space(parts, 2 if guided else 1)
     _draw_parts(views[0], parts, within=_around(parts))
-    drawn = [_around(parts), _draw_base(views[0], parts, robot), _draw_dimensions(views[0], robot, position)]
-    drawn.append(_draw_joint_axes(views[0], robot, position))
-    _name_slides(views[0], robot, parts)
+    dimensions_mm = _draw_dimensions(views[0], robot, position)
+    axes_mm = _draw_joint_axes(views[0], robot, position, parts, dimensions_mm)
+    drawn = [_around(parts), _draw_base(views[0], parts, robot), dimensions_mm, axes_mm]
     shown = [np.vstack(drawn)]
     if guided:
         _draw_parts(views[1], parts)
@@ -150,6 +168,60 @@ def draw_path_in_space(robot: Robot, wanted_mm: FloatArray, reached_mm: FloatArr
     return figure
 
 
+def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
+    """Return a figure of a run's path with the tool's direction on the way, and of the arm at its start and end.
+
+    Frames of base, joints and tool are those at the start. Without a known robot there is the path alone.
+    """
+    robot, trajectory = comparison.expected.robot, comparison.expected.trajectory
+    t_s = np.linspace(0.0, trajectory.duration_s, _INSTANTS)
+    path = path_error(comparison, t_s)
+    joints = trajectory.positions(t_s[:: _INSTANTS // _ARROWS])
+    links = make_kinematics(robot).links(joints) if robot else ()
+    figure, (near, whole) = _space(links, 2)
+    for axes in (near, whole):
+        axes.plot(*path.planned_mm.T, color=PLANNED, linewidth=4.0, label="planned")
+        axes.plot(*path.counted_mm().T, color=COUNTED, linewidth=0.8, label="counted")
+        axes.plot(*path.planned_mm[:1].T, "o", color="black", label="start")
+        axes.plot(*path.planned_mm[-1:].T, "s", color="black", label="end")
+    close, all_mm, title = [path.planned_mm], [path.planned_mm], "the path"
+    if robot:
+        start, end = (_at_one(links, i) for i in (0, -1))
+        _draw_parts(whole, end, alpha=0.35)
+        _draw_parts(whole, start)
+        all_mm += [_points_of(start), _points_of(end), _draw_base(whole, start, robot)]
+        if view.frames:
+            all_mm += [_draw_mark(whole, mark) for mark in marks.frames(robot, joints[:1])]
+        if axis := _POINTING.get(comparison.expected.task.name):
+            length_mm = _ARROW_PART * max(1.0, float(np.ptp(path.planned_mm, axis=0).max()))
+            close.append(_draw_pointing(near, tool_frames(make_kinematics(robot), joints), axis, length_mm))
+            title = f"the path and the tool's {axis} axis"
+    _fit(figure, [near, whole], [np.vstack(close), np.vstack(all_mm)], (title, "with the arm at start and end"))
+    figure.suptitle(heading(run, "in space"), x=0.01, ha="left", weight="bold")
+    figure.legend(handles=near.get_lines()[:4], loc="lower left", ncols=4)
+    return figure
+
+
+def _draw_pointing(axes: Any, tools: FloatArray, axis: str, length_mm: float) -> FloatArray:
+    """Draw an axis of the tool's frames, of shape (n, 4, 4), as arrows; return their ends, of shape (n, 3)."""
+    ways_mm = length_mm * tools[:, :3, "xyz".index(axis)]
+    for start_mm, way_mm in zip(tools[:, :3, 3], ways_mm, strict=True):
+        axes.quiver(*start_mm, *way_mm, color=HAND, linewidth=1.2, arrow_length_ratio=0.3)
+    return np.asarray(tools[:, :3, 3] + ways_mm)
+
+
+def _at_one(parts: tuple[ArmPart, ...], instant: int) -> tuple[ArmPart, ...]:
+    """Return the parts at one of their instants."""
+    return tuple(replace(part, points_mm=part.points_mm[instant][np.newaxis]) for part in parts)
+
+
+def _draw_mark(axes: Any, mark: ArmPart) -> FloatArray:
+    """Draw the axis of a frame; return its ends, of shape (2, 3)."""
+    ends_mm: FloatArray = mark.points_mm[0]
+    axes.plot(*ends_mm.T, color=dict(TRIAD)[mark.role], linewidth=1.6)
+    return ends_mm
+
+
 def _space(
     parts: tuple[ArmPart, ...], count: int = 1
 ) -> tuple[Figure, list[Any]]:  # Any: matplotlib's stubs know no 3D axes
@@ -193,6 +265,9 @@ def _draw_parts(axes: Any, parts: tuple[ArmPart, ...], alpha: float = 1.0, withi
             shown = alpha / 2
             if within is not None:
                 points_mm = np.clip(points_mm, within.min(axis=0), within.max(axis=0))
+        if part.role is Role.HAND:
+            axes.quiver(*points_mm[0], *(points_mm[1] - points_mm[0]), color=HAND, alpha=alpha, linewidth=2.0)
+            continue
         axes.plot(*points_mm.T, color=ARM, alpha=shown, linewidth=_WIDTHS[part.role], solid_capstyle="round",
                   marker="o" if part.role is Role.LINK else "", markersize=7, markerfacecolor="white")  # fmt: skip
 
@@ -256,42 +331,57 @@ def _draw_dimensions(axes: Any, robot: Robot, position: FloatArray) -> FloatArra
     return np.array(places)
 
 
-def _draw_joint_axes(axes: Any, robot: Robot, position: FloatArray) -> FloatArray:
-    """Draw the axis of each variable of the DH table, its name at the lower end; return the ends, of shape (n, 3)."""
-    kinematics = make_kinematics(robot)
-    dh = kinematics.dh
-    frames = dh.frames(kinematics.dh_variables(position))[:, 0]
-    length_mm = _TRIAD_PART * float(np.ptp(_points_of(kinematics.links(position)), axis=0).max())
-    named: list[tuple[FloatArray, FloatArray, list[str]]] = []
-    for i, row in enumerate(dh.rows):
-        names = [name for name in (row.d_mm.variable, row.theta_deg.variable) if name]
-        frame = frames[i + 1 if dh.convention is Convention.MODIFIED else i]
-        direction = frame[:3, 2] * (-1.0 if frame[2, 2] > 1e-6 else 1.0)
-        top_mm, end_mm = frame[:3, 3] - length_mm * direction, frame[:3, 3] + length_mm * direction
-        for n, (known_top_mm, known_end_mm, known) in enumerate(named):
-            between_mm = end_mm - known_end_mm
-            along_mm = between_mm @ direction
-            if np.linalg.norm(between_mm - along_mm * direction) < 1.0 and abs(along_mm) < 2 * length_mm:
-                lower = (known_top_mm, end_mm) if along_mm > 0 else (top_mm, known_end_mm)
-                named[n] = (*lower, [*known, *names])
+def _draw_joint_axes(
+    axes: Any, robot: Robot, position: FloatArray, parts: tuple[ArmPart, ...], labels_mm: FloatArray
+) -> FloatArray:
+    """Draw the axis of each joint, with its name at the end that is farther from bodies and other names in the picture.
+
+    Joints on one axis share it. `labels_mm`, of shape (n, 3), are the places of labels. Returns the ends, (n, 3).
+    """
+    named: list[tuple[FloatArray, str]] = []
+    for mark, name in zip(marks.joint_axes(robot, position), robot.joint_names, strict=True):
+        ends_mm = mark.points_mm[0]
+        for n, (known_mm, names) in enumerate(named):
+            if (joined_mm := _joined(known_mm, ends_mm)) is not None:
+                named[n] = joined_mm, f"{names}, {name}"
                 break
         else:
-            if names:
-                named.append((top_mm, end_mm, names))
-    for top_mm, end_mm, names in named:
-        axes.plot(*np.array([top_mm, end_mm]).T, color=_AXIS, linewidth=1.0, linestyle="-.")
-        _write(axes, end_mm + 0.1 * (end_mm - top_mm), ", ".join(names), _AXIS, "center", "top")
-    return np.array([end for top_mm, end_mm, _ in named for end in (top_mm, end_mm)]).reshape(-1, 3)
+            named.append((ends_mm, name))
+    picture = _picture_of(axes)
+    taken = [np.linspace(start, end, _PIECES) @ picture for part in parts for start, end in pairwise(part.points_mm[0])]
+    taken.append(labels_mm @ picture)
+    for ends_mm, name in named:
+        axes.plot(*ends_mm.T, color=_AXIS, linewidth=1.0, linestyle="-.")
+        outside_mm = ends_mm + 0.1 * (ends_mm - ends_mm[::-1])
+        beside_mm = picture @ _across((ends_mm[1] - ends_mm[0]) @ picture)
+        places_mm = np.vstack([outside_mm + part * beside_mm for part in (0.0, 0.2, -0.2)])
+        room = [np.linalg.norm(np.vstack(taken) - place_mm @ picture, axis=1).min() for place_mm in places_mm]
+        place_mm = places_mm[int(np.argmax(room))]
+        taken.append(np.array([place_mm @ picture]))
+        _write(axes, place_mm, name, _AXIS, "center", "center")
+    return np.vstack([ends_mm for ends_mm, _ in named])
 
 
-def _name_slides(axes: Any, robot: Robot, parts: tuple[ArmPart, ...]) -> None:
-    """Write the joints' names at what moves and the DH table does not know, as slides of a parallel mechanism."""
-    known = make_kinematics(robot).dh_variables(np.array([robot.home]))
-    unknown = [name for name in robot.joint_names if name not in known]
-    for part in parts:
-        joint = part.name.split()[-1]
-        if part.role in (Role.SLIDE, Role.LINK) and joint in unknown and part.name != f"link {joint}":
-            _write(axes, part.points_mm[0, 0], joint, _AXIS, "center", "top")
+def _across(way: FloatArray) -> FloatArray:
+    """Return a way in the picture, of shape (2,), turned by a quarter."""
+    return np.array([-way[1], way[0]])
+
+
+def _joined(first_mm: FloatArray, second_mm: FloatArray) -> FloatArray | None:
+    """Return the ends of two axes together, both of shape (2, 3); None unless they are one line, or far along it."""
+    way_mm = first_mm[1] - first_mm[0]
+    along = (second_mm - first_mm[0]) @ way_mm / (way_mm @ way_mm)
+    off_mm = np.linalg.norm(second_mm - first_mm[0] - np.outer(along, way_mm), axis=1)
+    if off_mm.max() > 1.0 or along.min() > 1.0 or along.max() < 0.0:
+        return None
+    return np.asarray(first_mm[0] + np.outer([min(0.0, along.min()), max(1.0, along.max())], way_mm))
+
+
+def _picture_of(axes: Any) -> FloatArray:
+    """Return the directions in space that are to the right and upwards in the picture, the columns of (3, 2)."""
+    right, tilt_rad = _right(axes.azim), np.deg2rad(axes.elev)
+    towards = np.cross(right, _UP)
+    return np.column_stack([right, np.cos(tilt_rad) * _UP - np.sin(tilt_rad) * towards])
 
 
 def _draw_base(axes: Any, parts: tuple[ArmPart, ...], robot: Robot) -> FloatArray:
@@ -350,7 +440,10 @@ def _write(axes: Any, place_mm: FloatArray, text: str, colour: str, across: str,
 
 
 def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Sequence[str] = ()) -> None:
-    """Show a box around each view's points, side by side and as large as fits; the figure becomes as high as needed."""
+    """Show a box around each view's points, side by side and as large as fits; the figure is as high as it needs.
+
+    A figure of one view that is high and narrow is narrower than others.
+    """
     widths_inches = [WIDTH_INCHES * share for share in _SHARES[len(views)]]
     drawn = []
     for axes, points_mm, width_inches in zip(views, points, widths_inches, strict=True):
@@ -370,10 +463,14 @@ def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Seq
     above_inches, below_inches = _AROUND_INCHES
     box_inches = max(scale * (upper[1] - lower[1]) for lower, upper, scale in drawn)
     height_inches = box_inches + above_inches + below_inches
-    figure.set_size_inches(WIDTH_INCHES, height_inches)
+    if len(views) == 1:
+        lower, upper, scale = drawn[0]
+        widths_inches = [min(WIDTH_INCHES, max(_NARROWEST_INCHES, scale * (upper - lower)[0] + 2 * _BESIDE_INCHES))]
+    whole_inches = sum(widths_inches)
+    figure.set_size_inches(whole_inches, height_inches)
     lefts_inches = [0.0, *widths_inches[:-1]]
     for start_inches, title in zip(lefts_inches, titles, strict=False):
-        place = (start_inches + 0.3) / WIDTH_INCHES, 1 - 0.55 / height_inches
+        place = (start_inches + 0.3) / whole_inches, 1 - 0.55 / height_inches
         figure.text(*place, title, va="center", fontsize=10)
     for axes, start_inches, width_inches, (lower, upper, scale) in zip(
         views, lefts_inches, widths_inches, drawn, strict=True
@@ -383,13 +480,13 @@ def _fit(figure: Figure, views: list[Any], points: list[FloatArray], titles: Seq
         left = start_inches + width_inches / 2 - middle[0]
         bottom = below_inches + box_inches / 2 - middle[1]
         side = scale * window.width
-        axes.set_position((left / WIDTH_INCHES, bottom / height_inches, side / WIDTH_INCHES, side / height_inches))
+        axes.set_position((left / whole_inches, bottom / height_inches, side / whole_inches, side / height_inches))
 
 
 def _set_view(axes: Any, points_mm: FloatArray) -> None:
     """Show a box around the points, with equal scales along x, y and z."""
     lower, upper = points_mm.min(axis=0), points_mm.max(axis=0)
-    span = np.maximum(upper - lower, _DEPTH_PART * float((upper - lower).max()))
+    span = np.maximum(upper - lower, max(_DEPTH_PART * float((upper - lower).max()), _LEAST_MM))
     middle = (lower + upper) / 2
     limits = [(float(m - s / 2), float(m + s / 2)) for m, s in zip(middle, span, strict=True)]
     axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]", xlim=limits[0], ylim=limits[1], zlim=limits[2])

@@ -35,6 +35,9 @@ from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
 from steptwin.host.verify.deviation import ToolDeviation, deviations
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
+_ANGLES: Final = {"scara": "attitude", "direction": "direction", "position": ""}
+"""The angle by which a tool is turned from its plan, by its task; a tool without an orientation is never turned."""
+
 RATE_INCHES = 1.5
 DIR_INCHES = 0.35
 
@@ -227,18 +230,22 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     parts = list(deviations(comparison, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
     axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
-    tools = _tool_series("", t_s, [part.tool for part in parts])
-    return [*axes, *tools, *_tool_series("actual ", t_s, [part.actual_tool for part in parts])]
+    angle = _ANGLES.get(comparison.expected.task.name, "orientation")
+    tools = _tool_series("", angle, t_s, [part.tool for part in parts])
+    return [*axes, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
 
 
-def _tool_series(which: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[_Series]:
-    """Return the errors of a tool; nothing without one."""
+def _tool_series(which: str, angle: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[_Series]:
+    """Return the errors of a tool, without that of an angle of no name; nothing without a tool."""
     parts = [part for part in chunks if part is not None]
     if not parts:
         return []
     distance_mm = np.concatenate([part.distance_mm for part in parts], axis=1)
-    attitude_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
-    return [_Series(f"{which}tool [mm]", t_s, distance_mm), _Series(f"{which}attitude [deg]", t_s, attitude_deg)]
+    place = _Series(f"{which}tool [mm]", t_s, distance_mm)
+    if not angle:
+        return [place]
+    turned_deg = np.concatenate([part.attitude_deg for part in parts], axis=1)
+    return [place, _Series(f"{which}{angle} [deg]", t_s, turned_deg)]
 
 
 def _draw_whole(axes: Axes, series: _Series, end_s: float) -> None:

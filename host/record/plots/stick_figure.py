@@ -16,7 +16,7 @@ BETWEEN: Final = "#c98a4b"
 AT_ENDS: Final = "#7a3d00"
 """Colour of the arm at start and end: dark brown, so that neither is taken for the path."""
 
-_WIDTHS: Final = {Role.GUIDE: 1.0, Role.SLIDE: 3.0, Role.LINK: 2.0, Role.TOOL: 1.2}
+_WIDTHS: Final = {Role.GUIDE: 1.0, Role.SLIDE: 3.0, Role.LINK: 2.0, Role.TOOL: 1.2, Role.HAND: 1.2}
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,8 @@ WIDE_MM: Final = 1.0
 """Least height of a panel in mm, deg or mm/s: below it rounding errors would look like motion."""
 
 _NAMES: Final = {"phi": "attitude"}
+_TITLES: Final = {3: "position", 4: "position and attitude"}
+"""What the coordinates of a tool are, by their number; of one that turns in space they are more."""
 _COLUMN: Final = 4
 """Rows of the right column: three axes of the tool, and the speed."""
 _AXES: Final = ("n, the tool's x axis", "o, its y axis", "a, its z axis")
@@ -37,7 +39,7 @@ _STYLES: Final = ("-", "--", ":")
 
 
 def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
-    """Draw x, y, z and the attitude at the left; at the right the direction cosines of a known robot, and the speed."""
+    """Draw the tool's coordinates at the left; at the right the direction cosines of a known robot, and the speed."""
     robot = comparison.expected.robot
     task, forward = comparison.expected.task, comparison.expected.forward
     labels = [f"{_NAMES.get(name, name)} [{unit or '1'}]" for name, unit in task.coordinates.items()]
@@ -57,7 +59,7 @@ def draw_tool_pose(comparison: Comparison, run: RunInfo) -> Figure:
     if robot is not None:
         _draw_cosines(cosines, t_s, robot, counted)
     _draw_speed(rows[-1][1], t_s, poses[:, :3])
-    rows[0][0].set_title("position and attitude", loc="left")
+    rows[0][0].set_title(_TITLES.get(len(labels), "position and orientation"), loc="left")
     rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
     for axes in rows[-1]:
         axes.set_xlabel("time [s]")

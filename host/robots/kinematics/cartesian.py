@@ -197,7 +197,7 @@ class Gantry(KeepsBranch):
         turn_rad = np.deg2rad(joints[:, self.turning]) if self.turning is not None else np.zeros(len(joints))
         ahead = _HAND_PART * size_mm * point(np.cos(turn_rad), np.sin(turn_rad), 0.0)
         above = tip + point(0.0, 0.0, _HAND_PART * size_mm)
-        hand = [line("hand", Role.TOOL, tip, tip + ahead)] if self.turning is not None else []
+        hand = [line("hand", Role.HAND, tip, tip + ahead)] if self.turning is not None else []
         parts += [*hand, line("tool", Role.TOOL, above, tip)]
         return tuple(replace(part, points_mm=self.base.in_station(part.points_mm)) for part in parts)
 

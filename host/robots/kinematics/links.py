@@ -24,12 +24,20 @@ HAND_PART: Final = 0.08
 
 
 class Role(StrEnum):
-    """The part's task: it guides others, slides on a guide, is a link between two joints, or belongs to the tool."""
+    """The part's task: it guides others, slides on a guide, is a link between two joints, or belongs to the tool.
+
+    No bodies are the hand, which shows where the tool points, a joint's axis, and x, y and z of a frame.
+    """
 
     GUIDE = "guide"
     SLIDE = "slide"
     LINK = "link"
     TOOL = "tool"
+    HAND = "hand"
+    AXIS = "axis"
+    X = "x"
+    Y = "y"
+    Z = "z"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +83,7 @@ def tool(wrist_mm: FloatArray, poses: FloatArray, reach_mm: float) -> tuple[ArmP
     ahead = point(np.cos(attitude_rad), np.sin(attitude_rad), 0.0)
     below_wrist_mm = point(wrist_mm[:, 0], wrist_mm[:, 1], tips_mm[:, 2])
     return (
-        line("hand", Role.TOOL, tips_mm, tips_mm + HAND_PART * reach_mm * ahead),
+        line("hand", Role.HAND, tips_mm, tips_mm + HAND_PART * reach_mm * ahead),
         line("tool", Role.TOOL, wrist_mm, below_wrist_mm, tips_mm),
     )
 

@@ -198,7 +198,7 @@ class SerialArm:
                 parts.append(line(f"to {names.pop(0)}", Role.GUIDE if not parts or slides else Role.LINK, *corners))
                 corners = corners[-1:]
         tip_mm = frames[-1][:, :3, 3]
-        hand = line("hand", Role.TOOL, tip_mm, tip_mm + _HAND_PART * self.reach_mm * frames[-1][:, :3, 2])
+        hand = line("hand", Role.HAND, tip_mm, tip_mm + _HAND_PART * self.reach_mm * frames[-1][:, :3, 2])
         return (*parts, hand, line("tool", Role.TOOL, *corners, *([tip_mm] if len(corners) == 1 else [])))
 
     # --- inverse

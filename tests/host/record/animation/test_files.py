@@ -138,7 +138,8 @@ def test_the_page_stands_alone_and_holds_the_film(tmp_path: Path, film: Film) ->
     assert document["title"] == film.title
     assert document["camera"] == [-45.0, 20.0]
     assert document["times"] == pytest.approx(film.times_s)
-    for part, shown in zip(film.parts, document["parts"], strict=True):
+    assert [part.name for part in film.marks] == ["axis th1", "axis th2", "axis d3", "axis th4"]
+    for part, shown in zip((*film.parts, *film.marks), document["parts"], strict=True):
         assert (shown["name"], shown["role"]) == (part.name, part.role)
         assert np.array(shown["points"]) == pytest.approx(part.points_mm, abs=6e-4)
     counted_mm = np.array(document["planned"]) + 1e3 * np.array(document["errors"])

@@ -60,6 +60,11 @@ def test_a_film_shows_the_counted_machine() -> None:
     assert len(film.times_s) == 201
     for part, expected in zip(film.parts, machine.links(film.times_s), strict=True):
         np.testing.assert_array_equal(part.points_mm, expected.points_mm)
+    assert [part.role for part in film.marks] == ["axis"] * 4
+    with_frames = make_film(RUN, Shot(frames=True))
+    assert [part.name for part in with_frames.marks[-3:]] == ["x of tool", "y of tool", "z of tool"]
+    assert with_frames.marks[-1].points_mm[:, 0] == pytest.approx(machine.counted_poses(film.times_s)[:, :3], abs=1e-9)
+    assert with_frames.extent_mm() == pytest.approx(film.extent_mm())
     assert film.gain == film.path.gain > 1.0
     assert (np.diff(film.path_until) > 0).all()
     assert film.path_until[-1] == len(film.path.planned_mm)

@@ -9,6 +9,7 @@ import pytest
 mpl = pytest.importorskip("matplotlib")
 
 from steptwin.host.record.plots.in_space import (  # noqa: E402
+    HAND,
     dimension_names,
     draw_arm_in_space,
     draw_link_frames,
@@ -113,9 +114,22 @@ def test_arrows_are_as_long_as_they_say_and_joints_are_named(name: str) -> None:
     axes: Any = draw_arm_in_space(robot).axes[0]
     said = [text.get_text() for text in axes.texts]
     stated_mm = [float(text.split()[2]) for text in said if text.endswith(" mm")]
-    shafts = [np.array(arrow._segments3d)[0] for arrow in axes.collections]  # noqa: SLF001 - nothing public tells
+    hand = [arrow for arrow in axes.collections if mpl.colors.same_color(arrow.get_color(), HAND)]
+    assert len(hand) == 1  # it shows the tool's direction
+    shafts = [np.array(arrow._segments3d)[0] for arrow in axes.collections if arrow not in hand]  # noqa: SLF001
     drawn_mm = [np.linalg.norm(shaft[-1] - shaft[0]) for shaft in shafts]
     assert drawn_mm == pytest.approx(np.repeat(stated_mm, 2))
     named = {joint for text in said if not text.endswith(" mm") for joint in text.split(", ")}
-    sliders = {"Z5", "Z6"} & set(robot.joint_names)
-    assert named == set(make_kinematics(robot).dh.variables) | sliders
+    assert named == set(robot.joint_names)
+
+
+@pytest.mark.parametrize("name", ["ar4-mk3", "parol6"])
+def test_no_name_of_a_joint_lies_on_another(name: str) -> None:
+    """In the picture, at the size in which it is written, also where axes meet in the wrist."""
+    figure = draw_arm_in_space(load_robot(name))
+    figure.savefig(BytesIO(), format="png")
+    axes: Any = figure.axes[0]
+    places = [text.get_window_extent() for text in axes.texts]
+    assert len(places) == 6
+    for i, place in enumerate(places):
+        assert not any(place.overlaps(other) for other in places[:i])

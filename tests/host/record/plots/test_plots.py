@@ -5,6 +5,7 @@ import warnings
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.base import tool_frames
+from steptwin.host.robots.poses import POSITION
 from steptwin.host.verify import Comparison, DriverLimit, Expectation, Phases, compare
 from steptwin.protocol.drivers import ActiveEdge
 from tests.host.verify.motions import (
@@ -130,8 +134,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def check_files(paths: list[Path]) -> None:
     """Check that every picture is written, as wide as it should be."""
     assert [path.name for path in paths] == [
-        "joints.png", "step-rates.png", "tool-path.png", "tool-pose.png", "error.png", "timing.png", "jitter.png",
-        "widths.png", "edges.png", "phases.png",
+        "joints.png", "step-rates.png", "tool-path.png", "tool-pose.png", "in-space.png", "error.png", "timing.png",
+        "jitter.png", "widths.png", "edges.png", "phases.png",
     ]  # fmt: skip
     for path in paths:
         width, height = pixels(path)
@@ -170,8 +174,8 @@ def test_joints_without_motion_are_named_in_a_note(picture: str) -> None:
 def test_each_moving_joint_has_a_row() -> None:
     rows = {name: len(drawn(name).axes) for name in PICTURES}
     assert rows == {
-        "joints": 6, "step-rates": 4, "tool-path": 3, "tool-pose": 8, "error": 8, "timing": 2, "jitter": 4, "widths": 2,
-        "edges": 1, "phases": 4,
+        "joints": 6, "step-rates": 4, "tool-path": 3, "tool-pose": 8, "in-space": 2, "error": 8, "timing": 2,
+        "jitter": 4, "widths": 2, "edges": 1, "phases": 4,
     }  # fmt: skip
 
 
@@ -242,6 +246,36 @@ def test_the_actual_tool_has_rows_of_its_own_in_the_error_picture() -> None:
     rows = PICTURES["error"](compare(expected, comparison.evidence), RUN, VIEW).axes
     labels = [axes.get_ylabel() for axes in rows]
     assert labels == ["tool [mm]", "attitude [deg]", "actual tool [mm]", "actual attitude [deg]"]
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "angle"), [("ar4-mk3", "z", "orientation"), ("teaching-scara", "x", "attitude")]
+)
+def test_a_run_in_space_shows_where_the_tool_points(name: str, axis: str, angle: str) -> None:
+    """By arrows that begin on the path; frames of base, joints and tool on request."""
+    robot = load_robot(name)
+    goal = tuple(home + 10.0 for home in robot.home)
+    expected = Expectation.of(robot, JointMove(robot.joint_names, robot.home, goal, Cubic(1.0, 2.0)))
+    comparison = compare(expected, perfect_evidence(expected))
+    near, whole = PICTURES["in-space"](comparison, RUN, VIEW).axes
+    collections: list[Any] = list(near.collections)
+    arrows = [np.array(arrow._segments3d)[0] for arrow in collections]  # noqa: SLF001 - nothing public tells
+    tools = tool_frames(make_kinematics(robot), np.array([robot.home, goal]))
+    for tool, (end_mm, start_mm) in zip(tools, (arrows[0], arrows[-1]), strict=True):
+        assert start_mm == pytest.approx(tool[:3, 3], abs=1e-6)
+        way_mm = end_mm - start_mm
+        assert way_mm / np.linalg.norm(way_mm) == pytest.approx(tool[:3, "xyz".index(axis)], abs=1e-9)
+    with_frames = PICTURES["in-space"](comparison, RUN, PlotView(frames=True)).axes[1]
+    frames = len(robot.joints) + 2
+    assert len(with_frames.get_lines()) == len(whole.get_lines()) + 3 * frames
+    assert f"{angle} [deg]" in [axes.get_ylabel() for axes in PICTURES["error"](comparison, RUN, VIEW).axes]
+
+
+def test_a_tool_that_never_turns_has_no_angle_in_its_error_picture() -> None:
+    comparison = swinging()
+    expected = replace(comparison.expected, task=POSITION)
+    rows = PICTURES["error"](compare(expected, comparison.evidence), RUN, VIEW).axes
+    assert [label for axes in rows if (label := axes.get_ylabel()).startswith(("tool", "att"))] == ["tool [mm]"]
 
 
 class TestAToolThatStandsStill:
