@@ -21,7 +21,7 @@ def urdf(
     The last link, tool0, is the tool. A URDF has no place for transmissions, microsteps, drivers, switches and the
     base's place in the station: they are left out.
     """
-    from steptwin.host.robots.kinematics.urdf.urdf_export import urdf_of
+    from steptwin.host.robots.urdf.urdf_export import urdf_of
 
     text = urdf_of(RobotOptions(robot_file=robot_file).robot(robot))
     if out is None:

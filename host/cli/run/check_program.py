@@ -81,7 +81,7 @@ def _print_steps(steps: "Sequence[StepRow]") -> None:
     }
     print_rows({**texts, **numbers}, steps, text_columns=len(texts))
     for row in steps:
-        say(*(f"{row.place}: on the branch {name} from {t_s:.3f} s on" for t_s, name in row.changes))
+        say(*(f"{row.place}: {sentence}" for sentence in row.passed()))
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:

@@ -216,6 +216,8 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Traje
         if len(error.messages) == 1:
             raise
         raise InputError(f"{error}; more is wrong, `steptwin check` tells it all") from error
+    for row in compiled.steps:
+        say(*(f"{path}: {row.place}: {sentence}" for sentence in row.passed()), err=True)
 
     @contextmanager
     def explained(stretch: float) -> Iterator[None]:

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
+_SINGULARITIES: Final = ("shoulder", "elbow", "wrist")
+"""Where branches meet that differ in a part of their names, part by part."""
+
 
 @dataclass(frozen=True, slots=True)
 class StepRow:
@@ -43,6 +47,7 @@ class StepRow:
         from_s: time when it begins.
         duration_s: its duration.
         peaks: highest speed, acceleration and step rate of each joint in it.
+        branch: the branch on which the arm is when it begins; empty for a step that leads no tool along a path.
         changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
     """
 
@@ -51,7 +56,18 @@ class StepRow:
     from_s: float
     duration_s: float
     peaks: tuple[Peak, ...]
+    branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
+
+    def passed(self) -> Iterator[str]:
+        """Yield a sentence for each change of the branch: what the arm passes and where, and the branches' names."""
+        before = self.branch
+        for t_s, name in self.changes:
+            parts = zip(_SINGULARITIES, before.split("-"), name.split("-"), strict=True)
+            what = " and ".join(each for each, old, new in parts if old != new)
+            percent = 100.0 * (t_s - self.from_s) / self.duration_s
+            yield f"passes the {what} singularity at {percent:.0f} %, {t_s:.3f} s: {before} -> {name}"
+            before = name
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,9 +247,11 @@ class _Walk:
             check = checks.SampleCheck(self._robot)
             made = made.looked_at(part, check.looking(shifted(sampled(part), from_s)))
             self._check_positions(made, part, check)
-        changes = part.changes if isinstance(part, ToolMove) else ()
-        changes = tuple((from_s + t_s, name) for t_s, name in changes)
-        self._rows.append(StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks, changes))
+        row = StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks)
+        if isinstance(part, ToolMove):
+            changes = tuple((from_s + t_s, name) for t_s, name in part.changes)
+            row = replace(row, branch=part.branch, changes=changes)
+        self._rows.append(row)
         self._made.append(made)
 
     def _stand_after(self, step: Step) -> None:

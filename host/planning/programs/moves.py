@@ -290,7 +290,8 @@ class Moves:
             raise unknown("branch", name, self._kinematics.branches)
         solved = {found.name: found for found in self._branches(pose)}
         if not solved[name].reachable[0]:
-            others = [other.name for other in solved.values() if other.reachable[0]]
+            names = self._kinematics.branches  # further solutions of a chain are no branches
+            others = [other for other in names if solved[other].reachable[0]]
             hint = f" (the branch {others[0]!r} reaches it)" if others else ""
             passing = passing_text(self._robot, pose, self.composer.joints, name, on_path=on_path)
             reason = solved[name].reason(0)

@@ -96,7 +96,8 @@ def _broken_off(
     place = f"{point_place(places, i)}: {kinematics.task.words(poses[i].tolist())}"
     text = f"{place} is out of reach on the branch {branch.name!r}: {branch.reason(i)}"
     others = kinematics.inverse(poses[i : i + 1], np.array(robot.home))
-    other = next((other.name for other in others if other.reachable[0] and other.name != branch.name), None)
+    names = {*kinematics.branches} - {branch.name}  # further solutions of a chain are no branches
+    other = next((other.name for other in others if other.reachable[0] and other.name in names), None)
     if other is None:
         passing = passing_text(robot, tuple(poses[i].tolist()), np.array(robot.home), branch.name)
         return InputError(f"{text}{passing}")

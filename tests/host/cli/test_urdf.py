@@ -8,7 +8,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot_file
 from tests.end_to_end.command_line import refusal, run_json
 from tests.host.robots.kinematics.serial.arms import TEXTS
-from tests.host.robots.kinematics.urdf.urdfs import joint, urdf
+from tests.host.robots.urdf.urdfs import joint, urdf
 
 ARM = urdf(
     *(

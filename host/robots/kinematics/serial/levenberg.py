@@ -12,14 +12,14 @@ Source: K. Levenberg, 1944, as S. R. Buss, "Introduction to inverse kinematics",
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
-from steptwin.host.robots.poses.rotations import product, reversed_rotation, rotation_vector_deg, turned
+from steptwin.host.robots.poses.rotations import product, reversed_rotation, rotation_vector_deg, turned, wrapped_deg
 
 PLACE_OFF_MM: Final = 1e-6
 TURN_OFF_DEG: Final = 1e-7
@@ -33,14 +33,18 @@ _STEPS: Final = 40
 _RESTARTS: Final = 20
 """Random starts for a pose that was not reached from the one near it."""
 _SEED: Final = 1
+_STARTS: Final = 48
+"""Starts from which the solutions of a pose are looked for: arms of six joints have up to 16."""
+SOLUTIONS_MAX: Final = 16
+_SAME: Final = 1e-4
+"""Distance of all joints, in mm and degrees, below which two solutions are one."""
 
 
 ROWS: Final = {POSE: (0, 1, 2, 3, 4, 5), DIRECTION_TASK: (0, 1, 2, 3, 4), POSITION: (0, 1, 2)}
 """The components of the tool's error that count, in its own frame: place, then turn."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class Found(NamedTuple):
     """Joints of shape (n, joints) in mm and degrees, and how far from the poses the tool is there, of shape (n,)."""
 
     joints: FloatArray
@@ -114,6 +118,29 @@ class NumericInverse:
             ):
                 old[left[better]] = new[better]
         return found
+
+    def solutions(self, pose: FloatArray, near: FloatArray, known: FloatArray) -> FloatArray:
+        """Return solutions of a pose of shape (task.width,), shape (k, joints), in the order of their joints.
+
+        All differ from each other, and from the one that is `known`. They are those to which joints `near`, of shape
+        (joints,), and random starts within the limits lead; the starts are always the same. Of a pose that leaves
+        joints free these are not all.
+        """
+        starts = np.tile(near, (_STARTS, 1))
+        random = np.random.default_rng(_SEED).uniform(self.lower, self.upper, starts.shape)
+        starts[1:, self.free] = random[1:, self.free]
+        found = self.near(np.tile(pose, (_STARTS, 1)), starts)
+        joints = np.where(self.slides, found.joints, wrapped_deg(found.joints))[found.solved]
+        kept = [known]
+        for each in joints[np.lexsort(np.round(joints / _SAME)[:, ::-1].T)]:
+            if all(self._apart(each, other) > _SAME for other in kept):
+                kept.append(each)
+        return np.array(kept[1 : 1 + SOLUTIONS_MAX]).reshape(-1, len(near))
+
+    def _apart(self, joints: FloatArray, others: FloatArray) -> float:
+        """Return the largest difference of joints of shape (joints,), in mm and degrees, whatever their turns."""
+        apart = joints - others
+        return float(np.abs(np.where(self.slides, apart, wrapped_deg(apart))).max())
 
     def jacobians(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the tool's rotations, of shape (n, 4), and its Jacobians of shape (n, rows, free).

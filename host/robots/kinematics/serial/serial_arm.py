@@ -1,11 +1,12 @@
-"""The kinematics of a chain of joints: its inverse in closed form if the arm has one, else numeric from near joints.
+"""The kinematics of a chain of joints: its inverse in closed form if the arm has one, else numeric.
 
-On a path the arm keeps to the branch that is nearest to where it just was. So its name may change where two branches
-meet: straight through a wrist that is stretched, `noflip` becomes `flip`, and no joint jumps.
+An arm whose wrist's axes miss one point has the branches of its neighbour, whose axes meet; any other chain the
+solution that is found from the joints near it, and those that other starts lead to.
 """
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from math import inf
 from typing import Final
 
@@ -21,15 +22,14 @@ from steptwin.host.robots.kinematics.base import (
     read_geometry,
     require_joints,
 )
-from steptwin.host.robots.kinematics.dh import Convention, DhTable
-from steptwin.host.robots.kinematics.links import ArmPart, Role, line
+from steptwin.host.robots.kinematics.dh import DhTable
+from steptwin.host.robots.kinematics.links import ArmPart
 from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
 from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
-from steptwin.host.robots.kinematics.serial.levenberg import (
-    PLACE_OFF_MM,
-    Found,
-    NumericInverse,
-)
+from steptwin.host.robots.kinematics.serial.chain_parts import chain_parts
+from steptwin.host.robots.kinematics.serial.following import find_along, find_near, follow, joints_near
+from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, Found, NumericInverse
+from steptwin.host.robots.kinematics.serial.offset_wrist import OffsetWrist, neighbour_of
 from steptwin.host.robots.kinematics.serial.screws import Screws, screws_of
 from steptwin.host.robots.kinematics.serial.spherical_wrist import NAMES, Solved, SphericalWrist, closed_form, why_not
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, Task
@@ -44,7 +44,9 @@ from steptwin.host.robots.poses.rotations import (
 from steptwin.host.robots.robot import Robot
 
 NEAREST: Final = "nearest"
-"""The one branch of an arm without a closed form: the solution that is found from the joints near it."""
+"""The one branch of a chain whose shape names none: the solution that is found from the joints near it."""
+FURTHER: Final = "solution-{}"
+"""Names of its other solutions, which no path can ask for: their numbers change from pose to pose."""
 
 SINGULAR: Final = 0.005
 """Least part of the reach from axis 1, and least sine of the elbow, below which an arm is near singular."""
@@ -55,15 +57,6 @@ _NEAR: Final = 0.1
 _NEAR_WHAT: Final = ("near where the wrist meets axis 1", "near the stretched elbow", "near the stretched wrist")
 _SINGULAR_DET: Final = 1e-9
 """Determinant of a scaled Jacobian below which velocities are those of the least squares."""
-
-_WATCHED_DEG: Final = 1.0
-"""Step of a joint from pose to pose above which the other branches are looked at."""
-_OFF_GUIDE_DEG: Final = 30.0
-"""Distance from the guide above which joints are on another branch."""
-_ANCHORS: Final = 50
-"""Poses of a path from one to the next that are solved one after the other; those in between start from both."""
-_HAND_PART: Final = 0.08
-"""Length drawn of the tool's z axis, as a part of the arm's size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,8 +81,8 @@ class SerialArm:
 
     @property
     def branches(self) -> tuple[str, ...]:
-        """The names by the arm's shape, or `nearest` for an arm without a closed form."""
-        return NAMES if self.form else (NEAREST,)
+        """The names by the arm's shape, or `nearest` for a chain whose shape names none."""
+        return NAMES if self.form or self.neighbour else (NEAREST,)
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
@@ -121,7 +114,8 @@ class SerialArm:
         """How poses become joints, in a few words."""
         if self.form:
             return "in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point"
-        return f"numeric, from the present joints: {self._why_numeric}"
+        start = "the branches of an arm whose wrist's axes meet" if self.neighbour else "the present joints"
+        return f"numeric, from {start}: {self._why_numeric}"
 
     # --- what follows from the table
 
@@ -151,6 +145,13 @@ class SerialArm:
         if self._why_numeric:
             return None
         return closed_form(_free_axes(self.dh, self._names, self.held))
+
+    @property
+    def neighbour(self) -> SphericalWrist | None:
+        """The closed form of the arm whose wrist's axes meet, if this one's miss a point by little."""
+        if self.form or self.task is not POSE or not _is_first(self.held):
+            return None
+        return neighbour_of(_free_axes(self.dh, self._names, self.held), self.reach_mm)
 
     @property
     def _numeric(self) -> NumericInverse:
@@ -188,37 +189,55 @@ class SerialArm:
 
     def links(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return a part from each joint to the next, the tool's z axis, and the tool from the last joint to its tip."""
-        frames = self.dh.frames(self.dh_variables(joints))
-        corners, names = [frames[0][:, :3, 3]], list(self._names)
-        parts: list[ArmPart] = []
-        for i, row in enumerate(self.dh.rows):
-            corners += _corners(self.dh.convention, frames[i], frames[i + 1], row.a_mm)
-            if row.theta_deg.variable or row.d_mm.variable:
-                slides = bool(row.d_mm.variable)
-                parts.append(line(f"to {names.pop(0)}", Role.GUIDE if not parts or slides else Role.LINK, *corners))
-                corners = corners[-1:]
-        tip_mm = frames[-1][:, :3, 3]
-        hand = line("hand", Role.HAND, tip_mm, tip_mm + _HAND_PART * self.reach_mm * frames[-1][:, :3, 2])
-        return (*parts, hand, line("tool", Role.TOOL, *corners, *([tip_mm] if len(corners) == 1 else [])))
+        return chain_parts(self.dh, self.dh_variables(joints), self.reach_mm)
 
     # --- inverse
 
     def inverse(self, poses: FloatArray, near: FloatArray | None = None) -> tuple[Branch, ...]:
-        """Return every branch for poses of shape (n, task.width)."""
-        if self.form is None:
-            return (self.solve(poses, NEAREST, near),)
+        """Return every branch for poses of shape (n, task.width); of a chain without names the solutions found."""
         standing = self._standing(poses, near)
-        solved = self.form.solve_all(self._from_base(poses, standing), np.deg2rad(standing[..., self._free]))
-        return tuple(self._branch(name, each, standing, near) for name, each in solved.items())
+        if self.form:
+            solved = self.form.solve_all(self._from_base(poses, standing), np.deg2rad(standing[..., self._free]))
+            return tuple(self._branch(name, each, standing, near) for name, each in solved.items())
+        if self.neighbour:
+            return self._beside(self.neighbour, NAMES, poses, near)
+        nearest = self._numeric.anywhere(poses, standing)
+        return (self._found(NEAREST, nearest, near), *self._further(poses, standing, nearest.joints, near))
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
         """Return one branch, by its name."""
         standing = self._standing(poses, near)
+        if self.neighbour:
+            (found,) = self._beside(self.neighbour, (branch,), poses, near)
+            return found
         if self.form is None:
-            return self._found(self._numeric.anywhere(poses, standing), near)
+            return self._found(NEAREST, self._numeric.anywhere(poses, standing), near)
         start = np.deg2rad(standing[:, self._free])
         return self._branch(
             branch, self.form.solve(self._from_base(poses, standing), self.form.signs[branch], start), standing, near
+        )
+
+    def _beside(
+        self, form: SphericalWrist, names: tuple[str, ...], poses: FloatArray, near: FloatArray | None
+    ) -> tuple[Branch, ...]:
+        """Return branches of an arm whose neighbour has a closed form."""
+        standing = self._standing(poses, near)
+        numeric, own = self._numeric, screws_of(replace(self.dh, base=STATION), self._names)
+        found = OffsetWrist(form, numeric, own).find(names, poses, self._from_base(poses, standing), standing)
+        return tuple(self._found(name, each, near, self._reached(form, solved)) for name, solved, each in found)
+
+    def _further(
+        self, poses: FloatArray, standing: FloatArray, nearest: FloatArray, near: FloatArray | None
+    ) -> tuple[Branch, ...]:
+        """Return the solutions of poses beside the nearest ones, each of shape (n, joints)."""
+        rows = [self._numeric.solutions(*each) for each in zip(poses, standing, nearest, strict=True)]
+        joints = np.full((max(map(len, rows), default=0), *standing.shape), np.nan)
+        for pose, solutions in enumerate(rows):
+            joints[: len(solutions), pose] = solutions
+        off = np.where(np.isfinite(joints[:, :, 0]), 0.0, np.nan)
+        return tuple(
+            self._found(FURTHER.format(number), Found(each, own, own), near)
+            for number, (each, own) in enumerate(zip(joints, off, strict=True), start=1)
         )
 
     def _standing(self, poses: FloatArray, near: FloatArray | None) -> FloatArray:
@@ -254,13 +273,12 @@ class SerialArm:
     def _branch(self, name: str, solved: Solved, standing: FloatArray, near: FloatArray | None) -> Branch:
         joints = self._joints(solved, standing)
         nearest_turns(self.limits, joints, near)
-        return Branch(name, joints, self._reached(solved), joint_constraints(self.limits, joints))
+        assert self.form is not None
+        return Branch(name, joints, self._reached(self.form, solved), joint_constraints(self.limits, joints))
 
-    def _reached(self, solved: Solved) -> tuple[Constraint, ...]:
+    def _reached(self, form: SphericalWrist, solved: Solved) -> tuple[Constraint, ...]:
         """Return the constraints of a branch in closed form."""
-        form, reach = self.form, solved.reach
-        if form is None:
-            return ()
+        reach = solved.reach
         upper_mm, fore_mm = form.lengths_mm
         found, offset_mm = np.isfinite(solved.joints[:, 0]), abs(form.offset_mm)
         beside = np.isnan(reach.shoulder_mm)
@@ -271,19 +289,25 @@ class SerialArm:
             *([] if form.is_square else [_bend(reach.beside)]),
         )
 
-    def _found(self, found: Found, near: FloatArray | None) -> Branch:
-        """Return the branch of joints that were found numerically."""
+    def _found(self, name: str, found: Found, near: FloatArray | None, reached: tuple[Constraint, ...] = ()) -> Branch:
+        """Return the branch of joints that were found numerically, with what else they must keep."""
         joints, rotary = found.joints.copy(), [joint.unit is Unit.DEG for joint in self.limits]
         turning = [column for column in self._free if rotary[column]]
         joints[:, turning] = wrapped_deg(joints[:, turning])
         nearest_turns(self.limits, joints, near)
+        return Branch(name, joints, (*reached, self._off(found)), joint_constraints(self.limits, joints))
+
+    def _off(self, found: Found) -> Constraint:
+        """Return the distance from the pose as a constraint."""
 
         def explain(i: int) -> str:
+            if found.solved[i] or not np.isfinite(found.off_mm[i]):
+                return "no joints of its own found for it"
             turn = "" if self.task.is_flat else f" and {found.off_deg[i]:.3g} deg"
             return f"no joints found for it: the nearest ones miss it by {found.off_mm[i]:.3g} mm{turn}"
 
-        off = Constraint("distance", "mm", found.off_mm, 0.0, PLACE_OFF_MM, found.solved, explain)
-        return Branch(NEAREST, joints, (off,), joint_constraints(self.limits, joints))
+        kept = found.solved & np.isfinite(found.joints).all(axis=1)
+        return Constraint("distance", "mm", found.off_mm, 0.0, PLACE_OFF_MM, kept, explain)
 
     # --- along a path
 
@@ -293,65 +317,33 @@ class SerialArm:
         Each pose takes the branch nearest to the joints before it; `changes` tells where that is another one.
         """
         del branch
-        form = self.form
-        if form is None:
-            return self._numeric_along(poses, near)
+        if self.form is None:
+            return self._found_along(poses, near)
         standing, free = self._standing(poses, near), list(self._free)
-        local, last = self._from_base(poses, standing), np.asarray(near[free], dtype=np.float64)
-        name, begin, parts = _nearest_name(form, local[0], last), 0, list[Solved]()
-        changes: list[tuple[int, str]] = []
-        first = name
-        while True:
-            solved = form.solve(local[begin:], form.signs[name], np.deg2rad(last))
-            joints = _continued(solved, last)
-            end, other = _first_change(form, local[begin:], joints, last, name)
-            standing[begin : begin + end, free] = joints[:end]
-            parts.append(solved.cut(end))
-            begin += end
-            if begin == len(poses):
-                break
-            last, name = joints[end - 1], other
-            changes.append((begin, name))
-        limits = joint_constraints(self.limits, standing)
-        return Branch(first, standing, self._reached(Solved.joined(parts)), limits, tuple(changes))
+        last = np.asarray(near[free], dtype=np.float64)
+        followed = follow(self.form, self._from_base(poses, standing), last)
+        standing[:, free] = followed.joints
+        reached, limits = self._reached(self.form, followed.solved), joint_constraints(self.limits, standing)
+        return Branch(followed.first, standing, reached, limits, followed.changes)
+
+    def _found_along(self, poses: FloatArray, near: FloatArray) -> Branch:
+        """Return the joints of a chain without a closed form along a path, and the names that their shape has."""
+        found = find_along(self._numeric, poses, near)
+        limits = joint_constraints(self.limits, found.joints)
+        if self.neighbour is None:
+            return Branch(NEAREST, found.joints, (self._off(found),), limits)
+        names = self.neighbour.names_of(np.deg2rad(found.joints[:, self._free]))
+        changes = ((i, name) for i, (before, name) in enumerate(pairwise(names), start=1) if name != before)
+        return Branch(names[0], found.joints, (self._off(found),), limits, tuple(changes))
 
     def at(self, poses: FloatArray, branch: str, near: FloatArray, guides: FloatArray) -> FloatArray:
         """Return joints of shape (n, joints) at poses of a path, nearest to guides of that shape."""
         del branch, near
-        form, free = self.form, list(self._free)
-        if form is None:
-            return self._turned_to(guides, self._numeric.near(poses, guides).joints)
-        rad, local = np.deg2rad(guides[:, free]), self._from_base(poses, guides)
-        joints = guides.copy()
-        joints[:, free] = np.rad2deg(form.solve(local, form.signs_of(rad), rad).joints)
-        joints = self._turned_to(guides, joints)
-        for row in np.flatnonzero(~(np.abs(joints - guides).max(axis=1) <= _OFF_GUIDE_DEG)):
-            solved = form.solve_all(local[row : row + 1], rad[row])
-            choices = np.tile(guides[row], (len(solved), 1))
-            choices[:, free] = np.rad2deg(np.concatenate([each.joints for each in solved.values()]))
-            choices = self._turned_to(guides[row], choices)
-            off = np.nan_to_num(np.abs(choices - guides[row]).max(axis=1), nan=inf)
-            joints[row] = choices[int(off.argmin())]
+        if self.form is None:
+            return find_near(self._numeric, poses, guides).joints
+        joints, free = guides.copy(), list(self._free)
+        joints[:, free] = joints_near(self.form, self._from_base(poses, guides), guides[:, free])
         return joints
-
-    def _turned_to(self, guides: FloatArray, joints: FloatArray) -> FloatArray:
-        """Return joints with the rotary ones in the turns nearest to guides."""
-        rotary = [joint.unit is Unit.DEG for joint in self.limits]
-        return np.where(rotary, joints + 360.0 * np.round((guides - joints) / 360.0), joints)
-
-    def _numeric_along(self, poses: FloatArray, near: FloatArray) -> Branch:
-        """Solve some poses one after the other, then those in between from the joints between their ends."""
-        numeric = self._numeric
-        places = np.unique(np.append(np.arange(0, len(poses), _ANCHORS), len(poses) - 1))
-        anchors, last = np.empty((len(places), len(self.limits))), np.array(near[np.newaxis], dtype=np.float64)
-        for row, place in enumerate(places):
-            last = numeric.near(poses[place : place + 1], last).joints
-            anchors[row] = last[0]
-        starts = np.column_stack([np.interp(np.arange(len(poses)), places, column) for column in anchors.T])
-        found = numeric.near(poses, starts)
-        solved = self._found(found, near)
-        turns = self._turned_to(starts, solved.joints)
-        return Branch(NEAREST, turns, solved.mechanism, joint_constraints(self.limits, turns))
 
     # --- singularities and velocities
 
@@ -442,61 +434,6 @@ def _bend(beside: FloatArray) -> Constraint:
     return Constraint("cosine of the wrist's bend", "", beside, -1.0, 1.0, np.abs(beside) <= 1.0 + 1e-12)
 
 
-def _corners(convention: Convention, before: FloatArray, behind: FloatArray, a_mm: float) -> list[FloatArray]:
-    """Return the corner of a row's link, where the common normal meets the axis, and its end, each of shape (n, 3)."""
-    start, end = before[:, :3, 3], behind[:, :3, 3]
-    modified = convention is Convention.MODIFIED
-    corner = start + a_mm * before[:, :3, 0] if modified else end - a_mm * behind[:, :3, 0]
-    return [point for point, last in ((corner, start), (end, corner)) if np.abs(point - last).max() > PLACE_OFF_MM]
-
-
-def _nearest_name(form: SphericalWrist, pose: FloatArray, last: FloatArray) -> str:
-    """Return the branch whose joints at a pose of shape (7,) are nearest to joints (6,), whatever their turns."""
-    solved = form.solve_all(pose[np.newaxis], np.deg2rad(last))
-    distances = {name: _apart(np.rad2deg(each.joints[0]), last) for name, each in solved.items()}
-    nearest = min(distances, key=distances.__getitem__)
-    return nearest if distances[nearest] < inf else form.name_of(np.deg2rad(last))
-
-
-def _apart(joints: FloatArray, others: FloatArray) -> float:
-    """Return the largest angle between joints, whatever their turns; infinite for joints that do not exist."""
-    return float(np.nan_to_num(np.abs(wrapped_deg(joints - others)).max(), nan=inf))
-
-
-def _continued(solved: Solved, last: FloatArray) -> FloatArray:
-    """Return joints in degrees, (n, 6), that go on from `last` without jumps of whole turns; a free q4 stays."""
-    joints = np.rad2deg(solved.joints)
-    if solved.is_free.any():
-        kept = np.maximum.accumulate(np.where(solved.is_free, -1, np.arange(len(joints))))
-        q4 = np.where(kept < 0, last[3], joints[kept, 3])
-        joints[:, 5] += np.sign(solved.reach.beside) * (joints[:, 3] - q4)
-        joints[:, 3] = q4
-    return np.asarray(np.unwrap(np.vstack([last, joints]), period=360.0, axis=0)[1:])
-
-
-def _first_change(
-    form: SphericalWrist, poses: FloatArray, joints: FloatArray, last: FloatArray, name: str
-) -> tuple[int, str]:
-    """Return where another branch is nearer to the joints before than the present one, and its name.
-
-    That is nowhere, at the end, on most paths. Only the steps that are not small are looked at.
-    """
-    before = np.vstack([last, joints[:-1]])
-    steps = np.abs(joints - before).max(axis=1)
-    watched = np.flatnonzero(steps > _WATCHED_DEG)
-    watched = watched[watched > 0]
-    if watched.size:
-        solved = form.solve_all(poses[watched], np.deg2rad(before[watched]))
-        others = np.stack([np.rad2deg(each.joints) for each in solved.values()])
-        apart = np.nan_to_num(np.abs(wrapped_deg(others - before[watched])).max(axis=2), nan=inf)
-        names = list(solved)
-        for column, row in enumerate(watched):
-            nearest = int(apart[:, column].argmin())
-            if names[nearest] != name and apart[nearest, column] < steps[row] - PLACE_OFF_MM:
-                return int(row), names[nearest]
-    return len(poses), name
-
-
 # --- making
 
 
@@ -505,9 +442,14 @@ def _why_numeric(dh: DhTable, names: tuple[str, ...], held: tuple[int, ...], tas
     """Return why a chain's inverse is numeric; an empty text if it has a closed form."""
     if task is not POSE:
         return f"the tool is told a {task.name}"
-    if held != tuple(range(len(held))):
+    if not _is_first(held):
         return "a joint amid the arm is held"
     return why_not(_free_axes(dh, names, held))
+
+
+def _is_first(held: tuple[int, ...]) -> bool:
+    """Return whether the joints that are held come first in the chain."""
+    return held == tuple(range(len(held)))
 
 
 @lru_cache(maxsize=16)

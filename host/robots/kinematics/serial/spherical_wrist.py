@@ -53,12 +53,12 @@ Signs = tuple[Column | float, Column | float, Column | float]
 
 def wrist_miss_mm(axes: ArmAxes) -> float:
     """Return by how much axes 4 and 6 miss axis 5, or each other on it: the largest of the three distances."""
-    (before, on_five), (behind, on_five_too) = (_nearest_points(axes, i, 4) for i in (3, 5))
+    (before, on_five), (behind, on_five_too) = (nearest_points(axes, i, 4) for i in (3, 5))
     pairs = ((before, on_five), (behind, on_five_too), (on_five, on_five_too))
     return max(float(np.linalg.norm(first - second)) for first, second in pairs)
 
 
-def _nearest_points(axes: ArmAxes, first: int, second: int) -> tuple[FloatArray, FloatArray]:
+def nearest_points(axes: ArmAxes, first: int, second: int) -> tuple[FloatArray, FloatArray]:
     """Return the points on two axes, which are not parallel, that are nearest to each other."""
     lines = np.stack([axes.directions[first], -axes.directions[second]], axis=1)
     between = axes.points_mm[second] - axes.points_mm[first]
@@ -154,10 +154,16 @@ class _Wrist(NamedTuple):
 
 
 class SphericalWrist:
-    """The closed form of one arm; made by `closed_form`, which checks that it has one."""
+    """The closed form of one arm; made by `closed_form`.
 
-    def __init__(self, axes: ArmAxes) -> None:
-        k, r, wrist = axes.directions, axes.points_mm, _nearest_points(axes, 3, 4)[1]
+    Args:
+        axes: the arm's axes at zero, for which `why_not` says nothing.
+        slack: part by which poses may be out of reach: they have the joints of the edge.
+    """
+
+    def __init__(self, axes: ArmAxes, slack: float = _CLAMPED) -> None:
+        self._slack = slack
+        k, r, wrist = axes.directions, axes.points_mm, nearest_points(axes, 3, 4)[1]
         self._r1 = constant(r[0])
         self._first, self._second = ConstantAxis(-k[0]), ConstantAxis(-k[1])
         # --- the tool's frame: the wrist, k6, and a vector x6 across it
@@ -215,10 +221,14 @@ class SphericalWrist:
             np.where(np.sin(q5 - self._wrist_rad) >= 0.0, 1.0, -1.0),
         )
 
+    def names_of(self, joints: FloatArray) -> list[str]:
+        """Return the names of the branches on which joints of shape (n, 6), in rad, are."""
+        names = {signs: name for name, signs in self.signs.items()}
+        return [names[s1, s3, s5] for s1, s3, s5 in np.column_stack(self.signs_of(joints)).tolist()]
+
     def name_of(self, joints: FloatArray) -> str:
         """Return the name of the branch on which joints of shape (6,), in rad, are."""
-        signs = tuple(float(sign[0]) for sign in np.broadcast_arrays(*self.signs_of(joints[np.newaxis])))
-        return next(name for name, own in self.signs.items() if own == signs)
+        return self.names_of(joints[np.newaxis])[0]
 
     def measures(self, joints: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how far joints of shape (n, 6), in rad, are from what is singular, each of shape (n,), 0 there.
@@ -288,7 +298,7 @@ class SphericalWrist:
         square = a * a + b * b
         radius = np.sqrt(square)
         rest = square - c * c
-        ok = rest >= -_CLAMPED * square
+        ok = rest >= -self._slack * square
         q1 = np.arctan2(b, a) + sign * np.arctan2(np.sqrt(np.maximum(rest, 0.0)), c)
         free = radius < _FREE_MM
         if free.any():
@@ -314,7 +324,7 @@ class SphericalWrist:
         ahead, up = shoulder.ahead, shoulder.up
         square = ahead * ahead + up * up
         x = (square - (upper_mm**2 + fore_mm**2)) / (2.0 * upper_mm * fore_mm)
-        inside = np.abs(x) <= 1.0 + _CLAMPED
+        inside = np.abs(x) <= 1.0 + self._slack
         x = np.where(inside, np.clip(x, -1.0, 1.0), np.nan)
         bend = np.arctan2(np.sqrt((1.0 - x) * (1.0 + x)), x)
         q3 = self._elbow_rad + sign * bend
@@ -368,16 +378,16 @@ class SphericalWrist:
     ) -> Solved:
         q4, q5, q6, beside, is_free = wrist
         joints = np.stack(np.broadcast_arrays(shoulder.q1, elbow.q2, elbow.q3, q4, q5, q6), axis=1)
-        bad = ~(ok & (np.abs(beside) <= 1.0 + _CLAMPED) & np.isfinite(elbow.q3))
+        bad = ~(ok & (np.abs(beside) <= 1.0 + self._slack) & np.isfinite(elbow.q3))
         if bad.any():
             joints[bad] = np.nan
         return Solved(joints, Reach(axis_mm, np.where(ok, shoulder_mm, np.nan), beside), is_free)
 
 
 @lru_cache(maxsize=16)
-def closed_form(axes: ArmAxes) -> SphericalWrist:
+def closed_form(axes: ArmAxes, slack: float = _CLAMPED) -> SphericalWrist:
     """Return the closed form of an arm for which `why_not` says nothing."""
-    return SphericalWrist(axes)
+    return SphericalWrist(axes, slack)
 
 
 def _unit(vector: FloatArray) -> FloatArray:

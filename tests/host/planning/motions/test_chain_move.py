@@ -1,14 +1,19 @@
 """Straight ways of arms with six axes: through the stretched wrist without a jump, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.findings import Findings
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.tool_move import ToolMove, present_branch
 from steptwin.host.planning.paths import OnTheSpot, Oriented, OutOfReachError, ToolPath, straight
 from steptwin.host.planning.planner import plan
+from steptwin.host.planning.programs.compiling import compile_program
+from steptwin.host.planning.programs.program_file import parse_program
 from steptwin.host.robots.poses import POSE, Orientation, Pose, Turning
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.serial.arms import arm, kinematics_of
@@ -70,6 +75,18 @@ class TestThroughTheStretchedWrist:
         ((at_s, name),) = move.changes
         assert name == "front-up-flip"
         assert move.positions(np.array([at_s]))[0, 4] == pytest.approx(0.0, abs=0.1)
+
+    def test_a_programs_step_says_what_it_passes(self) -> None:
+        text = (
+            "start = { J1 = 0, J2 = 10, J3 = -20, J4 = 0, J5 = 10, J6 = 0 }\n"
+            "[[step]]\nby = { x = 20.0, ry = -25.0 }\nspeed_mm_s = 10.0\nramp_s = 0.5\n"
+        )
+        (row,) = compile_program(parse_program(text, Findings()), self.ROBOT).steps
+        (sentence,) = row.passed()
+        assert row.branch == "front-up-noflip"
+        assert re.fullmatch(
+            r"passes the wrist singularity at \d\d %, \d\.\d\d\d s: front-up-noflip -> front-up-flip", sentence
+        )
 
     def test_the_planner_takes_it(self) -> None:
         path, joints = self.line()

@@ -7,6 +7,8 @@ from steptwin.host.robots import read_robot
 from steptwin.host.robots.kinematics.base import joint_constraints
 from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, TURN_OFF_DEG, Found, NumericInverse
 from steptwin.host.robots.kinematics.serial.serial_arm import NEAREST
+from steptwin.host.robots.kinematics.serial.spherical_wrist import NAMES
+from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.serial.arms import (
     AR4_LIMITS,
@@ -55,7 +57,7 @@ def test_from_a_near_start(make) -> None:  # type: ignore[no-untyped-def]
     """At least 99 % are solved, whatever the chain; and those to the tolerance."""
     robot = make()
     kinematics, joints = kinematics_of(robot), random_joints(robot, 1000)
-    assert kinematics.branches == (NEAREST,)
+    assert kinematics.branches == (NAMES if make is missing_wrist else (NEAREST,))
     poses = kinematics.forward(joints)
     start = joints + np.random.default_rng(3).normal(0.0, SPREAD_DEG, joints.shape)
     found = kinematics._numeric.near(poses, start)  # noqa: SLF001
@@ -77,8 +79,8 @@ def test_the_numeric_inverse_of_arms_with_a_closed_form(name: str) -> None:
 def test_from_anywhere(make) -> None:  # type: ignore[no-untyped-def]
     robot = make()
     kinematics, joints = kinematics_of(robot), random_joints(robot, 100)
-    solved = kinematics.solve(kinematics.forward(joints), NEAREST, np.array(robot.home))
-    assert np.all([each.kept for each in solved.mechanism])
+    home = np.tile(robot.home, (100, 1))
+    assert kinematics._numeric.anywhere(kinematics.forward(joints), home).solved.all()  # noqa: SLF001
 
 
 def test_the_tasks_of_few_joints() -> None:
@@ -91,7 +93,7 @@ def test_the_tasks_of_few_joints() -> None:
 
 def test_why_it_is_numeric() -> None:
     assert kinematics_of(missing_wrist()).inverse_words == (
-        "numeric, from the present joints: axes 4, 5 and 6 miss one point by 1.77 mm"
+        "numeric, from the branches of an arm whose wrist's axes meet: axes 4, 5 and 6 miss one point by 1.77 mm"
     )
     assert kinematics_of(five_axes()).inverse_words.endswith("the tool is told a direction")
     assert kinematics_of(arm("AR4")).inverse_words.startswith("in closed form")
@@ -155,3 +157,55 @@ def test_the_opposite_direction_is_not_the_direction() -> None:
     found = kinematics._numeric.near(poses, joints)  # noqa: SLF001
     off_deg = kinematics.task.off_deg(kinematics.forward(found.joints), poses)
     assert np.all(off_deg[found.solved] <= TURN_OFF_DEG)
+
+
+@pytest.mark.parametrize(("make", "most"), [(five_axes, 8), (three_joints, 4), (sliding, 2)])
+def test_further_solutions(make, most: int) -> None:  # type: ignore[no-untyped-def]
+    """Each is another one, has the pose, and comes in the order of its joints."""
+    robot = make()
+    kinematics, joints = kinematics_of(robot), random_joints(robot, 10, seed=7)
+    for joint in joints:
+        pose = kinematics.forward(joint[np.newaxis])
+        nearest, *further = kinematics.inverse(pose, joint)
+        assert nearest.joints[0] == pytest.approx(joint, abs=1e-6)
+        assert [branch.name for branch in further] == [f"solution-{i + 1}" for i in range(len(further))]
+        found = np.stack([branch.joints[0] for branch in (nearest, *further)])
+        assert 1 <= len(found) <= most
+        back = kinematics.forward(found)
+        assert np.linalg.norm((back - pose)[:, :3], axis=1).max() <= PLACE_OFF_MM
+        assert kinematics.task.off_deg(back, np.tile(pose, (len(found), 1))).max() <= TURN_OFF_DEG
+        apart = np.abs(found[:, np.newaxis] - found).max(axis=2) + 1e9 * np.eye(len(found))
+        assert apart.min() > 1e-4
+        order = [tuple(row) for row in np.round(found[1:], 3).tolist()]
+        assert order == sorted(order)
+
+
+def test_the_three_joints_have_their_elbow_up_and_down_and_their_back_turned() -> None:
+    """An arm of three joints reaches a place with its face or its back to it, with the elbow up or down."""
+    kinematics = kinematics_of(three_joints())
+    joints = np.array([[20.0, 30.0, -40.0]])
+    branches = kinematics.inverse(kinematics.forward(joints), joints[0])
+    turned = sorted(round(float(branch.joints[0, 0])) for branch in branches)
+    assert turned in ([20, 20], [-160, -160, 20, 20])
+
+
+def test_the_wrists_speeds_are_those_of_the_whole_jacobian() -> None:
+    """In closed form, arm and wrist one after the other, the speeds are those of all six equations together."""
+    for name in ("AR4", "PAROL6", "Thor", "Dummy"):
+        kinematics, joints = kinematics_of(arm(name)), random_joints(arm(name), 500, seed=8)
+        assert kinematics.form is not None
+        joints = joints[np.min(kinematics.form.measures(np.deg2rad(joints)), axis=0) > 0.05]
+        tool = np.random.default_rng(9).normal(0.0, 30.0, (len(joints), 6))
+        whole = kinematics._numeric_velocities(joints, tool)  # noqa: SLF001
+        assert kinematics.joint_velocities(joints, tool) == pytest.approx(whole, rel=1e-8, abs=1e-7)
+
+
+def test_a_held_joint_and_a_turned_base_change_no_speeds() -> None:
+    rows = {"S": "theta_deg = 10.0, alpha_deg = 20.0, d_mm = 30.0, a_mm = 40.0", **dh_entries(AR4_ROWS)}
+    robot = read_robot(chain_text(rows, [(-90.0, 90.0), *AR4_LIMITS], more='held = ["S"]'))
+    kinematics, joints = kinematics_of(robot).on(BaseFrame(100.0, 200.0, 300.0, 40.0)), random_joints(robot, 200)
+    tool = np.random.default_rng(9).normal(0.0, 30.0, (len(joints), 6))
+    assert kinematics.form is not None
+    whole = kinematics._numeric_velocities(joints, tool)  # noqa: SLF001
+    clear = np.min(kinematics.form.measures(np.deg2rad(joints[:, 1:])), axis=0) > 0.05
+    assert kinematics.joint_velocities(joints, tool)[clear] == pytest.approx(whole[clear], rel=1e-8, abs=1e-7)

@@ -15,10 +15,10 @@ import numpy as np
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics.serial.chain_geometry import Notation
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame
-from steptwin.host.robots.kinematics.urdf.rigid import frame_of, triple
-from steptwin.host.robots.kinematics.urdf.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Dimension
+from steptwin.host.robots.urdf.rigid import frame_of, triple
+from steptwin.host.robots.urdf.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree
 
 SNAPPED_RAD: Final = 2e-5
 """Distance from a multiple of 15 degrees within which an angle is meant to be it: 1.5708 is 3.7e-6 from pi/2."""

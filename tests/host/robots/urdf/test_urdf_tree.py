@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.kinematics.urdf.urdf_tree import LINKS_MAX, read_urdf
-from tests.host.robots.kinematics.urdf.urdfs import joint, robot_of, urdf
+from steptwin.host.robots.urdf.urdf_tree import LINKS_MAX, read_urdf
+from tests.host.robots.urdf.urdfs import joint, robot_of, urdf
 
 ONE = joint("J1", "a", "b")
 TWO = ONE + joint("J2", "b", "c")

@@ -10,11 +10,11 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame
-from steptwin.host.robots.kinematics.urdf.rigid import frame_of
-from steptwin.host.robots.kinematics.urdf.urdf_export import TIP, urdf_of
+from steptwin.host.robots.urdf.rigid import frame_of
+from steptwin.host.robots.urdf.urdf_export import TIP, urdf_of
 from tests.host.robots.kinematics.serial.arms import TEXTS, chain_text, kinematics_of, random_joints
-from tests.host.robots.kinematics.urdf.test_urdf_chain import MIXED
-from tests.host.robots.kinematics.urdf.urdfs import robot_of
+from tests.host.robots.urdf.test_urdf_chain import MIXED
+from tests.host.robots.urdf.urdfs import robot_of
 
 RNG = np.random.default_rng(3)
 RANDOM = chain_text(

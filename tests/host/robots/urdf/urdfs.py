@@ -5,7 +5,7 @@ from math import cos, sin
 from pathlib import Path
 from typing import Final
 
-from steptwin.host.robots.kinematics.urdf.urdf_robot import RobotOfUrdf, UrdfSource
+from steptwin.host.robots.urdf.urdf_robot import RobotOfUrdf, UrdfSource
 
 LIMIT: Final = '<limit lower="-2" upper="2.5" effort="10" velocity="1"/>'
 Matrix = list[list[float]]

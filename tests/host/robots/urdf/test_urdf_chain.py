@@ -11,7 +11,7 @@ from steptwin.host.robots import read_robot
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.kinds import make_kinematics
-from tests.host.robots.kinematics.urdf.urdfs import Matrix, joint, moved, placed, product, robot_of, urdf
+from tests.host.robots.urdf.urdfs import Matrix, joint, moved, placed, product, robot_of, urdf
 
 
 def frame_at(text: str, *positions: float) -> Matrix:
@@ -185,13 +185,22 @@ def wrist(offset_m: float, shoulder: str = "0 1 0") -> str:
     )
 
 
+_NUMERIC = "numeric, from the branches of an arm whose wrist's axes meet"
+
+
 @pytest.mark.parametrize(
     ("offset_m", "note"),
     [
         (0.0, "in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point"),
         (0.9e-7, "in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point"),
-        (1.1e-7, "numeric, from the present joints: axes 4, 5 and 6 miss one point by 0.00011 mm"),
-        (0.0009, "numeric, from the present joints: axes 4, 5 and 6 miss one point by 0.9 mm"),
+        (
+            1.1e-7,
+            f"{_NUMERIC}: axes 4, 5 and 6 miss one point by 0.00011 mm",
+        ),
+        (
+            0.0009,
+            f"{_NUMERIC}: axes 4, 5 and 6 miss one point by 0.9 mm",
+        ),
     ],
 )
 def test_wrist_axes_that_miss_are_told_in_mm(offset_m: float, note: str, tmp_path: Path) -> None:

@@ -18,10 +18,10 @@ from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
 from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS
 from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.kinematics.serial.spherical_wrist import MISS_MAX_MM, TILT_MAX, wrist_miss_mm
-from steptwin.host.robots.kinematics.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
-from steptwin.host.robots.kinematics.urdf.urdf_tree import read_urdf
 from steptwin.host.robots.new_file import NewJoint, read_joint, robot_text
 from steptwin.host.robots.robot import Dimension
+from steptwin.host.robots.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
+from steptwin.host.robots.urdf.urdf_tree import read_urdf
 
 KIND: Final = "chain"
 _RATIO: Final = 20.0
