@@ -22,8 +22,8 @@ from steptwin.emulator.motors.rotor_kernel import (
     RATE,
     STATE_FIELDS,
     RotorArrays,
+    sine_cosine,
 )
-from steptwin.emulator.motors.sine import sine_cosine
 
 PARENT = 0
 """Index of the parent, -1 for the base; less than the body's own."""

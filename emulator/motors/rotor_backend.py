@@ -12,7 +12,7 @@ from steptwin.controller.motion.backend import inline_kernel_functions
 from steptwin.controller.motion.kernel import Function
 from steptwin.emulator.board.edges import FloatArray
 from steptwin.emulator.drivers import power_supply
-from steptwin.emulator.motors import following, mechanics, rotor_kernel, rotor_run, sine
+from steptwin.emulator.motors import following, mechanics, rotor_kernel, rotor_run
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.following import ArmArrays, JointArrays
 from steptwin.emulator.motors.mechanics import MassArrays, MotionArrays, needed_by
@@ -100,7 +100,7 @@ def compiled_rotors() -> RotorBackend:
 
 def _drop_stale(cache: Path) -> None:
     """Delete what was compiled before a source last changed: numba looks only at the function's own file."""
-    sources = (rotor_run, rotor_kernel, mechanics, following, power_supply, sine)
+    sources = (rotor_run, rotor_kernel, mechanics, following, power_supply)
     changed_s = max(Path(str(module.__file__)).stat().st_mtime for module in sources)
     for stem in ("rotor_run", "mechanics"):
         for index in cache.glob(f"{stem}.*.nbi"):

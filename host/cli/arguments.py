@@ -1,7 +1,7 @@
 """Arguments and options that several commands share, the answer of a command, and the reading of texts."""
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +14,7 @@ from steptwin.host.common.errors import InputError
 if TYPE_CHECKING:
     from steptwin.host.planning.programs.positions import Position
     from steptwin.host.robots.robot import Robot
+
 
 RobotName = Annotated[
     str | None, argument("ROBOT", "Name of a robot (`steptwin robots` lists them), or path of a .toml file.")
@@ -206,3 +207,18 @@ def saved_position(robot: "Robot", name: str | None, file: str | None) -> "Posit
         return None
     path = positions_path(robot, file)
     return find_position(read_positions(path, robot), name, path)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedFile:
+    """A file: what was found out, as a JSON document and in words, as `AnswerOptions.tell` takes them; or nothing.
+
+    Attributes:
+        document: what was found out.
+        words: the same as lines, or functions that print more.
+        advice: what would do in spite of the findings.
+    """
+
+    document: dict[str, Any] = field(default_factory=dict)
+    words: tuple[str | Callable[[], None], ...] = ()
+    advice: tuple[str, ...] = ()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from steptwin.host.client.links.connecting import ANSWER_S, SILENT, address_text, connected
-from steptwin.host.common.control import Stuck
+from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import ClockStood
 from steptwin.host.common.tables import Table, json_table

@@ -1,9 +1,13 @@
-"""Words and values to choose from: levels, when motors turn, bit rates, names with values."""
+"""Words and values to choose from: levels, when motors turn, bit rates, names with values, the control port's words.
+
+By the control port programs operate the machine of a served board: docs/control-port.md.
+"""
 
 from enum import StrEnum
 from typing import Final
 
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import BITRATES
 
 
@@ -38,3 +42,23 @@ def check_bitrate(bitrate: int, told: str) -> None:
     """Raise InputError for a bit rate that no bus has; `told` names key and value."""
     if bitrate not in BITRATES:
         raise InputError(f"{told} is not one of {', '.join(map(str, BITRATES))}")
+
+
+EXAMPLE_PORT: Final = 29537
+"""TCP port in examples; each served board has the one that it is given."""
+
+
+class Stuck(StrEnum):
+    """How a switch sticks; a free one follows the machine."""
+
+    CLOSED = "closed"
+    OPEN = "open"
+    FREE = "free"
+
+
+SWITCHES: Final = {
+    "-": DigitalInput.NEGATIVE_LIMIT,
+    "+": DigitalInput.POSITIVE_LIMIT,
+    "home": DigitalInput.HOME,
+}
+"""The switches along a joint by the names that requests give them."""

@@ -16,8 +16,7 @@ from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.faults.machine import SetInput
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
-from steptwin.host.common.choices import LEVELS
-from steptwin.host.common.control import SWITCHES
+from steptwin.host.common.choices import LEVELS, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.faults.frames import FRAMES, checked_identifier, cob_ids, name_of, per_node, read_identifier

@@ -9,8 +9,8 @@ from typing import Any
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus, at_rest
+from steptwin.host.client.pausing import present_speed_percent
 from steptwin.host.client.reports import await_reports
-from steptwin.host.client.time_rate import present_speed_percent
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.inputs_outputs import read_inputs

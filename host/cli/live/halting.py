@@ -57,7 +57,7 @@ def speed(
 
     No joint or driver exceeds its limits: more than the motion allows is refused, with the highest speed that passes.
     """
-    from steptwin.host.client.time_rate import change_speed, check_speed
+    from steptwin.host.client.pausing import change_speed, check_speed
 
     loaded, rest = live.robot_and_rest(words)
     text = rest[0].removesuffix("%") if rest else ""

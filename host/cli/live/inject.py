@@ -8,7 +8,7 @@ from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.live.connection import host_and_port, live_option
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_table, say
-from steptwin.host.common.control import EXAMPLE_PORT, SWITCHES
+from steptwin.host.common.choices import EXAMPLE_PORT, SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.requests import INJECTED, STATE, end_of, request_of_words, usage
 

@@ -9,7 +9,7 @@ from steptwin.host.cli.live.connection import BoardAddress, Force, host_and_port
 from steptwin.host.cli.live.panel_process import require_extra
 from steptwin.host.cli.options import naming_options, option, switch
 from steptwin.host.cli.output import say, warn
-from steptwin.host.common.control import EXAMPLE_PORT
+from steptwin.host.common.choices import EXAMPLE_PORT
 
 if TYPE_CHECKING:
     from steptwin.host.client.links.bus_link import Connection

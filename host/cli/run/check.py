@@ -10,13 +10,12 @@ from typing import Final
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AnswerOptions
+from steptwin.host.cli.arguments import AnswerOptions, CheckedFile
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import say
 from steptwin.host.cli.run.check_campaign import check_campaign, check_scenario
 from steptwin.host.cli.run.check_program import check_program
 from steptwin.host.cli.run.check_robot import check_robot
-from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, PROGRAM_BYTES_MAX, check_size

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say
-from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.options import with_options
 from steptwin.host.cli.output import Columns, print_rows, say
-from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:

@@ -3,8 +3,8 @@
 from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any, Final
 
+from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.output import Columns, print_rows, say, warn
-from steptwin.host.cli.run.checked_file import CheckedFile
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 

@@ -11,7 +11,7 @@ from typing import Final
 from nicegui import ui
 
 from steptwin.host.client.control_client import ControlClient, ControlState, SwitchState
-from steptwin.host.common.control import Stuck
+from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.desk.words import told

@@ -12,7 +12,7 @@ from reprlib import repr as short
 from typing import Any, Final, NamedTuple
 
 from steptwin.host.common.bad_input import known, prefixed
-from steptwin.host.common.control import SWITCHES
+from steptwin.host.common.choices import SWITCHES
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import number_at
 from steptwin.host.faults.requests import switches_of

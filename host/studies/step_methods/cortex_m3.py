@@ -1,6 +1,6 @@
 """Meter what the firmware's kernel costs a Cortex-M3 at 72 MHz: its C, executed on an emulated core.
 
-The instructions are counted; the cycles follow from a model of the core's timings (`emulator/cortex_m3/cycles.py`), for
+The instructions are counted; the cycles follow from a model of the core's timings (`emulator/cortex_m3/meter.py`), for
 code that need not wait for the flash. Only the kernel is metered: the interrupt around it, CAN and the timers' work
 come on top. The other methods have no version for this core, so they are not metered.
 """

@@ -23,7 +23,7 @@ from steptwin.host.twin.machine.boards import board_configs, make_boards, standi
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_evidence, shelf_wiring
-from steptwin.host.twin.motors.in_loop import motor_wiring
+from steptwin.host.twin.motors.drives import motor_wiring
 from steptwin.host.verify import ShelfEvidence
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import Frame

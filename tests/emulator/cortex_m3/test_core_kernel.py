@@ -8,8 +8,8 @@ import pytest
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.cortex_m3.cycles import Disassembly
 from steptwin.emulator.cortex_m3.image import COMPILER, build
+from steptwin.emulator.cortex_m3.meter import Disassembly
 from steptwin.emulator.kernel_c import BODY, kernel_files
 from steptwin.host.cli.app import run
 from steptwin.host.studies.step_methods.kernel import place_once

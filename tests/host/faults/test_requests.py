@@ -37,7 +37,7 @@ from steptwin.emulator.faults.machine import (
     WatchdogReset,
 )
 from steptwin.emulator.faults.wiring import Noise, SetWire, Wire, WireState
-from steptwin.host.common.control import Stuck
+from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.frames import FRAMES as FRAME_NAMES
 from steptwin.host.faults.frames import cob_ids

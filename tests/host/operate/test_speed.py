@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from steptwin.host.client.pausing import pause_trajectory, resume_trajectory
-from steptwin.host.client.time_rate import change_speed
+from steptwin.host.client.pausing import change_speed, pause_trajectory, resume_trajectory
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.moving import move

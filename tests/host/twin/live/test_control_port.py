@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.client.control_client import ControlClient, SwitchState
-from steptwin.host.common.control import Stuck
+from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
