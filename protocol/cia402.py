@@ -105,6 +105,8 @@ class DigitalInput(IntFlag):
     IN1 = 1 << 18
     IN2 = 1 << 19
     """IN1 and IN2 at the axis' connector: the drive only reports them, they are for the host's programs."""
+    DRIVER_FAULT = 1 << 20
+    """Set while the fault output of a driver that is wired to the board tells that it has switched itself off."""
 
 
 SWITCH_INPUTS = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
@@ -178,6 +180,8 @@ class ErrorCode(IntEnum):
     UNDERVOLTAGE = 0x3220
     TEMPERATURE = 0x4310
     """Detail 0: the board is too hot; 1: the driver chip is, and has switched itself off."""
+    OUTPUT_STAGE = 0x5410
+    """The fault output of a driver that is wired to the board: a short circuit, too much current, heat or voltage."""
     PARAMETER = 0x6320
     COMMUNICATION = 0x8100
     """CiA 301's "communication, generic": the master has stopped or reset the node. The detail is the NmtCommand."""
@@ -224,5 +228,5 @@ class ErrorCode(IntEnum):
         return 0x01 | (0x10 if self.communication else _REGISTER_BITS[self >> 12])
 
 
-_REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
-"""Bits by the code's first hexadecimal digit: voltage, temperature, device profile (twice), none, manufacturer."""
+_REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x5: 0x00, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
+"""Bits by the code's first hexadecimal digit: voltage, temperature, profile (6 and 8), manufacturer; 5 and 9: none."""

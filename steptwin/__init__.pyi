@@ -13,6 +13,7 @@ from steptwin.emulator.faults.bus import StrangerSends as StrangerSends
 from steptwin.emulator.faults.drivers import DriverMode as DriverMode
 from steptwin.emulator.faults.drivers import DriverProtect as DriverProtect
 from steptwin.emulator.faults.drivers import OscCapacitor as OscCapacitor
+from steptwin.emulator.faults.drivers import ShortCircuit as ShortCircuit
 from steptwin.emulator.faults.host import HostFault as HostFault
 from steptwin.emulator.faults.host import HostFaultKind as HostFaultKind
 from steptwin.emulator.faults.limit_switches import BouncingSwitch as BouncingSwitch

@@ -80,6 +80,7 @@ FAULT_REACTIONS = {0: StopKind.CUT, 1: StopKind.SLOW_DOWN, 2: StopKind.QUICK_STO
 
 _FIXED_REACTIONS = {
     ErrorCode.UNDERVOLTAGE: StopKind.CUT,  # without its supply the driver cannot follow a ramp
+    ErrorCode.OUTPUT_STAGE: StopKind.CUT,  # the driver has switched itself off
     ErrorCode.ESTOP: StopKind.QUICK_STOP,  # IEC 60204-1, stop category 1: stop, then remove the power
 }
 

@@ -1,8 +1,8 @@
 """Watch one axis while its driver is on: switches, voltage, temperature, following error.
 
-Causes that last (e-stop, the driver's Protect pin, voltage, temperature) trip the drive when they appear or when
-the driver is switched on, and no fault can be reset while they last. A limit switch trips the drive only while the axis
-moves towards it: away from it the axis may move. The following error trips it after its timeout (6066h).
+Causes that last (e-stop, the driver's Protect pin or fault output, voltage, temperature) trip the drive when they
+appear or when the driver is switched on, and no fault can be reset while they last. A limit switch trips the drive only
+while the axis moves towards it: away from it the axis may move. The following error trips it after its timeout (6066h).
 """
 
 from collections.abc import Iterator
@@ -47,6 +47,8 @@ class Supervision:
             yield ErrorCode.ESTOP, 0
         if self.inputs & DigitalInput.DRIVER_PROTECT:
             yield ErrorCode.TEMPERATURE, DRIVER
+        if self.inputs & DigitalInput.DRIVER_FAULT:
+            yield ErrorCode.OUTPUT_STAGE, 0
         supply, get = self._measurements.supply_10mv, self._dictionary.get
         if not self.supplied:
             yield ErrorCode.UNDERVOLTAGE, supply

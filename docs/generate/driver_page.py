@@ -17,7 +17,17 @@ from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.studies.papers.paper_page import table
-from steptwin.protocol.drivers import GENERIC, PROFILES, DriverProfile, Fact, Grade, Oscillator, bare_chip
+from steptwin.protocol.drivers import (
+    GENERIC,
+    PROFILES,
+    ChipSheet,
+    DriverProfile,
+    Fact,
+    Grade,
+    Oscillator,
+    Release,
+    bare_chip,
+)
 from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -194,18 +204,45 @@ _MARKS: Final = {Grade.STATED: "", Grade.QUOTED: " [Q]", Grade.ASSUMED: " [A]"}
 
 def _sheets() -> str:
     """Return a row for each chip: times in us, highest rate in kHz, and where its figures are from."""
-    sheets = {
-        profile.chip.name: profile.chip for profile in reversed(PROFILES.values()) if profile.name not in _OTHER_OSC
-    }
     names = (*_STEP_TIMES, "enable", "wake")
     rows = []
-    for sheet in reversed(sheets.values()):
+    for sheet in _each_sheet():
         times = [_marked(getattr(sheet.times, f"{name}_ns"), 1e3) for name in names]
         disabled = ("ignored" if sheet.blocked.value else "counted") + _MARKS[sheet.blocked.grade]
         rate = _marked(sheet.times.rate_max_hz, 1e3)
         rows.append([sheet.name, ", ".join(map(str, sheet.microsteps)), *times, rate, disabled, sheet.document])
     heads = ["driver", "microsteps", *names, "kHz", "STEP while off", "source"]
     return table(heads, rows, text_columns=len(heads))
+
+
+def _protections() -> str:
+    """Return a row for each chip: what switches it off, what ends that, and which pin tells it."""
+    rows = []
+    for sheet in _each_sheet():
+        hot, volt, output = sheet.shutdown, sheet.overvoltage, sheet.fault_output
+        rows.append(
+            [
+                sheet.name,
+                f"{hot.value.celsius} degC{_MARKS[hot.grade]}: {_ends(hot.value.release)}" if hot else "-",
+                f"{_ends(sheet.overcurrent.value)}{_MARKS[sheet.overcurrent.grade]}",
+                f"above {volt.value.volt} V{_MARKS[volt.grade]}: {_ends(volt.value.release)}" if volt else "-",
+                f"{output.value.pin} {['low', 'high'][output.value.level]}{_MARKS[output.grade]}" if output else "-",
+            ]
+        )
+    heads = ["driver", "heat, ended by", "short circuit, ended by", "supply, ended by", "told by"]
+    return table(heads, rows, text_columns=len(heads))
+
+
+def _ends(release: Release) -> str:
+    return "cooling" if release is Release.COOLING else release.value
+
+
+def _each_sheet() -> list[ChipSheet]:
+    """Return each chip once, a TB6560 as it is with 330 pF."""
+    sheets = {
+        profile.chip.name: profile.chip for profile in reversed(PROFILES.values()) if profile.name not in _OTHER_OSC
+    }
+    return list(reversed(sheets.values()))
 
 
 def _marked(fact: Fact[int] | None, unit: float) -> str:
@@ -230,6 +267,7 @@ DRIVER_PAGE: Final = GeneratedPage(
         "currents": lambda _: _currents(),
         "profiles": lambda _: _profiles(),
         "sheets": lambda _: _sheets(),
+        "protections": lambda _: _protections(),
         "rules": lambda _: _rules(),
         "failing": lambda arguments: session(arguments, expected_exit_code=1),
     },

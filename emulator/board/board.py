@@ -101,12 +101,14 @@ class Board:
         """What the board measures."""
         self._held_protects = [False] * config.axis_count
         """True for each axis whose Protect pin is held low from outside."""
+        self._shorted = [False] * config.axis_count
+        """True for each axis whose motor is short-circuited."""
         self._heat_due_tick: int | None = None
         """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
         self.down = False
         """True while the processor has no power or is in reset."""
         self._hot = False
-        """True while a driver holds its own Protect pin low."""
+        """True while a driver tells that a protection holds its outputs off."""
         self._watching_outputs = False
         """True if the board must note each change of a digital output at once."""
         self.output_changed = False
@@ -255,6 +257,14 @@ class Board:
         self._held_protects[axis] = held
         self._look_at_protect(axis)
 
+    def short(self, axis: int, *, shorted: bool) -> None:
+        """Let a motor be short-circuited, or whole again."""
+        self.drain()
+        self._shorted[axis] = shorted
+        self.drivers.short(axis, self.computed_counts, shorted=shorted)
+        self._look_at_once = not self.down
+        self._hot = True
+
     def slip(self, axis: int, full_steps: int) -> None:
         """Let a rotor jump by full steps that no driver has made."""
         self.drain()
@@ -285,12 +295,13 @@ class Board:
             self.inputs.emergency_stop,
             self.measurements.supply_10mv,
             self.measurements.temperature_decidegc,
-            tuple(map(AxisSurroundings, self.inputs.levels, self.inputs.stuck, self._held_protects)),
+            tuple(map(AxisSurroundings, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
         )
 
     def measure(self, measurements: BoardReadings, now_counts: int) -> None:
-        """Let the board measure other values from now on."""
+        """Let the board measure other values from now on, and the drivers have this supply."""
         self.measurements = measurements
+        self.drivers.supply_voltage(self.computed_counts, -(-measurements.supply_10mv // 100))
         self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
 
     def advance(self, until_counts: int) -> int:
@@ -350,19 +361,23 @@ class Board:
         return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
 
     def _look_at_protect(self, axis: int) -> bool:
-        """Read a Protect pin at the start of the next tick; return True if the driver itself holds it low."""
-        tick_counts = self.firmware.motion.tick * TICK_COUNTS
-        low = not self.drivers.drivers[axis].fault_level(tick_counts)
-        self.inputs.protects[axis] = low or self._held_protects[axis]
-        return low
+        """Read what a driver tells at the start of the next tick; return True if a protection holds it off."""
+        told = self.drivers.drivers[axis].told(self.firmware.motion.tick * TICK_COUNTS)
+        held = DigitalInput.DRIVER_PROTECT if self._held_protects[axis] else DigitalInput(0)
+        self.inputs.of_drivers[axis] = told | held
+        return bool(told)
 
     def _next_heat_tick(self) -> int | None:
         """Return the tick up to whose start no driver will switch itself off; None if no driver ever will.
 
-        The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes.
+        The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes. A motor that is
+        shorted and a latch may act with any change of a pin, which a module's parts delay.
         """
-        tick = self.firmware.motion.tick
-        stays = (driver.fault_stays_until(tick * TICK_COUNTS) for driver in self.drivers.drivers)
+        tick, drivers = self.firmware.motion.tick, self.drivers.drivers
+        harmed = (shorted or driver.chip.latched for shorted, driver in zip(self._shorted, drivers, strict=True))
+        if any(driver.fault_input and acts for driver, acts in zip(drivers, harmed, strict=True)):
+            return tick + 1
+        stays = (driver.told_until(tick * TICK_COUNTS) for driver in drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]
         return min(ticks, default=None)
 

@@ -66,8 +66,8 @@ class BoardInputs:
         self._period_min_counts = period_min_counts
         """Shortest time between two pulses that a driver counts."""
         self.emergency_stop = False
-        self.protects = [False] * len(start_substeps)
-        """True for each axis whose driver's Protect pin is low."""
+        self.of_drivers = [DigitalInput(0)] * len(start_substeps)
+        """What each axis' driver tells: that its Protect pin is low, or that its fault output is active."""
         self._general = [DigitalInput(0)] * len(start_substeps)
         """Active general inputs of each axis."""
         self._travels = list(travels) or [Travel.of_rotor(axis) for axis in range(len(start_substeps))]
@@ -139,8 +139,8 @@ class BoardInputs:
         """Levels of each axis' inputs, as last read."""
         common = DigitalInput.ESTOP if self.emergency_stop else DigitalInput(0)
         return [
-            axis.levels | common | general | (DigitalInput.DRIVER_PROTECT if protect else DigitalInput(0))
-            for axis, general, protect in zip(self._axes, self._general, self.protects, strict=True)
+            axis.levels | common | general | driver
+            for axis, general, driver in zip(self._axes, self._general, self.of_drivers, strict=True)
         ]
 
     def set_general(self, axis: int, which: DigitalInput, *, on: bool) -> None:

@@ -7,6 +7,7 @@ from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.input_stage import InputStage
 from steptwin.emulator.drivers.limits import Violations, merged
 from steptwin.emulator.drivers.terminals import Moves, TerminalEdges
+from steptwin.protocol.cia402 import DigitalInput
 
 
 class Driver:
@@ -88,13 +89,17 @@ class Driver:
         if self._stage:
             self._stage.forget()
 
-    def fault_level(self, counts: int) -> int:
-        """Return the level of the chip's fault output, with a pull-up: low while a fault keeps the outputs off.
+    @property
+    def fault_input(self) -> DigitalInput | None:
+        """The board's input for the chip's fault output: of a chip on the board itself, or one that is wired."""
+        if self.module.chip.fault_output is None or (self._stage is not None and not self.module.fault_wired):
+            return None
+        return DigitalInput.DRIVER_FAULT if self._stage else DigitalInput.DRIVER_PROTECT
 
-        No module has a terminal for it: with a module it reads high.
-        """
-        return 1 if self._stage else self.chip.fault_level(counts)
+    def told(self, counts: int) -> DigitalInput:
+        """Return that input at an instant at which the output tells that a protection holds the bridges off; else 0."""
+        return self.fault_input if self.fault_input and not self.chip.fault_level(counts) else DigitalInput(0)
 
-    def fault_stays_until(self, counts: int) -> int | None:
-        """Return the instant up to which that level stays unless a terminal changes; None: always."""
-        return None if self._stage else self.chip.fault_stays_until(counts)
+    def told_until(self, counts: int) -> int | None:
+        """Return the instant up to which that stays so unless a terminal changes; None: always."""
+        return self.chip.fault_stays_until(counts) if self.fault_input else None

@@ -210,6 +210,15 @@ class DriverBank:
         """Let the capacitor at a chip's OSC have another value, for the pulses that are shown from now on."""
         self.drivers[axis].change_capacitor(osc_pf)
 
+    def short(self, axis: int, counts: int, *, shorted: bool) -> None:
+        """Let an axis' motor be short-circuited from an instant on, up to which all edges have been shown, or not."""
+        self.drivers[axis].chip.short(counts, shorted=shorted)
+
+    def supply_voltage(self, counts: int, volt: int) -> None:
+        """Let the motor supply have this voltage from an instant on."""
+        for driver in self.drivers:
+            driver.chip.supply_voltage(counts, volt)
+
     @property
     def noisy_axes(self) -> set[int]:
         """The axes to whose drivers edges may come that the firmware has not made."""

@@ -54,6 +54,7 @@ class Module:
             optocoupler's light switches the chip off.
         switches: the module's own switches, if it has any: it then follows CLK, DIR and EN alone.
         cooling: what cools the chip.
+        fault_wired: the chip's fault output is wired to the board's input for it.
         source: origin of the delays.
     """
 
@@ -67,6 +68,7 @@ class Module:
     enable_open: int = 0
     switches: Switches | None = None
     cooling: Cooling = field(default_factory=Cooling)
+    fault_wired: bool = False
     source: str = "wires"
 
     def make_chip(self) -> DriverChip:
@@ -89,6 +91,7 @@ def fitted(
     *,
     idle_percent: int | None = None,
     fast_decay_percent: int | None = None,
+    fault_wired: bool = False,
 ) -> Module:
     """Return the driver of one axis, set for its microstep mode; None takes the usual setting.
 
@@ -117,5 +120,6 @@ def fitted(
         enable_open=profile.enable_open,
         switches=switches,
         cooling=profile.cooling.value,
+        fault_wired=fault_wired,
         source=profile.source,
     )

@@ -23,6 +23,8 @@ class Rule(Enum):
     POWER_ORDER = "VDD, VM and inputs in the wrong order: the chip may be damaged"
     OVER_TEMPERATURE = "junction too hot: outputs off until RESET"
     TOO_HOT = "junction too hot: outputs off until it is cool"
+    OVER_CURRENT = "short circuit in the motor: outputs off, and they stay so"
+    OVER_VOLTAGE = "motor supply too high: outputs off, and they stay so"
 
 
 class LimitUnit(Enum):
@@ -31,6 +33,7 @@ class LimitUnit(Enum):
     COUNTS = "counts"
     LEVEL = "level"
     CELSIUS = "degC"
+    VOLT = "V"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Harms to the drivers: a Protect pin held low, another microstep mode, another capacitor of the oscillator."""
+"""Harms to the drivers: a Protect pin held low, another mode, another capacitor, a short circuit in the motor."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -86,5 +86,27 @@ class OscCapacitor(AxisOperation):
         board.drivers.change_capacitor(self.axis, self.osc_pf)
 
 
-DRIVERS: Final = (DriverProtect, DriverMode, OscCapacitor)
+@dataclass(frozen=True, slots=True)
+class ShortCircuit(AxisOperation):
+    """A motor is short-circuited, from one phase to the other or to ground, or whole again.
+
+    A driver with a protection switches itself off as soon as current flows, until what its source says; another one is
+    destroyed.
+    """
+
+    do: ClassVar[str] = "short-circuit"
+    does: ClassVar[str] = "a motor is short-circuited, or whole again: its driver switches itself off, and stays so"
+
+    shorted: bool = field(metadata=keyed(Key("shorted", KeyKind.TRUTH)))
+
+    def apply_to(self, board: "Board", _now_counts: int) -> None:
+        """Short the motor at the start of the next tick, or repair it."""
+        board.short(self.axis, shorted=self.shorted)
+
+    def undo(self, before: "Surroundings") -> "ShortCircuit":
+        """Return the motor as it was; its driver is not."""
+        return ShortCircuit(self.axis, before.axes[self.axis].shorted)
+
+
+DRIVERS: Final = (DriverProtect, DriverMode, OscCapacitor, ShortCircuit)
 """The family, in the order of help and docs."""

@@ -13,11 +13,13 @@ class AxisSurroundings:
         levels: inputs that are active; for a closed switch its bit is set.
         stuck: switches that are held at their level wherever the axis stands.
         protect_held: True while the driver's Protect pin is held low from outside.
+        shorted: True while the motor is short-circuited.
     """
 
     levels: DigitalInput
     stuck: DigitalInput
     protect_held: bool
+    shorted: bool = False
 
 
 @dataclass(frozen=True, slots=True)

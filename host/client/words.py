@@ -22,6 +22,7 @@ ERRORS: Final[dict[ErrorCode, str]] = {
     ErrorCode.OVERVOLTAGE: "the motor supply's voltage is too high",
     ErrorCode.UNDERVOLTAGE: "the motor supply's voltage is too low",
     ErrorCode.TEMPERATURE: "the board or a driver is too hot",
+    ErrorCode.OUTPUT_STAGE: "a driver has switched itself off: a short circuit, too much current, heat or voltage",
     ErrorCode.PARAMETER: "a setting does not fit the other axes",
     ErrorCode.COMMUNICATION: "a program on the bus has stopped or reset it",
     ErrorCode.CAN_OVERRUN: "the bus is too busy: messages were lost",
@@ -50,6 +51,7 @@ STOP_PRESSED: Final = "the machine's emergency stop is pressed"
 HINDRANCES: Final[dict[DigitalInput, str]] = {
     DigitalInput.ESTOP: STOP_PRESSED,
     DigitalInput.DRIVER_PROTECT: "its driver protects itself, as when it is too hot",
+    DigitalInput.DRIVER_FAULT: "its driver has switched itself off: a short circuit, too much current, heat or voltage",
 }
 """The inputs that keep a drive from being switched on, in plain words, the most important first."""
 

@@ -22,7 +22,7 @@ from steptwin.emulator.faults.bus import (
     SenderOff,
     StrangerSends,
 )
-from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
 from steptwin.emulator.faults.harm import AxisOperation, Harm, Operation
 from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
@@ -209,6 +209,12 @@ def _closed_ahead(harm: StuckSwitch | SwitchWire, moment: Moment) -> bool:
     return _closed(harm, moment) and (velocity > 0 if harm.switch is DigitalInput.POSITIVE_LIMIT else velocity < 0)
 
 
+def _tripped_and_told(harm: ShortCircuit, moment: Moment) -> bool:
+    """Return whether a short circuit makes current flow, and the board learns of it."""
+    axis = moment.axes[harm.axis]
+    return harm.shorted and axis.energised and axis.fault_input is DigitalInput.DRIVER_FAULT
+
+
 _WIRING_ROWS: Final[tuple[Documented, ...]] = (
     Documented(
         "Protect of a driver low",
@@ -218,6 +224,23 @@ _WIRING_ROWS: Final[tuple[Documented, ...]] = (
         when=lambda harm, _: harm.active,
     ),
     Documented("Protect of a driver free", DriverProtect, GOES_ON),
+    Documented(
+        "motor short-circuited, its driver is on and its fault output wired",
+        ShortCircuit,
+        replace(stops(ErrorCode.OUTPUT_STAGE, motion=Motion.CUT), others=(ErrorCode.CAN_OVERRUN,)),
+        "the driver has switched itself off, and what ends that depends on it; the other axes stop by a ramp; where"
+        " ENABLE ends it the input falls at once, and reports of both may be one too many for the node's queue",
+        when=_tripped_and_told,
+    ),
+    Documented(
+        "motor short-circuited, and nothing tells it",
+        ShortCircuit,
+        replace(UNKNOWABLE, codes=(ErrorCode.LIMIT_SWITCH, ErrorCode.OUTPUT_STAGE)),
+        "the axis has no torque and the board cannot know; the verdict tells it; with a fault output that is wired it"
+        " stops once the driver is on",
+        when=lambda harm, _: harm.shorted,
+    ),
+    Documented("motor whole again", ShortCircuit, GOES_ON, "a latch of its driver stays"),
     Documented(
         "limit switch stuck closed, the axis moves towards it",
         StuckSwitch,

@@ -14,7 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import State, Status
+from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.drivers import ChipSheet, one_of
 
 
@@ -32,6 +32,7 @@ class AxisMoment:
             only its change means anything. None if it was not read.
         board: number of the axis' board.
         boot: object that a board replaces when it restarts, as after a reset: then it counts from 0 again.
+        fault_input: the input by which the board sees the driver's fault output; None: none.
     """
 
     state: State
@@ -42,6 +43,7 @@ class AxisMoment:
     lag_full_steps: float | None
     board: int = 0
     boot: object = field(default=None, repr=False)
+    fault_input: DigitalInput | None = None
 
     @property
     def moving(self) -> bool:
@@ -83,6 +85,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
         lag_full_steps=_lag_full_steps(board, axis) if counted else None,
         board=number,
         boot=board.firmware,
+        fault_input=board.drivers.drivers[axis].fault_input,
     )
 
 

@@ -10,7 +10,6 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
 from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalOutput
 from steptwin.protocol.drivers import (
-    DRIVER_NAMES,
     GENERIC,
     OSC_PF_MIN,
     PROFILES,
@@ -18,6 +17,7 @@ from steptwin.protocol.drivers import (
     DriverFigures,
     DriverProfile,
     bare_chip,
+    driver_names,
 )
 from steptwin.protocol.frame import DEFAULT_BITRATE
 from steptwin.protocol.od import PULSE_NS_MIN, TIMING_NS_MAX
@@ -64,7 +64,7 @@ class Microsteps(NamedTuple):
 
 _SWITCHED: Final = ("idle_percent", "fast_decay_percent")
 """Keys that only drivers with switches, straps or registers of their own have."""
-DRIVER_SETTINGS: Final = ("current_a", "active_edge", *_SWITCHED)
+DRIVER_SETTINGS: Final = ("current_a", "active_edge", *_SWITCHED, "fault_wired")
 """Keys of a robot file that set its drivers."""
 _TIMING_MIN_NS: Final = {"steplen_ns": PULSE_NS_MIN, "stepspace_ns": PULSE_NS_MIN, "dirsetup_ns": 0, "dirhold_ns": 0}
 """Lower limits of the step timing (2001h)."""
@@ -126,6 +126,7 @@ class BoardSettings:
         active_edge: the edge of STEP that makes the drivers step.
         idle_percent: part of the current that flows at standstill, for drivers with a switch for it.
         fast_decay_percent: part of a chopping period with fast decay, for drivers with a switch for it.
+        fault_wired: the drivers' fault outputs are wired to the board, for drivers that have one.
 
     Raises:
         InputError: a value out of range, pulses too long for the step rate, or too short for the named drivers' chip.
@@ -144,11 +145,13 @@ class BoardSettings:
     active_edge: ActiveEdge | None = None
     idle_percent: int | None = None
     fast_decay_percent: int | None = None
+    fault_wired: bool | None = None
 
     def __post_init__(self) -> None:
         check_all(
             self._check_drivers,
             self._check_figures,
+            self._check_fault_output,
             *(partial(self._check_setting, key) for key in ("current_a", *_SWITCHED)),
             partial(require_positive, self, "step_rate_max_hz"),
             partial(check_bitrate, self.bitrate, f"bitrate: {self.bitrate}"),
@@ -199,8 +202,8 @@ class BoardSettings:
                     f"osc_pf: {self.osc_pf} pF makes the TB6560's oscillator faster than its 600 kHz: at least"
                     f" {OSC_PF_MIN} pF"
                 )
-        elif self.driver_profile not in DRIVER_NAMES:
-            raise unknown("driver_profile:", self.driver_profile, DRIVER_NAMES)
+        elif self.driver_profile not in driver_names():
+            raise unknown("driver_profile:", self.driver_profile, driver_names())
         elif self.osc_pf is not None:
             raise InputError(f"osc_pf: driver_profile {self.driver_profile} sets it already")
 
@@ -210,6 +213,17 @@ class BoardSettings:
         if self.driver_profile != GENERIC and self.driver is not None:
             told = f'has its own; driver_profile = "{GENERIC}" takes these'
             raise InputError(f"driver: {self.driver_profile or 'the chip at osc_pf'} {told}")
+
+    def _check_fault_output(self) -> None:
+        if not self.fault_wired:
+            return
+        try:
+            profile = self.profile
+        except (KeyError, ValueError):
+            return
+        if not profile.fault_terminal:
+            have = ", ".join(name for name, each in PROFILES.items() if each.fault_terminal)
+            raise InputError(f"fault_wired: {profile.name} has no terminal that tells of a fault; {have} have")
 
     @property
     def profile(self) -> DriverProfile:

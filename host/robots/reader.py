@@ -370,6 +370,7 @@ _BOARD_OPTIONAL: Final[dict[str, Reading]] = {
     "active_edge": lambda table, key: table.choice(key, ActiveEdge),
     "idle_percent": Table.integer,
     "fast_decay_percent": Table.integer,
+    "fault_wired": Table.truth,
 }
 
 

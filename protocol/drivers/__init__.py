@@ -3,7 +3,7 @@
 from typing import Final
 
 from steptwin.protocol.drivers.carriers import PROFILES as _CARRIERS
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, HomeOutput, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, OverVoltage, Release, Shutdown, StepTimes
 from steptwin.protocol.drivers.driver_profile import (
     NO_TIMES,
     WIRE,
@@ -25,11 +25,14 @@ from steptwin.protocol.drivers.tb6560 import bare_chip
 
 PROFILES: Final = {profile.name: profile for profile in (*_TB6560, *_CARRIERS, *_MODULES)}
 """Profiles by their names."""
-DRIVER_NAMES: Final = (*PROFILES, GENERIC)
-"""All drivers that a robot file may name; the generic one needs the file's own figures."""
+
+
+def driver_names() -> tuple[str, ...]:
+    """Return all drivers that a robot file may name; the generic one needs the file's own figures."""
+    return (*PROFILES, GENERIC)
+
 
 __all__ = [
-    "DRIVER_NAMES",
     "GENERIC",
     "NO_TIMES",
     "OSC_PF_MIN",
@@ -44,13 +47,15 @@ __all__ = [
     "DriverProfile",
     "Fact",
     "Grade",
-    "HomeOutput",
     "InputLevels",
     "Oscillator",
+    "OutputPin",
+    "OverVoltage",
     "PinTable",
     "Release",
     "Shutdown",
     "StepTimes",
     "bare_chip",
+    "driver_names",
     "one_of",
 ]

@@ -6,7 +6,7 @@ Straps or registers choose the mode, a trimmer or a register the current.
 from dataclasses import replace
 from typing import Final
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, HomeOutput, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, Release, Shutdown, StepTimes
 from steptwin.protocol.drivers.driver_profile import Cooling, DriverProfile, InputLevels
 from steptwin.protocol.drivers.facts import Fact, assumed, quoted
 from steptwin.protocol.drivers.pin_table import PinTable, always
@@ -35,6 +35,7 @@ A4988: Final = ChipSheet(
     home_full_deg=Fact(45.0, f"{_A4988} 14"),
     blocked=Fact(False, f"{_A4988} 10: the translator follows STEP while the outputs are off"),
     shutdown=Fact(Shutdown(165, 15, Release.COOLING), f"{_A4988} 4"),
+    overcurrent=assumed(Release.POWER, "A4988-DS Rev. 4, page 7: latched; what ends it was not read there"),
     current_law=Fact("VREF / (8 R)", f"{_A4988} 9"),
     current_max_a=Fact(2.0, f"{_A4988} 3"),
     sense_ohm=assumed(0.1, "usual on carriers"),
@@ -80,10 +81,11 @@ DRV8825: Final = ChipSheet(
     ),
     home_deg=Fact(45.0, f"{_DRV8825} 10"),
     home_full_deg=Fact(45.0, f"{_DRV8825} 10"),
-    home_output=Fact(HomeOutput("nHOME", 0), f"{_DRV8825} 3"),
-    fault_output=Fact("nFAULT", f"{_DRV8825} 3"),
+    home_output=Fact(OutputPin("nHOME", 0), f"{_DRV8825} 3"),
+    fault_output=Fact(OutputPin("nFAULT", 0), f"{_DRV8825} 3"),
     blocked=Fact(True, f"{_DRV8825} 12: STEP is ignored while nENBL is high"),
     shutdown=Fact(Shutdown(150, 0, Release.COOLING), f"{_DRV8825} 12 and 13: 150 at least, no hysteresis is stated"),
+    overcurrent=Fact(Release.RESET, f"{_DRV8825} 12: latched until nRESET or VM"),
     current_law=Fact("VREF / (5 R)", f"{_DRV8825} 8"),
     current_max_a=assumed(2.5, "usual figure, not read there: TI DRV8825 datasheet, first page"),
     sense_ohm=assumed(0.1, "usual on carriers"),
@@ -142,9 +144,11 @@ TMC2209: Final = ChipSheet(
     fast_decay_percent=assumed(always(0), "its choppers have no fixed part of fast decay"),
     home_deg=Fact(90.0, f"{_TRINAMIC} 13.4: phase A crosses zero, phase B is at its peak"),
     home_full_deg=assumed(135.0, "full steps have both phases on"),
-    home_output=Fact(HomeOutput("INDEX", 1), f"{_TRINAMIC} 13.4"),
+    home_output=Fact(OutputPin("INDEX", 1), f"{_TRINAMIC} 13.4"),
+    fault_output=Fact(OutputPin("DIAG", 1), f"{_TRINAMIC} 15"),
     blocked=assumed(False, "ENN is described for the outputs alone"),
     shutdown=assumed(Shutdown(143, 23, Release.COOLING), "on again below the warning of 120"),
+    overcurrent=Fact(Release.ENABLE, f"{_TRINAMIC} 15: latched until ENN"),
     current_law=quoted("0.325 V / (R + 0.02 ohm), by VREF or IRUN", "TMC2209 datasheet"),
     current_max_a=assumed(2.8, "usual figure, not read there: TMC2209 datasheet, first page: peak"),
     sense_ohm=assumed(0.11, "usual on carriers"),
@@ -169,8 +173,10 @@ TMC5160: Final = replace(
         f"{_TMC5160}, CHOPCONF",
     ),
     home_deg=assumed(90.0, "as the TMC2209"),
-    home_output=assumed(HomeOutput("DIAG1", 1), "DIAG1 can be set to tell of the index"),
+    home_output=assumed(OutputPin("DIAG1", 1), "DIAG1 can be set to tell of the index"),
+    fault_output=assumed(OutputPin("DIAG0", 0), "DIAG0 can be set to tell of faults; it is an open drain"),
     shutdown=assumed(Shutdown(136, 16, Release.COOLING), "the lowest; on again below the warning of 120"),
+    overcurrent=assumed(Release.ENABLE, "as the TMC2209"),
     current_law=assumed("0.325 V / R, by GLOBALSCALER and IRUN", "usual figure, not read there: TMC5160 datasheet"),
     current_max_a=assumed(4.0, "0.075 ohm in series"),
     sense_ohm=quoted(0.075, "PAROL6"),
@@ -195,6 +201,7 @@ PROFILES: Final = (
         chip=DRV8825,
         enable_open=1,  # nENBL has a pull-down
         fast_decay_percent=75,
+        fault_terminal=True,
         inputs=assumed(InputLevels(2.2), "usual figure, not read there: TI DRV8825 datasheet, V_IH"),
         cooling=_COOLING,
     ),
@@ -211,6 +218,7 @@ PROFILES: Final = (
         name="tmc2209",
         title="TMC2209 carrier: up to 1/256, by pins 1/8 to 1/64",
         chip=TMC2209,
+        fault_terminal=True,
         inputs=_HIGH_3V3,
         cooling=_COOLING,
     ),
@@ -219,6 +227,7 @@ PROFILES: Final = (
         title="TMC5160 with STEP and DIR: up to 1/256 by SPI",
         chip=TMC5160,
         current_a=2.0,
+        fault_terminal=True,
         inputs=_HIGH_3V3,
         cooling=_COOLING,
     ),

@@ -7,9 +7,9 @@ of it. A driver module without a known chip has such a record of its own.
 from dataclasses import dataclass
 from enum import StrEnum
 from math import lcm
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from steptwin.protocol.drivers.facts import Fact
+from steptwin.protocol.drivers.facts import Fact, assumed
 from steptwin.protocol.drivers.oscillator import Oscillator
 from steptwin.protocol.drivers.pin_table import PinTable
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
@@ -51,8 +51,10 @@ class Release(StrEnum):
     """What lets the outputs come on again after a shutdown, once the cause is gone."""
 
     COOLING = "nothing more"
+    ENABLE = "ENABLE off"
     RESET = "RESET low"
     POWER = "a power cycle"
+    NEVER = "nothing: it is destroyed"
 
 
 class Shutdown(NamedTuple):
@@ -63,11 +65,21 @@ class Shutdown(NamedTuple):
     release: Release
 
 
-class HomeOutput(NamedTuple):
-    """A pin that tells that the field is in its home state: its level then."""
+class OutputPin(NamedTuple):
+    """A pin that tells something, and its level then: that the field is in its home state, or of a fault."""
 
     pin: str
     level: int
+
+
+class OverVoltage(NamedTuple):
+    """The highest motor supply beyond which the outputs switch off, and what must happen then."""
+
+    volt: int
+    release: Release
+
+
+_UNPROTECTED: Final = assumed(Release.NEVER, "no source describes a protection: a short circuit destroys it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,11 +103,13 @@ class ChipSheet:
         vector_percent: a phase's current in equal steps from 0 to 90 degrees after its peak; None: a sine.
         both_full: in full steps both phases carry the full current, not 71 % of it.
         home_output: tells of the home state; None: no pin does.
-        fault_output: pin that is low in a shutdown; None: no pin is.
+        fault_output: tells that the outputs are shut down; None: no pin does.
         blocked: STEP is ignored while ENABLE is off; else the counter goes on, only the outputs are off.
         on_delay_ns: from ENABLE to the outputs.
         off_delay_ns: likewise to off.
         shutdown: None: it has no thermal shutdown that a source describes.
+        overcurrent: what ends the latch with which it answers a short circuit or too much current.
+        overvoltage: None: a supply that is too high does not switch it off, as far as a source says.
         current_law: how the full current is set, in words.
         current_max_a: highest current of a phase, at its peak.
         sense_ohm: usual resistors in series with the phases.
@@ -118,12 +132,14 @@ class ChipSheet:
     home_full_deg: Fact[float]
     vector_percent: Fact[tuple[int, ...]] | None = None
     both_full: bool = False
-    home_output: Fact[HomeOutput] | None = None
-    fault_output: Fact[str] | None = None
+    home_output: Fact[OutputPin] | None = None
+    fault_output: Fact[OutputPin] | None = None
     blocked: Fact[bool]
     on_delay_ns: Fact[int] | None = None
     off_delay_ns: Fact[int] | None = None
     shutdown: Fact[Shutdown] | None = None
+    overcurrent: Fact[Release] = _UNPROTECTED
+    overvoltage: Fact[OverVoltage] | None = None
     current_law: Fact[str]
     current_max_a: Fact[float]
     sense_ohm: Fact[float]

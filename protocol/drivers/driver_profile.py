@@ -94,6 +94,7 @@ class DriverProfile:
         idle_percent: the usual one.
         idle_ms: time from the last step until it begins.
         fast_decay_percent: usual part of each chopping period with fast decay.
+        fault_terminal: the chip's fault output is at a terminal, so that it can be wired to the board.
         inputs: levels at its terminals.
         cooling: of the chip.
         source: origin of the delays, for reports.
@@ -115,6 +116,7 @@ class DriverProfile:
     idle_percent: int = 100
     idle_ms: Fact[int] = _IDLE_MS
     fast_decay_percent: int = 0
+    fault_terminal: bool = False
     inputs: Fact[InputLevels]
     cooling: Fact[Cooling] = _BARE
     source: str = "wires"

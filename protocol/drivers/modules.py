@@ -6,7 +6,7 @@ Switches choose mode and current; optocouplers stand at their inputs, whose dela
 from dataclasses import replace
 from typing import Final
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, StepTimes
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, OverVoltage, Release, StepTimes
 from steptwin.protocol.drivers.driver_profile import Cooling, CurrentSetting, DriverProfile, InputLevels
 from steptwin.protocol.drivers.facts import Fact, assumed, quoted
 from steptwin.protocol.drivers.pin_table import PinTable, always
@@ -67,6 +67,8 @@ DM542: Final = ChipSheet(
     home_deg=assumed(0.0, "not told, and no pin shows it"),
     home_full_deg=assumed(45.0, "it has no full steps"),
     blocked=assumed(True, "ENA off disables the driver"),
+    overcurrent=Fact(Release.POWER, f"{_DM542} 11: one blink, until the power is off"),
+    overvoltage=Fact(OverVoltage(52, Release.POWER), f"{_DM542} 11: two blinks, until the power is off"),
     current_law=Fact("switches", f"{_DM542} 7"),
     current_max_a=Fact(4.2, f"{_DM542} 7, peak"),
     sense_ohm=assumed(0.05, "not told"),
@@ -86,6 +88,8 @@ DM542T: Final = replace(
         dirsetup_ns=Fact(5_000, f"{_DM542T}, t2"),
         enable_ns=quoted(200_000_000, f"{_DM542T} V4.0, figure 15; the older one has 5 us"),
     ),
+    overcurrent=assumed(Release.POWER, "as the DM542"),
+    overvoltage=assumed(OverVoltage(52, Release.POWER), "as the DM542"),
 )
 
 _TB6600: Final = "DFRobot TB6600 manual V1.2"
@@ -116,6 +120,7 @@ TB6600: Final = ChipSheet(
     home_deg=assumed(45.0, "not told, and no pin shows it"),
     home_full_deg=assumed(45.0, "not told"),
     blocked=assumed(True, "EN off disables the driver"),
+    overcurrent=assumed(Release.POWER, f"{_TB6600}: protected; what ends it is not told"),
     current_law=Fact("switches", _TB6600),
     current_max_a=Fact(3.5, _TB6600),
     sense_ohm=assumed(0.1, "not told"),

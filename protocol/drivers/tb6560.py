@@ -9,7 +9,7 @@ from enum import Enum
 from math import ceil
 from typing import Final, NamedTuple
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, HomeOutput, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, Release, Shutdown, StepTimes
 from steptwin.protocol.drivers.driver_profile import (
     ActiveEdge,
     Cooling,
@@ -109,8 +109,8 @@ _TB6560: Final = ChipSheet(
     home_full_deg=Fact(315.0, f"{_SHEET} 9: A full, B full negative"),
     vector_percent=Fact((100, 100, 98, 96, 92, 88, 83, 77, 71, 63, 56, 47, 38, 29, 20, 10, 0), f"{_SHEET} 8, typical"),
     both_full=True,
-    home_output=Fact(HomeOutput("MO", 0), f"{_SHEET} 10"),
-    fault_output=Fact("Protect", f"{_SHEET} 10"),
+    home_output=Fact(OutputPin("MO", 0), f"{_SHEET} 10"),
+    fault_output=Fact(OutputPin("Protect", 0), f"{_SHEET} 10"),
     blocked=Fact(False, f"{_SHEET} 11: only the outputs go off, the counter follows CLK"),
     on_delay_ns=Fact(3_000, "TB6560AHQ datasheet, pages 6 to 8, typical"),
     off_delay_ns=Fact(2_000, "TB6560AHQ datasheet, pages 6 to 8, typical"),

@@ -13,7 +13,7 @@ angle, but this rotor stays. A real one turns by up to two full steps to the nea
 uncounted: so the firmware does not know the position after a change of mode in reset.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -25,6 +25,7 @@ from steptwin.emulator.drivers.chip.excitation import Excitation
 from steptwin.emulator.drivers.chip.junction import Junction
 from steptwin.emulator.drivers.chip.output_follower import OutputFollower
 from steptwin.emulator.drivers.chip.outputs import ChipOutputs, Origin, Wiring
+from steptwin.emulator.drivers.chip.protection import Protection
 from steptwin.emulator.drivers.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
 from steptwin.emulator.drivers.terminals import LevelChange, Moves, Rail, TerminalEdges
 from steptwin.protocol.drivers import ChipSheet, Cooling, Oscillator, Release, Shutdown
@@ -164,7 +165,11 @@ class DriverChip:
         self._rotor = Rotor(home.excitation)
         self._origin = Origin(dict(self._levels), home, shut_down=0, from_counts=0)
         self._junction = Junction(cooling, sheet.shutdown.value if sheet.shutdown else None)
-        if self._freed:
+        latches = {Rule.OVER_CURRENT: sheet.overcurrent.value}
+        if sheet.overvoltage:
+            latches[Rule.OVER_VOLTAGE] = sheet.overvoltage.value.release
+        self._protection = Protection(self._junction, latches)
+        if self._cool_enough:
             self._junction.release(0, on=True)
         self._before = (NO_COUNTS, NO_LEVELS)
         """Forgotten steps that the outputs still need."""
@@ -181,11 +186,13 @@ class DriverChip:
         self._known = {limit.rule: index for index, limit in reversed(list(enumerate(self._limits)))}
         """Index of each rule's first limit."""
         self._log = ViolationLog(self._limits)
+        self._causes: dict[Rule, int] = {}
+        """Values of the causes of protections that latch."""
         self._follower: OutputFollower | None = None
 
     def follow_outputs(self) -> OutputFollower:
         """Return what follows the outputs from power-up on, for a motor that turns with them; before the first edge."""
-        self._follower = OutputFollower(self._wiring, self._origin, self._junction)
+        self._follower = OutputFollower(self._wiring, self._origin, self._protection)
         return self._follower
 
     def change_capacitor(self, osc_pf: float) -> None:
@@ -197,11 +204,7 @@ class DriverChip:
         if self.sheet.oscillator is None:
             raise ValueError(f"a {self.sheet.name} has no capacitor at OSC")
         self.pulse_min_counts = Oscillator(osc_pf).clk_width_min_counts
-        limit = replace(self._limits[self._known[Rule.CLK_HIGH]], value=self.pulse_min_counts)
-        if limit not in self._limits:
-            self._limits = (*self._limits, limit)
-            self._log.know(self._limits)
-        self._known[Rule.CLK_HIGH] = self._limits.index(limit)
+        self._know(replace(self._limits[self._known[Rule.CLK_HIGH]], value=self.pulse_min_counts))
 
     # --- inputs
 
@@ -305,19 +308,62 @@ class DriverChip:
         self._check(change)
         self._levels[terminal] = level
         self._changes.append(change)
-        self._junction.heat(counts, self._power_w())
+        self._protect(counts)
         if terminal in (self.sheet.logic_rail, "RESET"):
-            self._junction.release(counts, on=self._freed)
+            self._junction.release(counts, on=self._cool_enough)
         return True
 
     @property
-    def _freed(self) -> bool:
+    def _cool_enough(self) -> bool:
         """Whether nothing but its heat keeps the outputs shut down."""
         shutdown = self.sheet.shutdown
-        release = shutdown.value.release if shutdown else Release.COOLING
-        if release is Release.RESET:
-            return not self._is_live
-        return release is Release.COOLING or not self._levels[self.sheet.logic_rail]
+        return shutdown is None or self._freed[shutdown.value.release]
+
+    @property
+    def _freed(self) -> Mapping[Release, bool]:
+        """Whether each release of a shutdown is at hand now."""
+        levels = self._levels
+        return {
+            Release.COOLING: True,
+            Release.ENABLE: not levels["ENABLE"],
+            Release.RESET: not self._is_live,
+            Release.POWER: not levels[self.sheet.logic_rail],
+            Release.NEVER: False,
+        }
+
+    def _protect(self, counts: int) -> None:
+        """Let the protections act by what holds from an instant on."""
+        supplied = bool(self._wiring.supplied(self._levels))
+        powered = {Rule.OVER_CURRENT: supplied and bool(self._levels["ENABLE"]), Rule.OVER_VOLTAGE: supplied}
+        for rule in self._protection.trip(counts, powered, self._freed):
+            self._log.note_one(self._known[rule], counts, self._causes[rule])
+        self._junction.heat(counts, self._power_w())
+
+    def short(self, counts: int, *, shorted: bool) -> None:
+        """Let the motor be short-circuited from an instant on, or not."""
+        limit = Limit(Rule.OVER_CURRENT, 0, LimitUnit.LEVEL, self.sheet.overcurrent.source)
+        self._harm(limit, int(shorted), counts)
+
+    def supply_voltage(self, counts: int, volt: int) -> None:
+        """Let the motor supply have this voltage, rounded up, from an instant on."""
+        highest = self.sheet.overvoltage
+        if highest is not None:
+            self._harm(Limit(Rule.OVER_VOLTAGE, highest.value.volt, LimitUnit.VOLT, highest.source), volt, counts)
+
+    def _harm(self, limit: Limit, value: int, counts: int) -> None:
+        self._protection.causes.discard(limit.rule)
+        if value > limit.value:
+            self._know(limit)
+            self._causes[limit.rule] = value
+            self._protection.causes.add(limit.rule)
+        self._protect(counts)
+
+    def _know(self, limit: Limit) -> None:
+        """Have a limit among those that can be broken: some come up with a fault only."""
+        if limit not in self._limits:
+            self._limits = (*self._limits, limit)
+            self._log.know(self._limits)
+        self._known[limit.rule] = self._limits.index(limit)
 
     def _check(self, change: LevelChange) -> None:
         counts, terminal, level = change
@@ -343,7 +389,7 @@ class DriverChip:
 
     def _power_w(self) -> float:
         """Return the power that the outputs dissipate unless they are shut down."""
-        if not (self._wiring.supplied(self._levels) and self._levels["ENABLE"]):
+        if not (self._wiring.supplied(self._levels) and self._levels["ENABLE"]) or self._protection.latched:
             return 0.0
         return self._dissipated_w(self._selected.power, self._wiring.torque_percent(self._levels))
 
@@ -372,7 +418,7 @@ class DriverChip:
     def forget(self) -> None:
         """Drop the recorded steps, violations and changes of the outputs, but keep how many there were."""
         self._log.forget()
-        if not (self._steps or self._changes or self._before[0].size or self._junction.shutdowns(self._until_counts)):
+        if not (self._steps or self._changes or self._before[0].size or self._protection.shutdowns(self._until_counts)):
             return  # there is nothing else to drop
         outputs, kept_counts = self.outputs, self._until_counts - _LATE_COUNTS
         told_counts = int(outputs.instants().max(initial=max(self._until_counts, outputs.from_counts) - 1)) + 1
@@ -385,7 +431,7 @@ class DriverChip:
         self._changes = [change for change in self._changes if change.counts >= kept_counts]
         self._log.count += len(self._hot_counts())
         self._hot_from_counts = self._until_counts + 1
-        self._junction.forget(kept_counts)
+        self._protection.forget(kept_counts)
 
     @property
     def violation_count(self) -> int:
@@ -411,7 +457,7 @@ class DriverChip:
         (counts, signs), (counts_before, signs_before) = self.steps, self._before
         steps = np.concatenate((counts_before, counts)), np.concatenate((signs_before, signs))
         return ChipOutputs(
-            self._wiring, self._origin, self._changes, steps, self._junction.shutdowns(self._until_counts)
+            self._wiring, self._origin, self._changes, steps, self._protection.shutdowns(self._until_counts)
         )
 
     def junction_celsius(self, counts: int) -> float:
@@ -419,8 +465,13 @@ class DriverChip:
         return self._junction.celsius(counts)
 
     def fault_level(self, counts: int) -> int:
-        """Return the level of its fault output with a pull-up, as `junction_celsius` does: low if shut down."""
-        return 1 - int(self._junction.shut_down(counts))
+        """Return 0 at an instant, as `junction_celsius` does, if its fault output tells of a shutdown; else 1."""
+        return 1 - int(self._protection.told(counts))
+
+    @property
+    def latched(self) -> bool:
+        """Whether a protection holds the outputs off that only its release ends."""
+        return self._protection.latched
 
     def fault_stays_until(self, counts: int) -> int | None:
         """Return an instant before which that level stays unless RESET or the supply changes; None: always.

@@ -2,7 +2,7 @@
 
 `ChipOutputs` answers for any instant of a whole history. A motor that turns with the chip asks every ms for what is
 new. Nearly always that is steps alone, which turn the field through a table of currents. Only where an input has
-changed, or a thermal shutdown comes or goes, is the stretch computed by `ChipOutputs`, with a beginning of its own.
+changed, or a shutdown comes or goes, is the stretch computed by `ChipOutputs`, with a beginning of its own.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.emulator.board.edges import FloatArray, Int8Array, Int64Array, joined
-from steptwin.emulator.drivers.chip.junction import Junction
 from steptwin.emulator.drivers.chip.outputs import ChipOutputs, Origin, Wiring
+from steptwin.emulator.drivers.chip.protection import Protection
 from steptwin.emulator.drivers.terminals import LevelChange
 from steptwin.protocol.timer import COUNTS_PER_MS
 
@@ -74,9 +74,9 @@ class OutputChanges(NamedTuple):
 class OutputFollower:
     """The changes at one chip's outputs since power-up, each told once."""
 
-    def __init__(self, wiring: Wiring, origin: Origin, junction: Junction) -> None:
+    def __init__(self, wiring: Wiring, origin: Origin, protection: Protection) -> None:
         """Begin at an origin, before any input has changed."""
-        self._wiring, self._origin, self._junction = wiring, origin, junction
+        self._wiring, self._origin, self._protection = wiring, origin, protection
         self._changes: list[LevelChange] = []
         self._counts: list[Int64Array] = []
         self._signs: list[Int8Array] = []
@@ -103,7 +103,7 @@ class OutputFollower:
 
         No input may change, later, at an instant before this one.
         """
-        if self._steady and self._junction.shut_down(until_counts) != self._origin.shut_down:
+        if self._steady and self._protection.shut_down(until_counts) != self._origin.shut_down:
             self._unsettle()
         if self._steady is None:
             changes: FieldTurns | OutputChanges | None = self._look_at_all(until_counts)
@@ -147,7 +147,7 @@ class OutputFollower:
 
     def _look_at_all(self, until_counts: int) -> OutputChanges | None:
         steps = joined(self._counts, np.int64), joined(self._signs, np.int8)
-        shutdowns = self._junction.shutdowns(until_counts)
+        shutdowns = self._protection.shutdowns(until_counts)
         outputs = ChipOutputs(self._wiring, self._origin, self._changes, steps, shutdowns)
         counts = outputs.instants()
         counts = counts[counts < until_counts]

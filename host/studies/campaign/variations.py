@@ -16,7 +16,7 @@ from steptwin.host.twin.machine.boards import check_axes_per_board, check_crysta
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.motors import check_described
 from steptwin.host.twin.motors.ramps import with_managed_ramps
-from steptwin.protocol.drivers import DRIVER_NAMES
+from steptwin.protocol.drivers import driver_names
 from steptwin.protocol.pvt import DURATION_MAX_MS
 
 
@@ -115,7 +115,7 @@ def _with_joints(setup: Setup, change: Callable[[Joint], Joint]) -> Setup:
 
 
 def _driver_profile(setup: Setup, value: object) -> Setup:
-    return replace(setup, driver_profile=known("driver profile", value, DRIVER_NAMES))
+    return replace(setup, driver_profile=known("driver profile", value, driver_names()))
 
 
 def _record_ms(setup: Setup, value: object) -> Setup:

@@ -8,7 +8,7 @@ from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import DRIVER_SETTINGS, BoardSettings, named_profile
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol.drivers import DRIVER_NAMES, GENERIC, ActiveEdge, ChipSheet, DriverProfile
+from steptwin.protocol.drivers import GENERIC, ActiveEdge, ChipSheet, DriverProfile, driver_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ def driver_profile(board: BoardSettings, instead: str | None = None) -> DriverPr
         raise InputError(
             f"driver profile {GENERIC}: the robot's file has no table [board.driver] with its times (docs/driver.md)"
         )
-    raise unknown("driver profile", instead, DRIVER_NAMES)
+    raise unknown("driver profile", instead, driver_names())
 
 
 def other_drivers(board: BoardSettings, name: str) -> str | None:
@@ -69,6 +69,7 @@ def fitted_module(board: BoardSettings, profile: DriverProfile, microsteps: int)
             None if board.active_edge is None else ActiveEdge(board.active_edge),
             idle_percent=board.idle_percent,
             fast_decay_percent=board.fast_decay_percent,
+            fault_wired=bool(board.fault_wired),
         )
     except ValueError as error:
         raise InputError(f"board.current_a: {error}") from error

@@ -24,6 +24,7 @@ _SCALES: Final = {
     LimitUnit.COUNTS: ("us", 1 / COUNTS_PER_US),
     LimitUnit.LEVEL: ("level", 1),
     LimitUnit.CELSIUS: ("degC", 1),
+    LimitUnit.VOLT: ("V", 1),
 }
 """The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
 _NO_CURRENTS: Final = np.empty(0, np.int16)

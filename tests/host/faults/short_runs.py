@@ -1,5 +1,6 @@
 """A motion of a second on the laboratory arm, in which faults happen."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Final
 
@@ -18,9 +19,13 @@ ROBOT: Final = load_robot("teaching-scara")
 
 
 @cache
-def carry() -> Plan:
-    """Plan the teaching arm's `carry`, a fast motion of 1 s of all joints."""
-    return plan(ROBOT, make_job(ROBOT, "carry", {}))
+def carry(drivers: str | None = None) -> Plan:
+    """Plan the teaching arm's `carry`, a fast motion of 1 s of all joints; named drivers have their faults wired."""
+    robot = ROBOT
+    if drivers is not None:
+        board = replace(ROBOT.board, osc_pf=None, driver_profile=drivers, current_a=None, fault_wired=True)
+        robot = replace(ROBOT, board=board)
+    return plan(robot, make_job(robot, "carry", {}))
 
 
 def scenario(text: str) -> Scenario:
@@ -32,12 +37,23 @@ def scenario(text: str) -> Scenario:
 
 
 def played(
-    kernel: Kernel, text: str, *, motors: bool = False, boards: tuple[int, ...] | None = None
+    kernel: Kernel,
+    text: str,
+    *,
+    motors: bool = False,
+    boards: tuple[int, ...] | None = None,
+    drivers: str | None = None,
 ) -> tuple[Outcome, ScenarioReport]:
-    """Carry while a scenario happens, perhaps with motors that turn with the board, or on several boards."""
+    """Carry while a scenario happens, perhaps with motors that turn, on several boards, or with other drivers."""
     crystals = [0] * len(boards or (1,))
     outcome = execute(
-        carry(), "carry", kernel, scenario=scenario(text), motors=motors, axes_per_board=boards, crystal_ppm=crystals
+        carry(drivers),
+        "carry",
+        kernel,
+        scenario=scenario(text),
+        motors=motors,
+        axes_per_board=boards,
+        crystal_ppm=crystals,
     )
     assert outcome.scenario is not None
     return outcome, outcome.scenario

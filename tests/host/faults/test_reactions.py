@@ -48,8 +48,10 @@ class Case(NamedTuple):
     when: str = "at_s = 0.3"
     motors: bool = False
     boards: tuple[int, ...] | None = None
+    drivers: str | None = None
 
 
+SHORTED = 'do = "short-circuit"\njoint = "th2"\nshorted = true'
 CASES = [
     Case("emergency stop pressed", 'do = "estop"\npressed = true', STOPS, (100, 110)),
     Case("emergency stop pulled out", 'do = "estop"\npressed = false', GOES),
@@ -61,6 +63,22 @@ CASES = [
     Case("board up to 85.0 degC", 'do = "temperature"\ntemperature_degc = 85', GOES),
     Case("Protect of a driver low", 'do = "protect"\njoint = "th2"\nheld = true', STOPS, (25, 110)),
     Case("Protect of a driver free", 'do = "protect"\njoint = "th2"\nheld = false', GOES),
+    Case(
+        "motor short-circuited, its driver is on and its fault output wired",
+        SHORTED,
+        STOPS,
+        (25, 110),
+        drivers="drv8825",
+    ),
+    Case(
+        "motor short-circuited, its driver is on and its fault output wired",
+        SHORTED,
+        STOPS,
+        (25, 110),
+        drivers="tmc2209",
+    ),
+    Case("motor short-circuited, and nothing tells it", SHORTED, REFUSED),
+    Case("motor whole again", SHORTED.replace("true", "false"), GOES, drivers="drv8825"),
     Case(
         "limit switch stuck closed, the axis moves towards it",
         'do = "switch"\njoint = "th1"\nswitch = "-"\nstuck = "closed"',
@@ -213,7 +231,7 @@ def test_every_documented_reaction_has_a_case() -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.what}: {case.fault}".replace("\n", ", "))
 def test_the_machine_answers_as_documented(fast_kernel: Kernel, case: Case) -> None:
     text = f"[[fault]]\n{case.when}\n{case.fault}\n"
-    outcome, report = played(fast_kernel, text, motors=case.motors, boards=case.boards)
+    outcome, report = played(fast_kernel, text, motors=case.motors, boards=case.boards, drivers=case.drivers)
     assert report.passed, report.reasons
     (fault,) = report.faults
     assert fault.what == case.what

@@ -21,7 +21,7 @@ from steptwin.emulator.faults.bus import (
     FrameLoss,
     StrangerSends,
 )
-from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
+from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
 from steptwin.emulator.faults.harm import Harm, Operation
 from steptwin.emulator.faults.host import HostFault, HostFaultKind
 from steptwin.emulator.faults.limit_switches import BouncingSwitch, Contact, StuckSwitch, SwitchWire
@@ -337,6 +337,7 @@ HARMS = st.one_of(
     st.builds(Supply, st.integers(0, 65_535)),
     st.builds(BoardTemperature, st.integers(-32_768, 32_767)),
     st.builds(DriverProtect, JOINTS, st.booleans()),
+    st.builds(ShortCircuit, JOINTS, st.booleans()),
     st.builds(SetInput, st.just(3), st.just(GENERAL_INPUTS[1]), st.booleans()),
     st.builds(StuckSwitch, JOINTS, st.sampled_from(SWITCH_INPUTS[:2]), st.sampled_from([True, False, None])),
     st.builds(SetWire, JOINTS, st.sampled_from([*Wire]), st.sampled_from([*WireState])),
@@ -407,6 +408,7 @@ ASKED: dict[str, dict[str, Any]] = {
     "bounce th4 home 5 2000 7": {"joint": "th4", "switch": "home", "bounces": 5, "within_us": 2000, "seed": 7},
     "mode th2 8": {"joint": "th2", "microsteps": 8},
     "mode th2": {"joint": "th2"},
+    "short-circuit th2 on": {"joint": "th2", "shorted": True},
     "osc th2 1000": {"joint": "th2", "osc_pf": 1000},
     "slip th2 -4": {"joint": "th2", "full_steps": -4},
     "payload 0.25": {"payload_kg": 0.25},

@@ -12,8 +12,8 @@ from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.board_settings import pulses_for
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.machine.drivers import driver_profile
-from steptwin.protocol.drivers import DRIVER_NAMES, GENERIC, PROFILES, ActiveEdge
+from steptwin.host.twin.machine.drivers import driver_profile, fitted_module
+from steptwin.protocol.drivers import GENERIC, PROFILES, ActiveEdge, driver_names
 
 TOML = load_robot("lab-scara").toml
 BOARD = re.search(r"\[board\]\n(?:.+\n)+", TOML)
@@ -145,9 +145,27 @@ def test_the_option_needs_the_files_figures() -> None:
     assert driver_profile(own, "a4988").name == "a4988"
     with pytest.raises(InputError, match="unknown: did you mean generic"):
         driver_profile(board, "generics")
-    assert DRIVER_NAMES[-1] == GENERIC
+    assert driver_names()[-1] == GENERIC
 
 
 def test_microsteps_that_a_generic_driver_lacks() -> None:
     told = wrong(f'driver_profile = "generic"{TABLE.replace("1, 2, 8, 16", "1, 16")}')
     assert told[0] == "joints.d1.microsteps: 8 is not one of generic's 1, 16: the nearest are 1 and 16"
+
+
+@pytest.mark.parametrize("driver", ["drv8825", "tmc2209", "tmc5160"])
+def test_a_fault_output_is_wired_where_there_is_one(driver: str) -> None:
+    lines = f'driver_profile = "{driver}"\nfault_wired = '
+    for wired in (True, False):
+        board = with_board(lines + str(wired).lower()).board
+        assert fitted_module(board, board.profile, 8).fault_wired == wired
+    assert not fitted_module(board, driver_profile(board, "drv8825"), 8).fault_wired
+
+
+@pytest.mark.parametrize("drivers", ["osc_pf = 330", 'driver_profile = "a4988"', 'driver_profile = "3a-module"'])
+def test_drivers_without_a_terminal_for_it_are_refused(drivers: str) -> None:
+    times = "".join(f"{key} = 30_000\n" for key in TIMES[:4])
+    told = wrong(f"{drivers}\nfault_wired = true\n{times}step_rate_max_hz = 15_000")
+    assert [line.partition(" has no terminal ")[2] for line in told] == [
+        "that tells of a fault; drv8825, tmc2209, tmc5160 have"
+    ]

@@ -21,7 +21,7 @@ from steptwin.host.studies.campaign.invariants import INVARIANTS
 from steptwin.host.studies.campaign.row_file import schema
 from steptwin.host.studies.campaign.values import drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, RampSource
-from steptwin.protocol.cia402 import State
+from steptwin.protocol.cia402 import DigitalInput, State
 from tests.host.studies.campaign.campaigns import campaign_of
 
 WHEN = {"at_s", "power_up_s", "at_position", "at_state", "on_frame", "for_s", "until"}
@@ -74,13 +74,24 @@ def _harms(campaign: Campaign) -> Iterator[tuple[Robot, int, Harm]]:
 
 
 def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
-    """Each kind of request, each fault of a host, and each row of documented reactions, whichever way axes move."""
+    """Each kind of request, each fault of a host, and each row of documented reactions.
+
+    That is so whichever way axes move, and whether or not their drivers' fault outputs are wired.
+    """
     asked = {fault["do"] for choice in nightly.scenarios if choice.table for fault in choice.table["fault"]}
     assert asked == set(REQUESTS) - {STATE}
     rows, hosts = set(), set()
     for number, (robot, boards, harm) in enumerate(_harms(nightly)):
         velocity = 100 if number % 2 else -100
-        axis = AxisMoment(State.OPERATION_ENABLED, True, velocity, 100, position_known=True, lag_full_steps=0)
+        axis = AxisMoment(
+            State.OPERATION_ENABLED,
+            True,
+            velocity,
+            100,
+            position_known=True,
+            lag_full_steps=0,
+            fault_input=DigitalInput.DRIVER_FAULT if velocity > 0 else None,
+        )
         axes = tuple(replace(axis, board=joint % boards) for joint in range(len(robot.joints)))
         rows.add(documented(harm, Moment(0, axes)).what)
         if isinstance(harm, HostFault):
