@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file import FileMotion, read_file_motion
-from steptwin.host.robots import MACHINES, load_robot, robot_names
+from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.test_usual_scara import scara
@@ -66,22 +66,23 @@ def test_the_tool_is_at_the_poses(elbow: str, tmp_path: Path) -> None:
         plan(ROBOT, motion.trajectory)
 
 
-@pytest.mark.parametrize("name", [name for name in robot_names() if name not in MACHINES])
+@pytest.mark.parametrize("name", [name for name in robot_names() if make_kinematics(load_robot(name)).task.width])
 def test_every_robot_follows_its_own_tool(name: str, tmp_path: Path) -> None:
-    """Poses of joint positions around home lead back to them; slides, which no pose determines, are at home.
-
-    An AR4's poses have more columns than phi, which files of poses do not have yet.
-    """
+    """Poses of joint positions beside home lead back to them; slides, which no pose determines, are at home."""
     robot = load_robot(name)
     home = np.array(robot.home)
     off = np.array([0.0 if joint.name in ("sx", "sz") else 3.0 for joint in robot.joints])
-    joints = np.clip([home, home + off, home], [j.lower for j in robot.joints], [j.upper for j in robot.joints])
-    kinematics = make_kinematics(robot)
-    rows = "".join(
-        f"{i}," + ",".join(map(repr, pose)) + "\n" for i, pose in enumerate(kinematics.forward(joints).tolist())
+    joints = np.clip(
+        [home + off / 3.0, home + off, home + off / 3.0],
+        [j.lower for j in robot.joints],
+        [j.upper for j in robot.joints],
     )
+    kinematics = make_kinematics(robot)
+    task = kinematics.task
+    figures = task.figures(kinematics.forward(joints)).tolist()
+    rows = "".join(f"{i}," + ",".join(map(repr, pose)) + "\n" for i, pose in enumerate(figures))
     tried = [branch for branch in kinematics.branches if _reaches(robot.name, joints, branch)]
-    found = read(tmp_path, f"t,x,y,z,phi\n{rows}", name, elbow=tried[0])
+    found = read(tmp_path, f"t,{','.join(task.coordinates)}\n{rows}", name, elbow=tried[0])
     assert found.points.positions == pytest.approx(joints, abs=1e-6)
 
 
@@ -144,10 +145,12 @@ def test_mistakes(text: str, elbow: str | None, told: str, tmp_path: Path) -> No
     assert complaint(tmp_path, text, elbow=elbow) == told
 
 
-@pytest.mark.parametrize("step_deg", [50, -50])
-def test_a_wrist_goes_on_over_several_turns(step_deg: int, tmp_path: Path) -> None:
-    """A tool that turns by 450 deg: th4 of the laboratory robot begins at 178 of its 360 deg, or a turn before it."""
-    rows = [f"{i},-300,400,0,{step_deg * i}\n" for i in range(16)]
+@pytest.mark.parametrize(("start_deg", "step_deg"), [(0, 50), (0, -50), (-4, 50), (-4, -50)])
+def test_a_wrist_goes_on_over_several_turns(start_deg: int, step_deg: int, tmp_path: Path) -> None:
+    """A tool that turns by 450 deg: th4 of the laboratory robot begins at 178 or -178 of its 360 deg, or a
+    turn beside it.
+    """
+    rows = [f"{i},-300,400,0,{start_deg + step_deg * i}\n" for i in range(16)]
     motion = read(tmp_path, "".join(["t,x,y,z,phi\n", *rows[:10]]), "lab-scara")
     th4 = motion.points.positions[:, 3]
     assert np.diff(th4) == pytest.approx(-step_deg, abs=1e-9)

@@ -199,6 +199,7 @@ class TestMistakesInACsv:
             pytest.param(CSV.replace("-5", "true"), "line 3, th2: 'true' is not a number", id="boolean"),
             pytest.param(CSV.replace("-5", "nan"), "line 3, th2: 'nan' is not a finite number up to 1e+09", id="nan"),
             pytest.param(CSV.replace("-5", "-inf"), "line 3, th2: '-inf' is not a finite number", id="inf"),
+            pytest.param(CSV.replace("-5", "-1e10"), "line 3, th2: '-1e10' is not a finite number", id="-1e10"),
             pytest.param(CSV.replace("-5", "1e400"), "line 3, th2: '1e400' is not a finite number", id="1e400"),
             pytest.param(CSV.replace("0.5", "0.5_0"), "line 3, t: '0.5_0' is not a number", id="an underscore"),
             pytest.param(CSV.replace("0.5", "０.５"), "line 3, t: '０.５' is not a number", id="full-width digits"),

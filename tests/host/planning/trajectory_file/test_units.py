@@ -114,6 +114,14 @@ def test_what_moveit_plans_is_read(tmp_path: Path) -> None:
     assert plan(ROBOT, motion.trajectory).trajectory.duration_s == 2.5
 
 
+def test_times_are_rounded_to_the_nearest_millisecond(tmp_path: Path) -> None:
+    document = moveit()
+    document["joint_trajectory"]["points"][1]["time_from_start"]["nanosec"] = 600_000
+    points = read_file_motion(written(tmp_path, document), ROBOT, units="rad,m").points
+    assert points.times_s.tolist() == [0.0, 1.001, 2.5]
+    assert points.rounded_s == pytest.approx(0.0004)
+
+
 def test_without_velocities_only_the_end_is_rounded(tmp_path: Path) -> None:
     document = moveit()
     for point in document["joint_trajectory"]["points"]:

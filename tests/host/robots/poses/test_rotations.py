@@ -20,6 +20,7 @@ from steptwin.host.robots.poses.rotations import (
     rotation_vector_deg,
     rpy_deg,
     turned,
+    wrapped_deg,
 )
 
 COUNT = 500
@@ -76,6 +77,19 @@ def test_matrices_of_turns_about_the_axes(axis: int, angle: float) -> None:
 @given(st.floats(1e-12, 179.0))
 def test_small_angles_are_not_lost(angle: float) -> None:
     assert angle_deg(of_rpy_deg(np.zeros(3)), of_rotation_vector(np.array([0.0, angle, 0.0]))) == pytest.approx(angle)
+
+
+def test_both_signs_of_a_quaternion_are_no_angle_apart() -> None:
+    """Theirs is at most 1e-6 deg, by an arc cosine."""
+    assert np.abs(angle_deg(rotations(), -rotations())).max() < 1e-12
+    theirs = np.rad2deg((Rotation.from_quat(rotations(1)) * Rotation.from_quat(rotations(2)).inv()).magnitude())
+    assert angle_deg(rotations(2), -rotations(1)) == pytest.approx(theirs, abs=1e-6)
+
+
+def test_angles_end_at_180_and_begin_behind_minus_180() -> None:
+    found = wrapped_deg(np.array([-180.0, 180.0, 180.5, -180.5, 540.0, 0.1, np.nan]))
+    assert found.tolist()[:-1] == [180.0, 180.0, -179.5, 179.5, 180.0, 0.1]
+    assert np.isnan(found[-1])
 
 
 @pytest.mark.parametrize("pitch", [90.0, -90.0, 89.9995, -89.9995])

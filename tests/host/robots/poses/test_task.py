@@ -141,6 +141,45 @@ def test_errors_are_one_angle() -> None:
     assert POSITION.off_deg(np.zeros((2, 5, 3)), np.zeros((5, 3))).shape == (2, 5)
 
 
+def test_a_document_has_the_scalar_that_is_not_negative() -> None:
+    x, y, z, *turn = POSE.changed(HERE[POSE], {}, Orientation("rotvec_deg", (10.0, 20.0, 30.0)))
+    first, second = (POSE.document((x, y, z, *(sign * part for part in turn))) for sign in (1.0, -1.0))
+    assert first == second
+    assert first["quaternion_xyzw"] == pytest.approx(Rotation.from_rotvec([10.0, 20.0, 30.0], degrees=True).as_quat())
+
+
+def test_coordinates_of_a_direction_have_any_length() -> None:
+    assert DIRECTION_TASK.of_figures(np.array([1.0, 2.0, 3.0, 0.0, 3.0, 4.0])).tolist() == [1, 2, 3, 0, 0.6, 0.8]
+
+
+@given(ANGLES, ANGLES)
+def test_the_shortest_turn_of_a_direction_leads_there(start: tuple[float, ...], goal: tuple[float, ...]) -> None:
+    """In the plane of both, by the angle between them."""
+    first, last = (Orientation("rotvec_deg", values).direction for values in (start, goal))
+    poses = [(0.0, 0.0, 0.0, *each.tolist()) for each in (first, last)]
+    try:
+        turning = Turning.shortest(DIRECTION_TASK, *poses)
+    except InputError:
+        return
+    assert turning.at(np.array([0.0, 1.0])) == pytest.approx(np.array([first, last]), abs=1e-6)
+    assert np.cos(np.deg2rad(turning.angle_deg)) == pytest.approx(first @ last, abs=1e-9)
+    assert turning.turn_deg @ first == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("task", [POSE, DIRECTION_TASK], ids=lambda task: task.name)
+def test_the_turning_is_the_turn_per_time(task: Task) -> None:
+    """Of a steady turn in one second it is the whole turn at every instant, by differences of orientations."""
+    tilted = (
+        Orientation("direction", (1.0, 0.4, 0.3)) if task is DIRECTION_TASK else Orientation("rpy_deg", (50, 20, 30))
+    )
+    goal = task.changed(HERE[task], {}, tilted)
+    turning = Turning.shortest(task, HERE[task], goal)
+    t_s, dt_s = np.linspace(0.1, 0.9, 5), 1e-6
+    derivative = (turning.at(t_s + dt_s) - turning.at(t_s - dt_s)) / (2.0 * dt_s)
+    rates = task.turning_deg(turning.at(t_s), derivative)
+    assert rates == pytest.approx(np.tile(turning.turn_deg, (5, 1)), abs=1e-6)
+
+
 def test_quaternions_go_on_without_a_jump() -> None:
     """On a full turn the quaternion's sign changes once; continued, no component jumps."""
     angles = np.linspace(0.0, 360.0, 100)
