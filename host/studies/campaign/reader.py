@@ -21,7 +21,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import SUFFIX as PROGRAM_SUFFIX
 from steptwin.host.planning.programs import compile_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.planning.trajectory_file import is_trajectory_file, read_trajectory
+from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file, read_trajectory
 from steptwin.host.robots import SUFFIX as ROBOT_SUFFIX
 from steptwin.host.robots import load_robot, load_robot_file
 from steptwin.host.robots.robot import Robot
@@ -201,7 +201,8 @@ class _Reader:
                 return read_trajectory(path, robot)
             if name.endswith(PROGRAM_SUFFIX):
                 return compile_program(read_program(path), robot).trajectory
-        raise InputError(f"file: {name} is neither a trajectory (.csv, .json) nor a program ({PROGRAM_SUFFIX})")
+        endings = ", ".join(SUFFIXES)
+        raise InputError(f"file: {name} is neither a trajectory ({endings}) nor a program ({PROGRAM_SUFFIX})")
 
     # --- what goes wrong, and what varies
 

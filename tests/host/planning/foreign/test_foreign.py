@@ -124,6 +124,21 @@ def test_a_program_of_the_parol6(tmp_path: Path) -> None:
     assert made.left_out == ("Gripper(255,20,120)",)
 
 
+def test_the_parol6s_own_example_goes_straight_down() -> None:
+    """Its example_2.txt moves the joints above a place and then to it: 70 mm lower, turned by less than a degree."""
+    robot = load_robot("parol6")
+    above = LANGUAGES["parol6"]("MoveJoint(89.033,-49.402,174.486,-1.027,-43.341,85.596)", robot.joint_names)
+    at = LANGUAGES["parol6"]("MoveCart(-41.535,300.316,17.635,6.141,-0.686,-179.224)", robot.joint_names)
+    assert isinstance(above, TakenOver)
+    assert isinstance(at, TakenOver)
+    kinematics, place = make_kinematics(robot), at.keys["line"]
+    (start,) = kinematics.forward(np.array([list(above.keys["go"].values())]))
+    turn = Orientation("rotvec_deg", tuple(place["rotvec_deg"]))
+    goal = np.array([place["x"], place["y"], place["z"], *turn.rotation])
+    assert (start - goal)[:3] == pytest.approx([0.0, 0.0, 70.0], abs=1.1)
+    assert kinematics.task.off_deg(start, goal) < 0.5
+
+
 @given(st.tuples(*[st.floats(-180.0, 180.0)] * 3))
 def test_the_angles_of_the_parol6_are_spatialmaths(angles: tuple[float, float, float]) -> None:
     """The Commander itself reads them by SE3.RPY(..., order='xyz')."""
