@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.firmware import Firmware
@@ -117,6 +118,8 @@ class Board:
         """Tells where an axis' rotor is, if motors turn with the board."""
         self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
         """Listeners to the records of each axis' queue."""
+        self.rate_ramps: list[RateRamp] = []
+        """Ramps of the time of the axes that interpolate, since power-up or since they were taken last."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
 
@@ -130,10 +133,19 @@ class Board:
         """Levels of the inputs that the firmware has seen last."""
         self._look_at_once = self.inputs.levels != self._seen
         """True if the inputs must be read at the start of the next tick."""
+        self.firmware.motion.group.on_ramp = self._note_ramp
         for axis, listener in self._on_record.items():
             self.on_record(axis, listener)
         for axis, node in enumerate(self.firmware.nodes):
             node.dictionary.bind(EmulatedAxis(self, axis))
+
+    def _note_ramp(self, ramp: RateRamp) -> None:
+        self.rate_ramps.append(ramp)
+
+    def take_rate_ramps(self) -> list[RateRamp]:
+        """Return `rate_ramps` up to now and clear it."""
+        ramps, self.rate_ramps = self.rate_ramps, []
+        return ramps
 
     def _make_controller(self) -> CanController:
         firmware = self.firmware

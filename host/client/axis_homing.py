@@ -19,7 +19,6 @@ from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
-from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID
 
 _TEXTS: Final[dict[int, str]] = {
     HomingError.NOT_FOUND: "the switch was not found on the whole way",
@@ -44,29 +43,10 @@ class HomingSettings:
     """Position of the edge."""
     timeout_ms: int
     """Longest duration; 0 sets no limit."""
-    switch_axis: int | None = None
-    """The axis at whose inputs the switches are, for a homing of several axes together; None for one alone."""
-    reversed: bool = False
-    """True if the axis moves down where the switches are passed upwards."""
-    partial: bool = False
-    """True if the position stays unknown afterwards, because it needs another homing."""
 
     def objects(self) -> list[tuple[int, int]]:
-        """Return the entries that hold these settings, as (address, value).
-
-        Those that a homing together needs hold for the next homing only.
-        """
-        together = (
-            []
-            if self.switch_axis is None
-            else [
-                (od.HOMING_SWITCH_NODE, FIRST_NODE_ID + self.switch_axis),
-                (od.HOMING_REVERSED, self.reversed),
-                (od.HOMING_PARTIAL, self.partial),
-            ]
-        )
+        """Return the entries that hold these settings, as (address, value)."""
         return [
-            *together,
             (od.HOMING_METHOD, self.method),
             (od.HOMING_SEARCH_SPEED, self.search_units_per_s),
             (od.HOMING_ZERO_SPEED, self.zero_units_per_s),
@@ -83,69 +63,13 @@ class AxisHoming(NamedTuple):
     settings: HomingSettings
 
 
-class HomingPair(NamedTuple):
-    """Two axes that drive one joint and must stay together.
-
-    Attributes:
-        first, second: their numbers.
-        skew_max: how far one may go beyond the other while they are homed, in `unit`.
-        unit: the joint's unit.
-        per_unit: the axes' wire units in it.
-    """
-
-    first: int
-    second: int
-    skew_max: float
-    unit: str
-    per_unit: float
-
-
-class PairWatch:
-    """Watches how far the two axes of a pair have gone since the start of their homings.
-
-    An axis that is homed stands; what it was renumbered by is no way.
-    """
-
-    def __init__(self, axes: Sequence[AxisClient], pair: HomingPair) -> None:
-        self._pair = pair
-        self.axes = (axes[pair.first], axes[pair.second])
-        self._starts_units = [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
-        self._ways_units = [0, 0]
-        self._seeking = [True, True]
-
-    def look(self) -> None:
-        """Raise DeviceFaultError if one axis has gone too far beyond the other."""
-        for i, axis in enumerate(self.axes):
-            if self._seeking[i]:
-                position_units = axis.read(od.POSITION_ACTUAL)
-                self._seeking[i] = not axis.read(od.STATUSWORD) & _ENDED
-                if self._seeking[i]:  # the position read before is in the old count
-                    self._ways_units[i] = position_units - self._starts_units[i]
-        skew = abs(self._ways_units[1] - self._ways_units[0]) / self._pair.per_unit
-        if skew > self._pair.skew_max:
-            first, second = (axis.name for axis in self.axes)
-            text = (
-                f"{second}: homing took it {skew:.4g} {self._pair.unit} apart from {first}, more than skew_max,"
-                f" {self._pair.skew_max:g} {self._pair.unit}: is the joint crooked, or does a switch not close?"
-            )
-            raise DeviceFaultError(text)
-
-
-_ENDED: Final = Status.TARGET_REACHED | Status.HOMING_ERROR
-"""Bits of the statusword of which one says that a homing is over."""
-
-
-def run_homings(
-    link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None], pairs: Sequence[PairWatch] = ()
-) -> None:
+def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
     """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
-    `one_homed` is called whenever one of the axes is homed. Axes that are homed together, as their settings say, set
-    off in the same servo tick.
+    `one_homed` is called whenever one of the axes is homed.
 
     Raises:
-        DeviceFaultError: a homing failed, an axis of a pair went too far beyond the other, or a drive is in fault or
-            was switched off; the message says why.
+        DeviceFaultError: a homing failed, or a drive is in fault or was switched off; the message says why.
         BusError: a node does not answer, or a homing neither ends nor fails.
     """
     for axis, settings in homings:
@@ -155,15 +79,10 @@ def run_homings(
             axis.write(address, value)
     axes = [axis for axis, _ in homings]
     old_reports = [axis.drive_status for axis in axes]
-    for axis, settings in homings:
-        if settings.switch_axis is None:
-            axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
-        else:
-            axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
-    if any(settings.switch_axis is not None for _, settings in homings):
-        link.network.send_message(COB_SYNC, b"")
+    for axis in axes:
+        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
     try:
-        _await_all(link, homings, old_reports, one_homed, pairs)
+        _await_all(link, homings, old_reports, one_homed)
     except BaseException:
         with suppress(StepTwinError):  # the first error is the one to report
             _release(link, axes)
@@ -176,7 +95,6 @@ def _await_all(
     homings: Sequence[AxisHoming],
     old_reports: Sequence[DriveStatus | None],
     one_homed: Callable[[], None],
-    pairs: Sequence[PairWatch],
 ) -> None:
     """Wait until all axes are homed; reports from before the start say nothing."""
     waiting = [(axis, old) for (axis, _), old in zip(homings, old_reports, strict=True)]
@@ -184,8 +102,6 @@ def _await_all(
 
     def all_homed() -> bool:
         listening.check()
-        for pair in pairs:
-            pair.look()
         for each in list(waiting):
             axis, old = each
             if _says_it_ended(axis, old) and _homed(link, axis):

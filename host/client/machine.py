@@ -10,7 +10,7 @@ from typing import Final
 from canopen.objectdictionary import ObjectDictionary, eds
 
 from steptwin.host.client.axis import AxisClient, AxisSettings, Objects
-from steptwin.host.client.axis_homing import AxisHoming, HomingPair, HomingSettings, PairWatch, run_homings
+from steptwin.host.client.axis_homing import AxisHoming, HomingSettings, run_homings
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.links.link import Link
 from steptwin.host.client.shared_node import Patience
@@ -154,26 +154,16 @@ class Machine:
         progress: Progress = lambda _: None,
         *,
         together: bool = False,
-        sets: Sequence[Sequence[int]] = (),
-        pairs: Sequence[HomingPair] = (),
     ) -> None:
         """Home the enabled axes by their switches, one after the other or all together; None leaves an axis alone.
 
-        The axes of a set are homed at the same time in any case; how far the two of a pair go is watched. Afterwards an
-        axis stands a little beyond its home, whose position is `offset_units`. `progress` is called with the part of
-        the axes that is homed. Raises as `axis_homing.run_homings`; after an error no further axis is homed.
+        Afterwards an axis stands a little beyond its home, whose position is `offset_units`. `progress` is called with
+        the part of the axes that is homed. Raises as `homing.run_homings`; after an error no further axis is homed.
         """
-        homings = {
-            i: AxisHoming(axis, how) for i, (axis, how) in enumerate(zip(self.axes, settings, strict=True)) if how
-        }
-        first_of = {axis: axes[0] for axes in sets for axis in axes}
-        groups: dict[int, list[AxisHoming]] = {}
-        for i, homing in homings.items():
-            groups.setdefault(0 if together else first_of.get(i, i), []).append(homing)
+        homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
         homed = count(1)
-        for first, group in groups.items():
-            watched = [PairWatch(self.axes, pair) for pair in pairs if together or pair.first == first]
-            run_homings(self.link, group, lambda: progress(next(homed) / len(homings)), watched)
+        for group in [homings] if together else [[homing] for homing in homings]:
+            run_homings(self.link, group, lambda: progress(next(homed) / len(homings)))
 
     def positions_units(self, moved: Collection[int] | None = None) -> list[int]:
         """Return the position actual value (6064h) of each axis, by its step counter.

@@ -33,7 +33,8 @@ class TrajectoryTime:
         """The beginning of every record, then the end of the last."""
         self._executing = 0
         self._reported_s = now_s
-        self._highest_rate = highest_percent / 100
+        self._gain = highest_percent / 100 - 1
+        """By how much more than the clock's the trajectory's time may have passed, as a part."""
 
     def extend(self, durations_ms: Iterable[int]) -> None:
         """Add records behind the last one."""
@@ -59,7 +60,7 @@ class TrajectoryTime:
     def most_s(self, now_s: float) -> float:
         """Return the upper bound: the trajectory has reached at most this time."""
         ended_s = self._begins_ms[min(self._executing + 1, len(self._begins_ms) - 1)] / 1000
-        return ended_s + (now_s - self._reported_s) * self._highest_rate
+        return ended_s + now_s - self._reported_s + self._gain * (now_s - self._reported_s)
 
 
 _I24_MASK = (1 << 24) - 1

@@ -16,9 +16,8 @@ from steptwin.host.robots.box import Range
 from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics, marks
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, OutputChange
+from steptwin.host.verify import Comparison, Evidence, OutputChange
 from steptwin.host.verify.switching import output_changes
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _END: Final = float("inf")
 
@@ -38,7 +37,7 @@ class RecordedMachine:
         """Return the machine of a stored run; outputs are those of its pins, whether they were planned or not."""
         evidence = run.comparison.evidence
         changes = output_changes(run.robot, evidence.axes)
-        holds_s = {name: _on_times_s(changes, name, evidence.start_counts) for name in run.robot.outputs}
+        holds_s = {name: _on_times_s(changes, name, evidence) for name in run.robot.outputs}
         return cls(run.robot, make_kinematics(run.robot), run.comparison, holds_s)
 
     @property
@@ -84,7 +83,7 @@ class RecordedMachine:
         }
 
 
-def _on_times_s(changes: Sequence[OutputChange], name: str, start_counts: int) -> tuple[Range, ...]:
+def _on_times_s(changes: Sequence[OutputChange], name: str, evidence: Evidence) -> tuple[Range, ...]:
     own = [change for change in changes if change.name == name]
-    instants_s = [(change.counts - start_counts) / COUNTS_PER_SECOND for change in own] + [_END]
+    instants_s = [evidence.trajectory_s(change.counts) for change in own] + [_END]
     return tuple(span for change, span in zip(own, pairwise(instants_s), strict=True) if change.level)

@@ -19,7 +19,8 @@ from steptwin.host.verify.evidence import (
     ShelfEvidence,
     Slips,
 )
-from steptwin.host.verify.report import BusReport, Report, RunInfo
+from steptwin.host.verify.rates import AS_PLANNED, RateRamps
+from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.verifier import (
     POSITION_ERROR_LIMIT_STEPS,
@@ -29,6 +30,7 @@ from steptwin.host.verify.verifier import (
 )
 
 __all__ = [
+    "AS_PLANNED",
     "NO_SLIPS",
     "POSITION_ERROR_LIMIT_STEPS",
     "SIXTEENTHS",
@@ -43,6 +45,7 @@ __all__ = [
     "LevelEdges",
     "OutputChange",
     "Phases",
+    "RateRamps",
     "Report",
     "RunInfo",
     "ShelfEvent",
@@ -53,6 +56,7 @@ __all__ = [
     "motor_moves",
     "shelf_contradictions",
     "shelf_document",
+    "speeds_document",
     "verify",
     "verify_comparison",
 ]

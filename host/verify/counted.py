@@ -13,7 +13,6 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.verify.evidence import AxisEvidence
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 def motor_moves(axis: AxisEvidence, planned: int | None) -> FloatArray:
@@ -136,7 +135,7 @@ def counted_steps(axis: AxisEvidence, start_counts: int, microsteps: int | None 
         positions, start_steps = positions + slipped[first:], start_steps + slipped_before
     signs = axis.step_signs[first:]
     return CountedSteps(
-        time_s=(axis.step_counts[first:] - start_counts) / COUNTS_PER_SECOND,
+        time_s=axis.rates.trajectory_s(axis.step_counts[first:], start_counts),
         signs=signs,
         counters=int(np.floor(start_steps + 0.5)) + np.concatenate(([0], np.cumsum(signs, dtype=np.int64))),
         positions=positions,

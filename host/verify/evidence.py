@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int16Array, Int32Array, Int64Array
+from steptwin.host.verify.rates import AS_PLANNED, RateRamps
 from steptwin.protocol.drivers import ActiveEdge
 
 
@@ -127,6 +128,7 @@ class AxisEvidence:
         phases: electrical angle and currents.
         pins: the axis' other pins by lower-case name: `reset`, `enable`, `m1`, ..., `out1`, `out2`.
         slips: what the motor lost, though its driver counted on.
+        rates: how fast the time of the trajectory passed that the axis executed.
     """
 
     name: str
@@ -142,6 +144,7 @@ class AxisEvidence:
     phases: Phases
     pins: Mapping[str, LevelEdges]
     slips: Slips = NO_SLIPS
+    rates: RateRamps = AS_PLANNED
 
     @property
     def last_counts(self) -> int:
@@ -216,3 +219,7 @@ class Evidence:
     axes: tuple[AxisEvidence, ...]
     outputs: tuple[OutputChange, ...] = ()
     shelf: ShelfEvidence | None = None
+
+    def trajectory_s(self, counts: int) -> float:
+        """Return the trajectory's time at an instant, by the first axis, whose reports the host follows."""
+        return float(self.axes[0].rates.trajectory_s(np.array(counts), self.start_counts))

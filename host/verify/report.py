@@ -1,6 +1,6 @@
 """Report a run in plain figures, with the reasons if it failed; the keys are a contract with the report's readers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import isnan
 from typing import Any
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from steptwin.host.verify.evidence import AxisEvidence, Evidence
+from steptwin.host.verify.rates import SpeedReport
 from steptwin.host.verify.switching import OutputReport
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def _of_axis(axis: AxisEvidence, start_counts: int) -> Iterator[ViolationReport]
             worst=float(values[np.argmax(np.abs(values - limit.limit))]),
             limit=limit.limit,
             unit=limit.unit,
-            first_s=float(violations.counts[chosen].min() - start_counts) / COUNTS_PER_SECOND,
+            first_s=float(axis.rates.trajectory_s(violations.counts[chosen].min(), start_counts)),
             source=limit.source,
         )
 
@@ -160,34 +160,13 @@ class ToolReport:
 
 
 @dataclass(frozen=True, slots=True)
-class SkewReport:
-    """How far the two motors of a joint were apart, by their drivers' counts and their slips, in mm or degrees.
-
-    Attributes:
-        first: name of the joint and of its own axis.
-        second: name of the second motor's axis.
-        unit: "mm" or "deg".
-        skew_max: the largest distance at any instant of the motion.
-        skew_end: how far the second motor was ahead at the end.
-        limit: the largest distance that the robot's file allows.
-    """
-
-    first: str
-    second: str
-    unit: str
-    skew_max: float
-    skew_end: float
-    limit: float
-
-
-@dataclass(frozen=True, slots=True)
 class Report:
     """A verified run.
 
     Attributes:
         run: names, traffic and times.
         reasons: one line for each failed check, naming axis, value and limit; empty if the run passed.
-        axes: figures of each axis in its order.
+        axes: figures of each axis in joint order.
         joints: joint positions at start and end.
         tool: deviation of the tool; without one its figures are NaN, and the document has null.
         outputs: each planned change of a digital output, with the time when it was made.
@@ -196,7 +175,7 @@ class Report:
             from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the
             planned steps.
         shelf: what happened at the shelf, under the keys of the document; None if the robot has none.
-        skews: how far the two motors of joints that have two were apart.
+        speeds: the changes of the motion's speed on the way, pauses too; the document has them only if there are any.
     """
 
     run: RunInfo
@@ -208,7 +187,7 @@ class Report:
     violations: tuple[ViolationReport, ...]
     actual_tool: ToolReport | None = None
     shelf: Mapping[str, Any] | None = None
-    skews: tuple[SkewReport, ...] = ()
+    speeds: tuple[SpeedReport, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -230,11 +209,16 @@ class Report:
             "outputs": [_plain(asdict(output)) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
             **({} if self.shelf is None else {"shelf": _plain(dict(self.shelf))}),
-            **({"skews": [_plain(asdict(skew)) for skew in self.skews]} if self.skews else {}),
+            **speeds_document(self.speeds),
             "bus": _plain(asdict(self.run.bus)),
             "simulated_s": _plain(self.run.simulated_s),
             "wall_s": _plain(self.run.wall_s),
         }
+
+
+def speeds_document(speeds: Sequence[SpeedReport]) -> dict[str, Any]:
+    """Return the changes of speed under their key in a document of a run, which has it only if there were any."""
+    return {"speeds": [_plain(asdict(speed)) for speed in speeds]} if speeds else {}
 
 
 def _plain(value: Any) -> Any:

@@ -7,7 +7,6 @@ from itertools import zip_longest
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify.evidence import AxisEvidence, Evidence, OutputChange
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +63,8 @@ def _made(planned: tuple[Switching, ...], evidence: Evidence) -> list[float | No
         if switching is None:
             break
         right = change is not None and (change.name, bool(change.level)) == (switching.output, switching.on)
-        made.append(_time_s(change, evidence) if right else None)
+        made.append(evidence.trajectory_s(change.counts) if right else None)
     return made
-
-
-def _time_s(change: OutputChange, evidence: Evidence) -> float:
-    return (change.counts - evidence.start_counts) / COUNTS_PER_SECOND
 
 
 def _when(changed_s: float | None) -> str:

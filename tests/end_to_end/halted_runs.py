@@ -18,7 +18,7 @@ from steptwin.host.planning.planner import DEFAULT_POINT_MS, plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.verify import AxisEvidence, Evidence, Report, verify
+from steptwin.host.verify import AS_PLANNED, AxisEvidence, Evidence, Report, verify
 
 _POLL_S = 0.01
 
@@ -41,7 +41,11 @@ class Ramp(NamedTuple):
 
 @dataclass(frozen=True)
 class HaltedRun:
-    """The outcome of a run, whether each of its breaks found it moving, and the ramps of the group's rate."""
+    """The outcome of a run, whether each of its breaks found it moving, and the ramps of the group's rate.
+
+    The product's verdict knows the ramps from the board's record; this judges by those seen in the firmware, in its own
+    way.
+    """
 
     outcome: Outcome
     halted: tuple[bool, ...]
@@ -70,6 +74,7 @@ class HaltedRun:
             clk_fall_counts=self._warped(axis.clk_fall_counts),
             dir_edge_counts=self._warped(axis.dir_edge_counts),
             step_counts=self._warped(axis.step_counts),
+            rates=AS_PLANNED,
         )
 
     def _warped(self, counts: Int64Array) -> Int64Array:

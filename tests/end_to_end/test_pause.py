@@ -1,11 +1,13 @@
 """Jobs that are paused and resumed on the way: the same counts, the same path, outputs within their pauses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify import AS_PLANNED, AxisEvidence, verify
 from tests.end_to_end.halted_runs import Break, HaltedRun, run_with
 
 TH1 = 3
@@ -68,11 +70,23 @@ def test_the_drawer_pull_keeps_its_path(fast_kernel: Kernel, planned: HaltedRun,
     assert places(run) == places(planned)
     report = run.verify()
     assert report.passed, report.reasons
+    _judged_alike(run)
     before, after = planned.evidence.axes, run.evidence.axes
     for axis in ARM:
         assert steps_off_the_path(before[axis], after[axis], before[TH1], after[TH1]).max() < 0.1
     rested_s = sum(lasts_s for _, lasts_s in breaks)
     assert rested_s < late_s(run, planned) < rested_s + 0.05 * len(breaks)
+
+
+def _judged_alike(run: HaltedRun) -> None:
+    """The run's own verdict says what that by the firmware's ramps says, to the tick that those are made of."""
+    own, by_ramps = run.outcome.report, run.verify()
+    assert own.passed, own.reasons
+    for mine, theirs in zip(own.axes, by_ramps.axes, strict=True):
+        assert mine.position_error_steps_max == pytest.approx(theirs.position_error_steps_max, abs=0.002)
+    assert [speed.percent for speed in own.speeds] == [percent for _ in run.halted for percent in (0, 100)]
+    blind = replace(run.evidence, axes=tuple(replace(axis, rates=AS_PLANNED) for axis in run.evidence.axes))
+    assert not verify(run.outcome.comparison.expected, blind, own.run).passed, "by the board's clock it is another"
 
 
 def test_the_machine_stands_still_in_a_pause(paused: HaltedRun) -> None:
@@ -109,4 +123,4 @@ def test_outputs_go_by_the_trajectory(fast_kernel: Kernel, breaks: list[Break]) 
     assert [round(output.from_s, 3) for output in report.outputs] == [1.238, 8.589, 10.889, 13.189]
     for output in report.outputs:
         assert output.changed_s == pytest.approx(output.from_s + 0.01, abs=0.012)
-    assert not run.outcome.report.passed, "by the board's clock the motion is not the planned one"
+    _judged_alike(run)

@@ -23,6 +23,7 @@ from steptwin.host.record.folder.layout import (
 from steptwin.host.record.folder.npz_file import Arrays, opened_npz
 from steptwin.host.robots.robot import AXES_MAX
 from steptwin.host.verify import (
+    AS_PLANNED,
     NO_SLIPS,
     SIXTEENTHS,
     AxisEvidence,
@@ -31,9 +32,11 @@ from steptwin.host.verify import (
     Evidence,
     LevelEdges,
     Phases,
+    RateRamps,
     Slips,
 )
 from steptwin.protocol.drivers import ActiveEdge
+from steptwin.protocol.od import RATE_MAX_Q16
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 Array = NDArray[Any]
@@ -70,12 +73,13 @@ def _axis_until(axis: AxisEvidence, until_counts: int) -> AxisEvidence:
         phases=cut(axis.phases),
         pins={pin: cut(edges) for pin, edges in axis.pins.items()},
         slips=cut(axis.slips),
+        rates=cut(axis.rates),
     )
 
 
-_AnySeries = LevelEdges | Phases | DriverViolations | Slips
+_AnySeries = LevelEdges | Phases | DriverViolations | Slips | RateRamps
 """Evidence in arrays of equal length, one of which holds the instants."""
-_Series = TypeVar("_Series", LevelEdges, Phases, DriverViolations, Slips)
+_Series = TypeVar("_Series", LevelEdges, Phases, DriverViolations, Slips, RateRamps)
 
 
 def _columns(part: _AnySeries) -> dict[str, Array]:
@@ -100,7 +104,12 @@ ANGLE_TYPES: Final = {"phase_sixteenths": "|i1", "phase_substeps": "<i4"}
 """The same for the field's angles, of which an axis has the one or the other."""
 SLIP_TYPES: Final = {"slip_counts": "<i8", "slip_full_steps": "<i4"}
 """The same for the arrays that only axes have whose motors slipped."""
-ARRAY_TYPES: Final = EDGE_TYPES | ANGLE_TYPES | SLIP_TYPES
+RATE_TYPES: Final = {"rate_counts": "<i8", "rate_from_q16": "<i8", "rate_to_q16": "<i8", "rate_lasts_counts": "<i8"}
+"""The same for the arrays that only axes have whose motion was paused, or made slower or faster on the way."""
+RARE_TYPES: Final = SLIP_TYPES | RATE_TYPES
+ARRAY_TYPES: Final = EDGE_TYPES | ANGLE_TYPES | RARE_TYPES
+RAMP_COUNTS_MAX: Final = 60 * COUNTS_PER_SECOND
+"""Longest ramp of the rate: a board's take up to 25 s."""
 PER_FULL_STEP_MAX: Final = 32_000
 """The least common multiple of all microsteps."""
 
@@ -177,6 +186,8 @@ def edge_arrays(axis: AxisEvidence) -> dict[str, Array]:
     if axis.slips.counts.size:
         arrays[f"{name}_slip_counts"] = axis.slips.counts
         arrays[f"{name}_slip_full_steps"] = axis.slips.full_steps.astype(SLIP_TYPES["slip_full_steps"])
+    if axis.rates.counts.size:
+        arrays |= {f"{name}_rate_{column}": values for column, values in _columns(axis.rates).items()}
     return arrays
 
 
@@ -233,7 +244,22 @@ def _axis(arrays: Arrays, name: str) -> AxisEvidence:
         phases=_phases(arrays, name),
         pins={pin: _pin(arrays, f"{name}_{pin}") for pin in PINS},
         slips=_slips(arrays, name),
+        rates=_rates(arrays, name),
     )
+
+
+def _rates(arrays: Arrays, name: str) -> RateRamps:
+    key = f"{name}_rate_counts"
+    if key not in arrays:
+        return AS_PLANNED
+    counts = arrays.instants(key)
+    bounds = ((0, RATE_MAX_Q16), (0, RATE_MAX_Q16), (0, RAMP_COUNTS_MAX))
+    columns = ("from_q16", "to_q16", "lasts_counts")
+    values = (
+        arrays.bounded(f"{name}_rate_{column}", bound, key, counts.size).astype(np.int64)
+        for column, bound in zip(columns, bounds, strict=True)
+    )
+    return RateRamps(counts, *values)
 
 
 def _slips(arrays: Arrays, name: str) -> Slips:

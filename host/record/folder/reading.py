@@ -20,7 +20,7 @@ from steptwin.host.record.folder.report_file import StoredReport, read_report, r
 from steptwin.host.record.folder.unfinished import PLAN, UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
-from steptwin.host.verify import Comparison, Evidence, Expectation, compare
+from steptwin.host.verify import AS_PLANNED, Comparison, Evidence, Expectation, compare
 from steptwin.host.verify.counted import CountedSteps, counted_steps
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -72,14 +72,17 @@ class CountedMotion:
 def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
     """Return the counts of a recording from its first step on, beside no plan: neither ideal steps nor pairs.
 
+    Time is the clock's: without a plan there is no other.
+
     Raises:
         InputError: no driver has counted a step.
     """
     firsts = [int(axis.step_counts[0]) for axis in evidence.axes if axis.step_counts.size]
     if not firsts:
         raise InputError("no driver has counted a step: nothing has moved")
-    evidence = replace(evidence, start_counts=max(0, min(firsts) - _BEFORE_COUNTS))
-    microsteps = (joint.transmission.microsteps for joint in robot.axes)
+    axes = tuple(replace(axis, rates=AS_PLANNED) for axis in evidence.axes)
+    evidence = replace(evidence, start_counts=max(0, min(firsts) - _BEFORE_COUNTS), axes=axes)
+    microsteps = (joint.transmission.microsteps for joint in robot.joints)
     counted = tuple(
         counted_steps(axis, evidence.start_counts, planned)
         for axis, planned in zip(evidence.axes, microsteps, strict=True)
@@ -129,8 +132,8 @@ def read_robot(folder: Path) -> Robot:
 def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
     """Raise InputError, naming the evidence's file, unless its axes are the robot's joints."""
     names = tuple(axis.name for axis in evidence.axes)
-    if names != robot.axis_names:
-        raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.axis_names)}")
+    if names != robot.joint_names:
+        raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
 
 
 def read_recording(folder: Path) -> UnfinishedRecording | None:
@@ -184,12 +187,15 @@ def _as_far(
     read: _ReadMotion, motion: Trajectory, evidence: Evidence, recording: UnfinishedRecording
 ) -> tuple[Trajectory, Evidence]:
     """Cut plan and evidence at the last point that was recorded, unless the whole motion was."""
-    until_s = (recording.mark.until_counts - evidence.start_counts) / COUNTS_PER_SECOND
+    until_s = evidence.trajectory_s(recording.mark.until_counts)
     if motion.duration_s <= until_s:
         return motion, evidence
     with prefixed(f"{recording.folder}: the recording ends {until_s:.3f} s into the motion: "):
         motion = read(until_s)
-    return motion, evidence_until(evidence, evidence.start_counts + round(motion.duration_s * COUNTS_PER_SECOND))
+    rates, until_counts = evidence.axes[0].rates, recording.mark.until_counts
+    return motion, evidence_until(
+        evidence, rates.instant_counts(motion.duration_s, evidence.start_counts, until_counts)
+    )
 
 
 def _no_plan(folder: Path, report: StoredReport) -> str | None:

@@ -22,7 +22,7 @@ from steptwin.host.record.folder.edges_file import (
     ANGLE_TYPES,
     ARRAY_TYPES,
     EDGE_TYPES,
-    SLIP_TYPES,
+    RARE_TYPES,
     angle_column,
     edge_arrays,
     header_arrays,
@@ -237,7 +237,7 @@ class Recording:
                 angles = angle_column(axis.per_full_step)
                 for column, code in {**EDGE_TYPES, angles: ANGLE_TYPES[angles]}.items():
                     self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
-                for column, code in SLIP_TYPES.items():
+                for column, code in RARE_TYPES.items():
                     if f"{axis.name}_{column}" in self._sizes:
                         self._write_array(archive, f"{axis.name}_{column}", np.dtype(code))
 

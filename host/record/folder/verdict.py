@@ -110,6 +110,7 @@ def _differences(stored: StoredRun, report: Report) -> list[str]:
         ("duration_s", said.run.duration_s, round(stored.duration_s, _MS)),
         ("axes", len(said.axes), len(given["axes"])),
         ("shelf", said.document.get("shelf"), given.get("shelf")),
+        ("speeds", said.document.get("speeds"), given.get("speeds")),
     ]
     for axis, figures in zip(given["axes"], said.axes, strict=False):
         pairs += [(f"{axis['name']}.{key}", figures.get(key), axis[key]) for key in _OF_THE_EDGES]

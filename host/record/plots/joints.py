@@ -26,13 +26,13 @@ from steptwin.host.record.plots.canvas import (
     note_still_axes,
     planned_instants,
     rows_of_axes,
+    rows_of_joints,
     thinned,
     write_inside,
 )
 from steptwin.host.robots.joint import Joint
 from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
 from steptwin.host.verify.deviation import ToolDeviation, deviations
-from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _ANGLES: Final = {"scara": "attitude", "direction": "direction", "position": ""}
 """The angle by which a tool is turned from its plan, by its task; a tool without an orientation is never turned."""
@@ -71,7 +71,7 @@ def _draw_rate(axes: Axes, comparison: Comparison, i: int) -> None:
         label="accepted: 1 / interval",
     )
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f"{comparison.axis_names[i]} [steps/s]")
+    axes.set_ylabel(f"{comparison.joint_names[i]} [steps/s]")
 
 
 def _accepted_rates(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +91,7 @@ def _draw_dir(axes: Axes, comparison: Comparison, i: int) -> None:
         write_inside(axes, "no change", color="0.4")
         return
     end_s = comparison.expected.trajectory.duration_s
-    edges_s = (evidence.dir_edge_counts - comparison.evidence.start_counts) / COUNTS_PER_SECOND
+    edges_s = evidence.rates.trajectory_s(evidence.dir_edge_counts, comparison.evidence.start_counts)
     levels = np.concatenate(([1 - evidence.dir_levels[0]], evidence.dir_levels, evidence.dir_levels[-1:]))
     t_s = np.concatenate(([min(0.0, edges_s[0])], edges_s, [max(end_s, edges_s[-1])]))
     axes.step(t_s, levels, where="post", color=COUNTED)
@@ -128,10 +128,7 @@ class _Curve:
 
 def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving joint: position, speed and acceleration, from left to right."""
-    moving = [i for i in moving_axes(comparison) if i < len(comparison.joint_names)]
-    figure = new_figure(run, "planned joint motion", ROW_INCHES * max(len(moving), 1))
-    note_still_axes(figure, comparison, moving_axes(comparison))
-    rows = rows_of_axes(figure, len(moving), 3)
+    figure, rows, moving = rows_of_joints(comparison, run, "planned joint motion", ROW_INCHES, 3)
     t_s = planned_instants(comparison)
     trajectory, robot = comparison.expected.trajectory, comparison.expected.robot
     motion = (trajectory.positions(t_s), trajectory.velocities(t_s), mean_accelerations(trajectory, t_s))
@@ -231,17 +228,10 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     t_s = drawn_instants(comparison)
     parts = list(deviations(comparison, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
-    axes = [_Series(f"{comparison.axis_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
-    skews = np.concatenate([part.skews for part in parts], axis=1)
-    seconds = comparison.axis_names[len(comparison.joint_names) :]
-    units = (comparison.expected.joint_units[joint] for joint in comparison.expected.coupling.seconds)
-    apart = [
-        _Series(f"{name} ahead [{unit}]", t_s, skews[..., i])
-        for i, (name, unit) in enumerate(zip(seconds, units, strict=True))
-    ]
+    axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
     angle = _ANGLES.get(comparison.expected.task.name, "orientation")
     tools = _tool_series("", angle, t_s, [part.tool for part in parts])
-    return [*axes, *apart, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
+    return [*axes, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
 
 
 def _tool_series(which: str, angle: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[_Series]:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board import Board
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
@@ -27,11 +29,17 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan
 from steptwin.host.twin.live.recording_report import JointFigures, bus_figures, load_percent, recording_report
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
-from steptwin.host.twin.machine.evidence import axis_evidence, driver_violations, in_bus_time, level_edges
+from steptwin.host.twin.machine.evidence import (
+    axis_evidence,
+    driver_violations,
+    in_bus_time,
+    level_edges,
+    rate_ramps,
+)
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
-from steptwin.host.verify import AxisEvidence, ShelfEvent, shelf_document
+from steptwin.host.verify import AxisEvidence, RateRamps, ShelfEvent, shelf_document, speeds_document
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
@@ -134,12 +142,14 @@ class LiveBoard:
             raise InputError(f"{self.engine.scenario.name}: {_NO_HOST}")
         self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
         """What happened at the shelf up to the last `record`."""
+        self._ramps: deque[RateRamp] = deque(maxlen=OPERATIONS_MAX)
+        """How the motions' speed has changed on the way, by the first board, up to the last `record`."""
         self._lines: list[str] = []
         """Lines of the bus log since the last `record`."""
         modules = [module for board in self._boards for module in board.config.modules]
         self._joints = [
             JointTotals(joint, steps, module.active_edge)
-            for joint, steps, module in zip(robot.axes, parts.start_steps, modules, strict=True)
+            for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0
         """Part of the time between the last two calls of `record` when the bus was busy, in percent."""
@@ -226,6 +236,7 @@ class LiveBoard:
             self._end_round()
             for each in self._boards:
                 each.take_pin_changes()
+                self._take_ramps(each)
 
     def record(self) -> None:
         """Write what has happened at the drivers since the last call to the files, and forget it."""
@@ -233,15 +244,23 @@ class LiveBoard:
         pieces: list[AxisEvidence] = []
         for board in self._boards:
             traces = [board.take_trace(axis) for axis in range(board.config.axis_count)]
-            changes = board.take_pin_changes()
+            changes, rates = board.take_pin_changes(), self._take_ramps(board)
             for axis, trace in enumerate(traces):
                 joint = self._joints[board.config.first_node_id - FIRST_NODE_ID + axis]
                 joint.add(trace)
                 if self._recording and not self._recording.failure:
-                    evidence = axis_evidence(joint.name, joint.start_steps, trace, level_edges(axis, changes))
+                    pins = level_edges(axis, changes)
+                    evidence = axis_evidence(joint.name, joint.start_steps, trace, pins, rates)
                     pieces.append(in_bus_time(evidence, board.own_clock))
         if self._recording and self._plan:
             self._recording.append(self._piece(pieces, lines, self._plan))
+
+    def _take_ramps(self, board: Board) -> RateRamps:
+        """Take a board's ramps of the rate; remember those of the first board."""
+        ramps = board.take_rate_ramps()
+        if board is self._boards[0]:
+            self._ramps.extend(ramps)
+        return rate_ramps(ramps)
 
     def _end_round(self) -> list[str]:
         """Take and log what has happened on the bus since the last round of all axes; return the log's lines."""
@@ -342,16 +361,18 @@ class LiveBoard:
 
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
-        shelf = self.shelf()
+        shelf, shown = self.shelf(), self._motion.recorded(ended=True)
+        speeds = rate_ramps(list(self._ramps)).speeds(shown.start_counts or 0)
         return recording_report(
             self._machine,
             [joint.figures for joint in self._joints],
-            self._motion.recorded(ended=True),
+            shown,
             job=LIVE_JOB,
             wall_s=self.wall_s,
             happened={
                 "real_time": self.real_time(),
                 "operations": self._machine.operations.requests(),
+                **speeds_document(speeds),
                 **({} if shelf is None else {"shelf": shelf}),
                 **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
                 **({} if self.engine is None else played_document(self.engine)),

@@ -28,7 +28,7 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
 
 NO_MOTION: Final = "no trajectory was run; a jog, a move or a homing has no plan"
-HALTED: Final = "it was halted on its way"
+HALTED: Final = "it was halted on its way, each board by a ramp of its own"
 ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
 _APART: Final = "the axes' records do not last equally long"
 _AHEAD_MAX: Final = 2 * QUEUE_DEPTH
@@ -56,14 +56,14 @@ class ReceivedPlan:
         self._rows: list[tuple[int, _Row | None]] = []
         """Rows that are not taken yet, each with the number of its plan; None stands for the head of the file."""
         self._robot = robot
-        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.axes]
+        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
         """The last records of each joint; some of them may wait in its queue when a motion begins."""
-        self._pending = [deque[PvtRecord]() for _ in robot.axes]
+        self._pending = [deque[PvtRecord]() for _ in robot.joints]
         """Records of the motion that are not in a row yet."""
         self._moving: list[int] = []
         """Joints that have records in this motion."""
         self._time_ms = 0
-        self._units = [0] * len(robot.axes)
+        self._units = [0] * len(robot.joints)
         """Positions of the last row, in the machine's wire units."""
 
     @property
@@ -157,7 +157,7 @@ class LivePlan(ReceivedPlan):
         self._machine = machine
         self._start_units = [
             steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-            for joint, steps in zip(machine.robot.axes, machine.start_steps, strict=True)
+            for joint, steps in zip(machine.robot.joints, machine.start_steps, strict=True)
         ]
         self._rest_units = self._demands_units()
         """Position of each axis at the last SYNC, as the firmware counts."""
@@ -184,8 +184,8 @@ class LivePlan(ReceivedPlan):
         """Begin a plan: the last SYNC has started a motion."""
         self.begin(self._on_machine(self._rest_units), self._queued)
         for joint, (board, axis) in enumerate(self._machine.axes):
-            config, name = board.firmware.motion.axes[axis].config, self._machine.robot.axis_names[joint]
-            as_filed = config.microsteps == self._machine.robot.axes[joint].transmission.microsteps
+            config, name = board.firmware.motion.axes[axis].config, self._machine.robot.joint_names[joint]
+            as_filed = config.microsteps == self._machine.robot.joints[joint].transmission.microsteps
             if self._queued[joint] and (config.dir_inverted or not as_filed):
                 self.fail(f"{name} is set up otherwise than in the robot's file")
 
@@ -193,7 +193,8 @@ class LivePlan(ReceivedPlan):
         """Note a halt or the end of the motion under way; must be called before the next frame reaches the axes."""
         if not self.going:
             return
-        if any(board.firmware.motion.group.halted for board, _ in self._machine.axes):
+        boards = {id(board): board for board, _ in self._machine.axes}
+        if len(boards) > 1 and any(board.firmware.motion.group.halted for board in boards.values()):
             self.fail(HALTED)
         if not in_motion:
             self.end(self._on_machine(self._demands_units()))

@@ -30,7 +30,7 @@ from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan, Recorded
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.machine.evidence import axes_evidence
-from steptwin.host.verify import Evidence, shelf_document
+from steptwin.host.verify import Evidence, shelf_document, speeds_document
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -95,7 +95,7 @@ def recording_report(
                 "pulses": joint.pulses,
                 "violations": joint.violations,
             }
-            for name, joint in zip(robot.axis_names, joints, strict=True)
+            for name, joint in zip(robot.joint_names, joints, strict=True)
         ],
         "joints": {
             "names": list(robot.joint_names),
@@ -194,5 +194,9 @@ class UnplannedRun:
             shown,
             job=self._job,
             wall_s=time.perf_counter() - self._began_s,
-            happened={"operations": self._machine.operations.requests(), **shelf},
+            happened={
+                "operations": self._machine.operations.requests(),
+                **speeds_document(evidence.axes[0].rates.speeds(shown.start_counts or 0)),
+                **shelf,
+            },
         )

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
@@ -17,7 +18,16 @@ from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
 from steptwin.host.faults.target import Target
-from steptwin.host.verify import AxisEvidence, DriverLimit, DriverViolations, LevelEdges, Phases, Slips
+from steptwin.host.verify import (
+    AS_PLANNED,
+    AxisEvidence,
+    DriverLimit,
+    DriverViolations,
+    LevelEdges,
+    Phases,
+    RateRamps,
+    Slips,
+)
 from steptwin.protocol.timer import COUNTS_PER_US
 
 _SCALES: Final = {
@@ -55,11 +65,13 @@ def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence,
 
 
 def _axes(machine: Target) -> Iterable[tuple[str, int, tuple[Board, int]]]:
-    return zip(machine.robot.axis_names, machine.start_steps, machine.axes, strict=True)
+    return zip(machine.robot.joint_names, machine.start_steps, machine.axes, strict=True)
 
 
 def _since_power_up(name: str, start_steps: int, board: Board, axis: int, *, currents: bool = True) -> AxisEvidence:
-    return axis_evidence(name, start_steps, board.trace(axis), level_edges(axis, board.pin_changes), currents=currents)
+    trace = board.trace(axis)  # first: it drains what the drivers' pins have done
+    pins, rates = level_edges(axis, board.pin_changes), rate_ramps(board.rate_ramps)
+    return axis_evidence(name, start_steps, trace, pins, rates, currents=currents)
 
 
 def tick_after(counts: int) -> int:
@@ -68,9 +80,15 @@ def tick_after(counts: int) -> int:
 
 
 def axis_evidence(
-    name: str, start_steps: int, trace: AxisTrace, pins: Mapping[str, LevelEdges], *, currents: bool = True
+    name: str,
+    start_steps: int,
+    trace: AxisTrace,
+    pins: Mapping[str, LevelEdges],
+    rates: RateRamps = AS_PLANNED,
+    *,
+    currents: bool = True,
 ) -> AxisEvidence:
-    """Return the evidence of one axis' driver and of its `pins`, by their names, as its board counts time.
+    """Return the evidence of one axis' driver, of its `pins` by their names and of its time, as its board counts time.
 
     Without `currents` it says nothing of the phases, which take most of the time.
     """
@@ -88,6 +106,7 @@ def axis_evidence(
         phases=_phases(trace.outputs, trace.substeps, currents=currents),
         pins=pins,
         slips=Slips(trace.slip_counts, trace.slip_full_steps),
+        rates=rates,
     )
 
 
@@ -111,6 +130,11 @@ def _with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Arr
         phases=replace(axis.phases, counts=instants(axis.phases.counts)),
         pins={name: replace(edges, counts=instants(edges.counts)) for name, edges in axis.pins.items()},
         slips=replace(axis.slips, counts=instants(axis.slips.counts)),
+        rates=replace(
+            axis.rates,
+            counts=instants(axis.rates.counts),
+            lasts_counts=instants(axis.rates.counts + axis.rates.lasts_counts) - instants(axis.rates.counts),
+        ),
     )
 
 
@@ -144,6 +168,13 @@ def _phase_values(outputs: ChipOutputs, counts: Int64Array) -> NDArray[np.int64]
     """Return the angle in substeps and both currents in mA, shape (n, 3)."""
     currents_ma = np.rint(1000 * outputs.currents_a(counts)).astype(np.int64)
     return np.column_stack([outputs.field_substeps(counts), currents_ma])
+
+
+def rate_ramps(ramps: Sequence[RateRamp]) -> RateRamps:
+    """Return the ramps of the time of a board's interpolating axes."""
+    columns = np.array(ramps, np.int64).reshape(-1, len(RateRamp._fields))
+    ticks, from_q16, to_q16, lasts_ticks = columns.T
+    return RateRamps(ticks * TICK_COUNTS, from_q16, to_q16, lasts_ticks * TICK_COUNTS)
 
 
 def level_edges(axis: int, changes: Sequence[PinChange]) -> dict[str, LevelEdges]:

@@ -78,11 +78,46 @@ def no_plan(session: LiveSession, folder: Path) -> str:
     return reason
 
 
-def test_a_motion_that_was_halted_has_no_plan(
+def test_a_motion_that_was_halted_and_made_slower_is_judged_by_its_records(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The halt makes it longer than its records; verify gives the reason."""
+    """In its own time: the recording has the changes of its speed, in report.json and with the edges."""
     session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(20)
+    session.send(control(0x11F))
+    session.wait(20)
+    session.send(control(0x1F), Frame(0x600 + NODE, bytes.fromhex("2310200300800000")))
+    session.wait(250)
+    session.end()
+    assert run(["verify", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["no_plan"] is None
+    assert [speed["percent"] for speed in report["speeds"]] == [0, 100, 50, 100]
+    assert report["speeds"][0]["after_s"] == pytest.approx(0.021, abs=0.002)
+    assert report["speeds"][1]["at_s"] < report["speeds"][1]["after_s"] == pytest.approx(0.042, abs=0.002)
+
+
+def test_a_recording_without_an_end_is_read_in_its_own_time(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """Its motion goes on at half speed: what is recorded of it is as long as the motion's own time."""
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *(THERE_AND_BACK[i % 2]._replace(sequence=i) for i in range(8)))
+    session.send(SYNC, Frame(0x600 + NODE, bytes.fromhex("2310200300800000")))
+    session.wait(400)
+    verdict = verify_folder(tmp_path)
+    assert verdict.interruption is not None
+    assert verdict.interruption.endswith("so far it is right")
+    lasts_s = float(verdict.interruption.split(" s into the last motion")[0].rsplit(" ", 1)[1])
+    assert 0.1 < lasts_s <= 0.25
+
+
+def test_boards_that_halt_each_by_itself_leave_no_plan(
+    fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Their times part; verify gives the reason."""
+    session = LiveSession(fast_kernel, tmp_path, axes_per_board=(3, 3))
     prepare(session, *THERE_AND_BACK)
     session.send(SYNC)
     session.wait(20)
@@ -90,9 +125,10 @@ def test_a_motion_that_was_halted_has_no_plan(
     session.wait(20)
     session.send(control(0x1F))
     session.wait(150)
-    assert no_plan(session, tmp_path) == "it was halted on its way"
+    why = "it was halted on its way, each board by a ramp of its own"
+    assert no_plan(session, tmp_path) == why
     assert run(["verify", str(tmp_path)]) == 2
-    assert "trajectory.csv: is missing: it was halted on its way; --plan DIR" in capsys.readouterr().err
+    assert f"trajectory.csv: is missing: {why}; --plan DIR" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("stop_ms", [None, 30, 80])
@@ -165,7 +201,7 @@ def pause(session: LiveSession) -> None:
 
 
 @pytest.mark.parametrize("ended", [True, False], ids=["ended", "interrupted"])
-@pytest.mark.parametrize("later", [jog, stop_amid_records, pause])
+@pytest.mark.parametrize("later", [jog, stop_amid_records])
 def test_the_last_motion_with_a_plan_is_verified_whatever_moves_the_machine_later(
     fast_kernel: Kernel,
     tmp_path: Path,
@@ -188,6 +224,26 @@ def test_the_last_motion_with_a_plan_is_verified_whatever_moves_the_machine_late
         assert report["started_s"] + 0.1 <= report["next_motion_s"] <= report["started_s"] + 0.2
         assert [row[0] for row in plan_rows(tmp_path)] == [0.0, 0.05, 0.1]
     session.board.record()
+    stored = read_run(tmp_path)
+    assert stored.no_plan is None
+    assert stored.duration_s == pytest.approx(0.1)
+    assert verify_folder(tmp_path).report.passed
+    th1 = stored.comparison.counted[JOINT]
+    assert th1.time_s.size == 40
+    assert 0.0 < th1.time_s[0] < th1.time_s[-1] < 0.1
+
+
+def test_the_last_motion_with_a_plan_may_have_been_paused(fast_kernel: Kernel, tmp_path: Path) -> None:
+    """It counts in its own time, and what moves the machine later does not count."""
+    session = LiveSession(fast_kernel, tmp_path)
+    prepare(session, *THERE_AND_BACK)
+    session.send(SYNC)
+    session.wait(150)
+    pause(session)
+    jog(session)
+    session.end()
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["started_s"] + 0.15 < report["next_motion_s"]
     stored = read_run(tmp_path)
     assert stored.no_plan is None
     assert stored.duration_s == pytest.approx(0.1)
