@@ -6,6 +6,7 @@ from typing import Final
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import Session
+from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 
 
@@ -69,9 +70,14 @@ DRIVE_SETTINGS: Final = (
 """All of them."""
 
 
-def drive_setting(key: str) -> DriveSetting:
-    """Return a setting by its name; raise InputError if there is none."""
-    found = {setting.key: setting for setting in DRIVE_SETTINGS}
+def drive_settings(robot: Robot) -> tuple[DriveSetting, ...]:
+    """Return the settings that a robot's board has: currents are set at drivers that have switches for them."""
+    return tuple(setting for setting in DRIVE_SETTINGS if setting.shared or not robot.board.profile.switched)
+
+
+def drive_setting(key: str, robot: Robot) -> DriveSetting:
+    """Return a setting by its name; raise InputError if a robot's board has none of this name."""
+    found = {setting.key: setting for setting in drive_settings(robot)}
     if key not in found:
         raise unknown("setting", key, found)
     return found[key]

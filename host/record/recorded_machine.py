@@ -13,8 +13,9 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.folder import StoredRun
 from steptwin.host.robots.box import Range
-from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics, marks
+from steptwin.host.robots.kinematics import ArmPart, Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
+from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, Evidence, OutputChange
 from steptwin.host.verify.switching import output_changes
@@ -68,8 +69,8 @@ class RecordedMachine:
 
     def marks(self, t_s: FloatArray, *, frames: bool) -> tuple[ArmPart, ...]:
         """Return the axes of the joints at the drivers' counts, and perhaps frames of base, joints and tool."""
-        joints = self.counted_joints(t_s)
-        return (*marks.joint_axes(self.robot, joints), *(marks.frames(self.robot, joints) if frames else ()))
+        joints, skeleton = self.counted_joints(t_s), Skeleton(self.robot)
+        return (*skeleton.axes(joints), *(skeleton.frames(joints) if frames else ()))
 
     def box_shifts_mm(self, t_s: FloatArray) -> dict[str, FloatArray]:
         """Return how far each box of the robot's file has moved, shape (n, 3); those that nothing holds stand still."""

@@ -18,6 +18,7 @@ from steptwin.host.panel.desk.reports import Reports
 from steptwin.host.panel.desk.state import Activity, DeskState, JointView, Snapshot
 from steptwin.host.panel.desk.stops import Stop
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.cia402 import ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH
@@ -29,11 +30,12 @@ class DrawnArm:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self._kinematics = make_kinematics(robot)
+        self._skeleton = Skeleton(robot)
         self._positions: list[float] = []
         self.pose: Mapping[str, float] | None = None
         """The tool's coordinates; None where the mechanism cannot be assembled, or without a tool."""
         self.links_mm: tuple[FloatArray, ...] = ()
-        """The arm's polylines, each of shape (n, 3)."""
+        """The polylines of the arm's parts, axes and frames, each of shape (n, 3)."""
 
     def move_to(self, positions: list[float]) -> None:
         """Take a joint position in mm and degrees."""
@@ -45,7 +47,7 @@ class DrawnArm:
         figures = task.figures(self._kinematics.forward(joints))[0]
         assembled = bool(figures.size and np.isfinite(figures).all())
         self.pose = dict(zip(task.keys, figures.tolist(), strict=True)) if assembled else None
-        self.links_mm = tuple(link.points_mm[0] for link in self._kinematics.links(joints))
+        self.links_mm = tuple(link.points_mm[0] for link in self._skeleton.whole(joints))
 
 
 PERIOD_S: Final = 0.015

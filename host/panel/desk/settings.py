@@ -7,8 +7,8 @@ from typing import Final
 from steptwin.host.common.bad_input import nearest_within, outside, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.drive_settings import (
-    DRIVE_SETTINGS,
     drive_setting,
+    drive_settings,
     read_drive_setting,
     write_drive_setting,
 )
@@ -90,7 +90,7 @@ def _range(widest: Joint, field: str) -> tuple[float, float]:
 
 
 def _of_board(session: Session) -> Iterator[Setting]:
-    for setting in DRIVE_SETTINGS:
+    for setting in drive_settings(session.robot):
         values = read_drive_setting(session, setting)
         joints: tuple[str | None, ...] = (None,) if setting.shared else session.robot.joint_names
         for joint, value in zip(joints, values, strict=False):
@@ -116,7 +116,7 @@ def check_settings(limits: MachineSettings, values: Mapping[str, float]) -> None
     for key, value in values.items():
         joint, field = _split(limits.file, key)
         if field not in _LIMITS:
-            setting = drive_setting(field)
+            setting = drive_setting(field, limits.file)
             if setting.shared != (joint is None):
                 raise unknown("setting", key, [setting.key])
             setting.check(value)
@@ -143,7 +143,7 @@ def write_settings(session: Session, limits: MachineSettings, values: Mapping[st
     for key, value in values.items():
         joint, field = _split(limits.file, key)
         if field not in _LIMITS:
-            write_drive_setting(session, drive_setting(field), value, joint)
+            write_drive_setting(session, drive_setting(field, limits.file), value, joint)
     limits.robot = session.robot = robot
 
 

@@ -90,8 +90,8 @@ class Snapshot:
         simulated: True if the board says that it is emulated; None while that is unknown.
         joints: the joints in the robot's order; empty before the first connection.
         pose: the tool's coordinates by the keys of its task; None unless every joint is homed.
-        links_mm: the arm's polylines, each of shape (n, 3), in the world frame; also of an arm that is not homed, with
-            NaN where the mechanism cannot be assembled.
+        links_mm: the polylines of the arm's parts, axes and frames, each of shape (n, 3), in the world frame; also of
+            an arm that is not homed, with NaN where the mechanism cannot be assembled.
         inputs: whether each digital input is on, by its name in the robot's file.
         outputs: whether each digital output is on, by its name; as last read.
         activity: what the machine is doing; None at rest.

@@ -4,13 +4,14 @@ Press its emergency stop, lower its supply, trip a driver's Protect pin, let a s
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Final
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 from nicegui import ui
 
-from steptwin.host.client.control_client import ControlClient, ControlState, SwitchState
+from steptwin.host.client.control_client import ControlClient, ControlState
 from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.state import Snapshot
@@ -20,6 +21,78 @@ from steptwin.host.panel.page.visitor import SHOWN, Visitor
 
 _EVERY_S: Final = 1.0
 Request = Callable[[], ControlState]
+Shown = tuple[str, Tone]
+_STOP: Final = "Press"
+"""The one button that stops the machine."""
+_STUCK: Final = {"Free": Stuck.FREE, "Stick closed": Stuck.CLOSED, "Stick open": Stuck.OPEN}
+
+
+class SettableNumber(NamedTuple):
+    """A number that can be set: how the control port is asked for it, its unit, and what it is at first."""
+
+    ask: Callable[[float], ControlState]
+    unit: str
+    value: float
+
+
+class MachineRow(NamedTuple):
+    """A thing that can be operated.
+
+    Attributes:
+        text: its name on the page.
+        of: its name in the names of its buttons; empty where a button's own text says it.
+        shown: its present state, as the control port tells it.
+        presses: what each of its buttons asks the control port.
+        number: the number that can be set, if it is one.
+    """
+
+    text: str
+    of: str
+    shown: Callable[[ControlState], Shown]
+    presses: Mapping[str, Request] = MappingProxyType({})
+    number: SettableNumber | None = None
+
+
+def rows_of(state: ControlState, control: ControlClient) -> tuple[list[MachineRow], ...]:
+    """Return everything that can be operated: the machine, the drivers' fault lines, inputs, switches."""
+    stop, protect, put, stick = control.emergency_stop, control.protect, control.set_input, control.switch
+    supply = SettableNumber(control.supply, "V", state.supply_v)
+    temperature = SettableNumber(control.temperature, "°C", state.temperature_degc)
+    return (
+        [
+            MachineRow("emergency stop button", "", _estop, _either(stop, "pressed", _STOP, "Pull out")),
+            MachineRow("motor supply", "motor supply", lambda now: (f"{now.supply_v:g} V", ""), number=supply),
+            MachineRow("board's temperature", "", lambda now: (f"{now.temperature_degc:g} °C", ""), number=temperature),
+        ],
+        [
+            MachineRow(
+                joint,
+                f"Protect of {joint}",
+                partial(_protect, joint),
+                _either(partial(protect, joint), "held", "Hold low", "Release"),
+            )
+            for joint in state.protect
+        ],
+        [
+            MachineRow(name, f"input {name}", partial(_input, name), _either(partial(put, name), "on", "On", "Off"))
+            for name in state.inputs
+        ],
+        [
+            MachineRow(
+                f"{joint} {name}",
+                f"switch {joint} {name}",
+                partial(_switch, joint, name),
+                {text: partial(stick, joint, name, stuck) for text, stuck in _STUCK.items()},
+            )
+            for joint, names in state.switches.items()
+            for name in names
+        ],
+    )
+
+
+def _either(request: Callable[..., ControlState], name: str, on: str, off: str) -> dict[str, Request]:
+    """Return two buttons, by which something is so or not."""
+    return {on: partial(request, **{name: True}), off: partial(request, **{name: False})}
 
 
 class HardwareTab:
@@ -31,7 +104,7 @@ class HardwareTab:
         self._lost = note("", "bad")
         self._lost.set_visibility(False)
         self._body = ui.element("div").classes("stack")
-        self._chips: dict[str, Chip] = {}
+        self._chips: list[tuple[MachineRow, Chip]] = []
         self._timer = ui.timer(_EVERY_S, self._poll, active=False)
 
     def refresh(self, _snapshot: Snapshot) -> None:
@@ -74,68 +147,46 @@ class HardwareTab:
     def _show(self, state: ControlState) -> None:
         if not self._chips:
             with self._body:
-                self._build(state)
-        self._chips["estop"].show(*_pressed(state.estop))
-        self._chips["supply"].show(f"{state.supply_v:g} V")
-        self._chips["temperature"].show(f"{state.temperature_degc:g} °C")
-        for joint, pin in state.protect.items():
-            self._chips[f"protect {joint}"].show(*_protect(low=pin.low, held=pin.held))
-        for name, on in state.inputs.items():
-            self._chips[f"input {name}"].show("on" if on else "off", "good" if on else "")
-        for joint, switches in state.switches.items():
-            for name, switch in switches.items():
-                self._chips[f"switch {joint} {name}"].show(*_switch(switch))
+                for (title, *columns), rows in zip(self._tables(), rows_of(state, self._control), strict=True):
+                    if rows:
+                        self._build(title, columns, rows)
+        for row, chip in self._chips:
+            chip.show(*row.shown(state))
 
-    def _build(self, state: ControlState) -> None:
-        control = self._control
-        with table([("the machine", ""), ("is", ""), ("", "")]):
-            with self._row("estop", "emergency stop button"):
-                self._button("Press", partial(control.emergency_stop, pressed=True), stops=True)
-                self._button("Pull out", partial(control.emergency_stop, pressed=False))
-            self._number_row("supply", "motor supply", "V", state.supply_v, control.supply)
-            self._number_row("temperature", "board's temperature", "°C", state.temperature_degc, control.temperature)
-        heading("Drivers' Protect pins")
-        with table([("joint", ""), ("pin", ""), ("", "")]):
-            for joint in state.protect:
-                with self._row(f"protect {joint}", joint):
-                    self._button("Hold low", partial(control.protect, joint, held=True), f"Protect of {joint}")
-                    self._button("Release", partial(control.protect, joint, held=False), f"Protect of {joint}")
-        if state.inputs:
-            heading("Inputs")
-            with table([("input", ""), ("is", ""), ("", "")]):
-                for name in state.inputs:
-                    with self._row(f"input {name}", name):
-                        self._button("On", partial(control.set_input, name, on=True), f"input {name}")
-                        self._button("Off", partial(control.set_input, name, on=False), f"input {name}")
-        heading("Switches")
-        with table([("switch", ""), ("is", ""), ("", "")]):
-            for joint, switches in state.switches.items():
-                for name in switches:
-                    with self._row(f"switch {joint} {name}", f"{joint} {name}"):
-                        for text, stuck in (
-                            ("Free", Stuck.FREE),
-                            ("Stick closed", Stuck.CLOSED),
-                            ("Stick open", Stuck.OPEN),
-                        ):
-                            self._button(text, partial(control.switch, joint, name, stuck), f"switch {joint} {name}")
+    def _tables(self) -> tuple[tuple[str, str, str], ...]:
+        """Return heading and columns of each table; drivers that the board sets have Protect pins."""
+        profile = self._visitor.desk.robot.board.profile
+        lines = "fault lines at the board" if profile.switched else "Protect pins"
+        drivers = f"Drivers ({profile.name}): {lines}"
+        return (
+            ("", "the machine", "is"),
+            (drivers, "joint", "line"),
+            ("Inputs", "input", "is"),
+            ("Switches", "switch", "is"),
+        )
 
-    def _row(self, key: str, text: str) -> ui.element:
-        """Make a row with a text and the present state; return the place for its buttons."""
-        with ui.element("tr"):
-            cell(text)
-            with cell():
-                self._chips[key] = Chip()
-            with cell():
-                return line("tight")
+    def _build(self, title: str, columns: list[str], rows: list[MachineRow]) -> None:
+        if title:
+            heading(title)
+        with table([*((text, "") for text in columns), ("", "")]):
+            for row in rows:
+                with ui.element("tr"):
+                    cell(row.text)
+                    with cell():
+                        self._chips.append((row, Chip()))
+                    with cell(), line("tight"):
+                        for text, request in row.presses.items():
+                            self._button(text, request, row.of)
+                        if row.number is not None:
+                            self._number(row.text, row.number)
 
-    def _number_row(self, key: str, text: str, unit: str, value: float, ask: Callable[[float], ControlState]) -> None:
-        with self._row(key, text):
-            field = NumberField(value=value, suffix=unit).props("outlined dense").classes("w-narrow")
-            field.props["aria-label"] = text
-            self._button("Set", lambda: ask(_given(field, text)), text)
+    def _number(self, text: str, number: SettableNumber) -> None:
+        field = NumberField(value=number.value, suffix=number.unit).props("outlined dense").classes("w-narrow")
+        field.props["aria-label"] = text
+        self._button("Set", lambda: number.ask(_given(field, text)), text)
 
-    def _button(self, text: str, request: Request, of: str = "", *, stops: bool = False) -> None:
-        do = partial(self._do, f"{of} {text}".strip(), request, stops=stops)
+    def _button(self, text: str, request: Request, of: str) -> None:
+        do = partial(self._do, f"{of} {text}".strip(), request, stops=text == _STOP)
         plain(text, do, label=f"{of}: {text}" if of else "").classes("small-button")
 
 
@@ -146,16 +197,22 @@ def _given(field: NumberField, text: str) -> float:
     return float(field.value)
 
 
-def _pressed(pressed: bool) -> tuple[str, Tone]:
-    return ("pressed", "bad") if pressed else ("pulled out", "good")
+def _estop(now: ControlState) -> Shown:
+    return ("pressed", "bad") if now.estop else ("pulled out", "good")
 
 
-def _protect(*, low: bool, held: bool) -> tuple[str, Tone]:
-    if held:
+def _protect(joint: str, now: ControlState) -> Shown:
+    pin = now.protect[joint]
+    if pin.held:
         return "held low", "bad"
-    return ("low: the driver is off", "bad") if low else ("high", "good")
+    return ("low: the driver is off", "bad") if pin.low else ("high", "good")
 
 
-def _switch(switch: SwitchState) -> tuple[str, Tone]:
+def _input(name: str, now: ControlState) -> Shown:
+    return ("on", "good") if now.inputs[name] else ("off", "")
+
+
+def _switch(joint: str, name: str, now: ControlState) -> Shown:
+    switch = now.switches[joint][name]
     text = "closed" if switch.closed else "open"
     return (f"sticks {text}", "warn") if switch.stuck else (text, "")

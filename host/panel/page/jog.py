@@ -11,12 +11,15 @@ from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.panel.page.elements import choice, heading, line, live, note, stack
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
-from steptwin.host.planning.tool_by_hand import tool_speed_max
+from steptwin.host.planning.tool_by_hand import StepFrame, tool_speed_max
 from steptwin.host.robots.kinematics import make_kinematics
 
 HOLD: Final = "hold"
 _STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
 """Ways of a press: mm and degrees of a step, or for as long as it is held."""
+_FRAMES: Final = {StepFrame.WORLD: "world's axes", StepFrame.TOOL: "its own"}
+_TURNS: Final = {f"r{axis}": f"about {axis}" for axis in "xyz"}
+"""Turns of a tool as buttons name them."""
 _PERCENTS: Final = {5: "5 %", 20: "20 %", 50: "50 %", 100: "100 %"}
 
 
@@ -25,7 +28,9 @@ class JogTab:
 
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
-        self._tool_steps = make_kinematics(visitor.desk.robot).task.steps
+        task = make_kinematics(visitor.desk.robot).task
+        self._tool_steps = task.steps
+        self._frame = StepFrame.WORLD
         self._percent = 20
         self._step: float | str = HOLD
         self._buttons: list[ui.button] = []
@@ -43,9 +48,12 @@ class JogTab:
                 for i, joint in enumerate(visitor.desk.robot.joints):
                     self._row(joint.name, str(joint.unit), f"q{i}")
             with stack("tight") as tool:
-                heading("Tool, along the world's axes")
-                for i, (name, unit) in enumerate(self._tool_steps.items()):
-                    self._row(name, unit, f"pose{i}")
+                with line("between"):
+                    heading("Tool")
+                    choice("axes that the tool moves along", _FRAMES, StepFrame.WORLD, self._choose_frame)
+                coordinates = list(task.coordinates)
+                for name, unit in self._tool_steps.items():
+                    self._row(name, unit, f"pose{coordinates.index(name)}" if name in coordinates else None)
                 self._why_no_tool = note("The tool can be jogged when every joint is homed.")
             tool.set_visibility(bool(self._tool_steps))
         ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
@@ -56,11 +64,13 @@ class JogTab:
         """Say why the tool cannot be jogged."""
         self._why_no_tool.set_visibility(not snapshot.homed)
 
-    def _row(self, name: str, unit: str, position: str) -> None:
+    def _row(self, name: str, unit: str, position: str | None) -> None:
+        """Make the buttons of a joint or a step of the tool, with its position if it has one of its own."""
         with ui.element("div").classes("jog-row"):
             with ui.element("div"):
-                ui.label(f"{name}, {unit}")
-                live(position, "number muted small")
+                ui.label(f"{_TURNS.get(name, name)}, {unit}")
+                if position is not None:
+                    live(position, "number muted small")
             self._button(name, -1, "−")
             self._button(name, +1, "+")
 
@@ -72,6 +82,9 @@ class JogTab:
 
     def _choose_speed(self, percent: int) -> None:
         self._percent = percent
+
+    def _choose_frame(self, frame: StepFrame) -> None:
+        self._frame = frame
 
     def _choose_step(self, step: float | str) -> None:
         self._step = step
@@ -93,14 +106,14 @@ class JogTab:
         if name in self._visitor.desk.robot.joint_names:
             self._visitor.ask(StepJoint(joint=name, distance=distance, speed_percent=self._percent))
         else:
-            self._visitor.ask(StepTool(distances={name: distance}, speed_percent=self._percent))
+            self._visitor.ask(StepTool({name: distance}, self._percent, self._frame))
 
     def _jog(self, name: str, sign: float) -> Jog:
         part = (1 if sign > 0 else -1) * self._percent / 100
         robot = self._visitor.desk.robot
         if name in robot.joint_names:
             return JointJog(name, part * robot.joint(name).speed_max)
-        return ToolJog(name, part * tool_speed_max(name))
+        return ToolJog(name, part * tool_speed_max(name), self._frame)
 
     def _beat(self, event: events.GenericEventArguments) -> None:
         """Pass a beat of a held button on; say a refusal once, not with each beat. Anything else is dropped."""

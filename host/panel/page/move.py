@@ -41,6 +41,7 @@ from steptwin.host.planning.programs.positions import (
     save_position,
 )
 from steptwin.host.robots.kinematics import Branch, make_kinematics
+from steptwin.host.robots.poses import COLUMNS, PLACE, POSE, Orientation, Pose
 
 Go = Callable[[Callable[[float], Command]], None]
 """Ask for a move, which is made for the part of the highest speeds in percent."""
@@ -242,6 +243,16 @@ class JointsForm:
             self._go(lambda percent: MoveJoints(joints=goal, speed_percent=percent))
 
 
+_KEYS: Final = {
+    "rpy_deg": "roll, pitch, yaw",
+    "quaternion_xyzw": "quaternion",
+    "rotvec_deg": "rotation vector",
+    "abc_deg": "A, B, C",
+}
+"""How the orientation of a tool that turns in space may be written."""
+_ORIGIN, _UNTURNED = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+
+
 class ToolForm:
     """Fields for the tool's pose, and every branch of the arm that reaches it, or why it does not."""
 
@@ -251,21 +262,41 @@ class ToolForm:
         self._filled = False
         self._branch: str | None = None
         self._task = self._kinematics.task
-        follows = self._kinematics.attitude_follows
-        fields = [
-            FormField(name, name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), hint=False)
-            for name, unit in self._task.coordinates.items()
-            if not (follows and name == "phi")
-        ]
+        self._key = "rpy_deg" if self._task is POSE else None
         with stack() as self.root:
-            self._form = Form(fields, self._look_for_branches)
-            if follows:
+            if self._key is not None:
+                with line():
+                    ui.label("Orientation as").classes("muted")
+                    choice("how the orientation is written", _KEYS, self._key, self._write_as)
+            self._place = ui.element("div")
+            self._form = self._make_form()
+            if self._kinematics.attitude_follows:
                 note("The tool's attitude follows from the arm.")
             heading("Ways to get there")
             self._branches = ui.element("div").classes("stack tight").props('role=radiogroup aria-label="branches"')
             with line():
                 self.button = act("Move", self._move, "arrow_forward", moves=True)
                 plain("Fill in present position", self.fill)
+
+    def _make_form(self) -> Form:
+        follows = ("phi",) if self._kinematics.attitude_follows else ()
+        coordinates = self._task.coordinates if self._key is None else {**PLACE, **COLUMNS[self._key]}
+        fields = [
+            FormField(name, name, None, OptionRange(-_FAR_MM, _FAR_MM, unit), hint=False)
+            for name, unit in coordinates.items()
+            if name not in follows
+        ]
+        self._place.clear()
+        with self._place:
+            return Form(fields, self._look_for_branches)
+
+    def _write_as(self, key: str) -> None:
+        """Let the fields have another notation of the orientation, of the same pose if they had one."""
+        pose = self._pose()
+        self._key = key
+        self._form = self._make_form()
+        if isinstance(pose, tuple):
+            self._show(pose)
 
     def fill_once(self, snapshot: Snapshot) -> None:
         """Show where the tool is when it is known and the machine does nothing, the first time."""
@@ -278,26 +309,61 @@ class ToolForm:
         if pose is None:
             return
         self._filled = True
-        figures = [round(figure, 3) for figure in pose.values()]
-        self._form.fill(dict(zip(self._task.coordinates, figures, strict=True)))
+        self._show(tuple(self._task.of_figures(np.array([list(pose.values())]))[0].tolist()))
         self._look_for_branches()
         self._scene.clear_shape("ghost")
 
-    def _look_for_branches(self) -> None:
+    def _show(self, pose: Pose) -> None:
+        """Write a pose into the fields."""
+        if self._key is None:
+            numbers = self._task.figures(np.array(pose)).tolist()
+            names = list(self._task.coordinates)
+        else:
+            numbers = [*pose[:3], *Orientation.of(self._key, np.array(pose[3:])).values]
+            names = [*PLACE, *COLUMNS[self._key]]
+        decimals = 6 if self._key == "quaternion_xyzw" else 3
+        self._form.fill({name: round(number, decimals) for name, number in zip(names, numbers, strict=True)})
+
+    def _told(self) -> tuple[dict[str, float], Orientation | None]:
+        """Return coordinates and orientation in the fields, which must all be filled; InputError for no orientation."""
+        values = {name: float(value) for name, value in self._form.values().items()}
+        if self._key is None:
+            return self._task.told(values)
+        orientation = Orientation(self._key, tuple(values[name] for name in COLUMNS[self._key]))
+        return {name: values[name] for name in PLACE}, orientation
+
+    def _pose(self) -> Pose | str | None:
+        """Return the pose in the fields; None while one is empty, and why if it is none."""
         values = self._form.values()
+        if None in values.values():
+            return None
+        if self._key is None:
+            figures = [
+                values.get(name, nan) for name in self._task.coordinates
+            ]  # an attitude that follows has no field
+            return tuple(self._task.of_figures(np.array([figures]))[0].tolist())
+        try:
+            coordinates, orientation = self._told()
+        except InputError as error:
+            return str(error)
+        return self._task.changed((*_ORIGIN, *_UNTURNED), coordinates, orientation)
+
+    def _look_for_branches(self) -> None:
         self._branches.clear()
         self._scene.clear_shape("ghost")
-        if None in values.values():
-            return
-        figures = [values.get(name, nan) for name in self._task.coordinates]  # an attitude that follows has no field
-        standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
-            self._visitor.desk.robot.home
-        )
-        branches = self._kinematics.inverse(self._task.of_figures(np.array([figures])), np.array(standing))
+        pose = self._pose()
+        branches: tuple[Branch, ...] = ()
+        if isinstance(pose, tuple):
+            standing = [joint.position for joint in self._visitor.desk.snapshot.joints] or list(
+                self._visitor.desk.robot.home
+            )
+            branches = self._kinematics.inverse(np.array([pose]), np.array(standing))
         names = [branch.name for branch in branches if branch.reachable[0]]
         if self._branch not in names:
             self._branch = names[0] if names else None
         with self._branches:
+            if isinstance(pose, str):
+                note(pose, "bad")
             for branch in branches:
                 self._branch_row(branch)
 
@@ -331,7 +397,6 @@ class ToolForm:
         if self._branch is None:
             self._visitor.tell(self._form.wrong() or "no way to get there: change the pose")
             return
-        values = {name: float(value) for name, value in self._form.values().items() if value is not None}
-        coordinates, orientation = self._task.told(values)
+        coordinates, orientation = self._told()
         position = ToolPosition(coordinates, self._branch, orientation)
         self._go(lambda percent: MoveTool(position=position, speed_percent=percent))

@@ -12,23 +12,22 @@ import nicegui
 import numpy as np
 from nicegui import ui
 
-from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.panel.desk.history import Drawing
 from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import card, icon_button, line, plain
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.links import Role
+from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 
-_MOVED: Final = 1e-6
-"""Distance in mm beyond which a point has moved."""
 _NEAR: Final = 0.06
 """Distance of two names that are written as one, as a fraction of the arm's size."""
 
 
 class JointLabel(TypedDict):
-    """Names and their point: its part, in the order of `Kinematics.links`, and its number there."""
+    """Names and their point: its part, in the order of `Skeleton.whole`, and its number there."""
 
     text: str
     part: int
@@ -36,48 +35,29 @@ class JointLabel(TypedDict):
 
 
 def joint_labels(robot: Robot) -> list[JointLabel]:
-    """Return where the joints' names stand: at the pivot about which a joint turns, or at the part that it slides."""
-    kinematics = make_kinematics(robot)
-    links = kinematics.links(np.array([robot.home]))
-    parts = [link.points_mm[0] for link in links]
-    every = np.vstack(parts)
-    near_mm = _NEAR * float(np.linalg.norm(np.ptp(every, axis=0)))
+    """Return where the joints' names stand: at the ends of their axes, those together that are near at home."""
+    skeleton, home = Skeleton(robot), np.array([robot.home])
+    parts = skeleton.whole(home)
+    first = next(i for i, part in enumerate(parts) if part.role is Role.AXIS)
+    near_mm = _NEAR * skeleton.size_mm
     labels: list[JointLabel] = []
-    for i, joint in enumerate(robot.joints):
-        beside = list(robot.home)
-        beside[i] += 1.0 if beside[i] < joint.upper else -1.0
-        moved = [link.points_mm[0] for link in kinematics.links(np.array([beside]))]
-        slides = [link.role is Role.SLIDE and link.name.endswith(f" {joint.name}") for link in links]
-        part, point = _place(parts, [_moves(*each) for each in zip(parts, moved, strict=True)], slides)
+    for part, name in enumerate(robot.joint_names, start=first):
+        place_mm = parts[part].points_mm[0, 1]
         for label in labels:
-            if np.linalg.norm(parts[label["part"]][label["point"]] - parts[part][point]) < near_mm:
-                label["text"] += f", {joint.name}"
+            if np.linalg.norm(parts[label["part"]].points_mm[0, label["point"]] - place_mm) < near_mm:
+                label["text"] += f", {name}"
                 break
         else:
-            labels.append({"text": joint.name, "part": part, "point": point})
+            labels.append({"text": name, "part": part, "point": 1})
     return labels
-
-
-def _moves(before_mm: FloatArray, after_mm: FloatArray) -> BoolArray:
-    return np.asarray(np.linalg.norm(after_mm - before_mm, axis=1) > _MOVED)
-
-
-def _place(parts: list[FloatArray], moves: list[BoolArray], slides: list[bool]) -> tuple[int, int]:
-    """Return the part and the point of a joint: its own slide, else a point that stands beside one that moves."""
-    if any(slides):
-        return slides.index(True), 0
-    for part, moved in enumerate(moves):
-        for point in range(len(moved) - 1):
-            if moved[point + 1] and not moved[point]:
-                return part, point
-    moving = [part for part, moved in enumerate(moves) if moved.any()]
-    return (moving[0] if moving else len(parts) - 1), 0
 
 
 Arm = Literal["arm", "ghost", "other"]
 """The arms that the view can show at once: the machine, a ghost of where it is to go, and another run's."""
 Line = Literal["plan", "trace"]
 """The lines that the view can show: the planned path and the tool's trace."""
+Mark = Literal["axes", "frames"]
+"""The lines beside the bodies that a user shows or hides."""
 View = Literal["top", "front", "side", "iso", "path"]
 """Place that the camera looks from; `path` looks at the lines alone, from where it is."""
 
@@ -95,8 +75,8 @@ def flat_lines(polylines: Iterable[FloatArray]) -> list[list[float]]:
 
 
 def links_at(robot: Robot, joints: Sequence[float]) -> list[FloatArray]:
-    """Return the parts of an arm at a joint position, each of shape (n, 3) in mm."""
-    return [link.points_mm[0] for link in make_kinematics(robot).links(np.array([joints]))]
+    """Return the parts, axes and frames of an arm at a joint position, each of shape (n, 3) in mm."""
+    return [link.points_mm[0] for link in Skeleton(robot).whole(np.array([joints]))]
 
 
 class ArmScene(
@@ -112,11 +92,13 @@ class ArmScene(
     def __init__(self, robot: Robot, holding_mm: FloatArray | None = None) -> None:
         """Make the view of arms and lines, or of what holds points of shape (n, 3) as well."""
         super().__init__()
+        skeleton = Skeleton(robot)
         held_mm = np.empty((0, 3)) if holding_mm is None else holding_mm[np.isfinite(holding_mm).all(axis=1)]
         span_mm = _size_mm(_reached_mm(robot) if holding_mm is None else held_mm)
         self.props.update(
             label=f"the arm of {robot.name} in three dimensions",
-            roles=[str(link.role) for link in make_kinematics(robot).links(np.array([robot.home]))],
+            roles=[str(link.role) for link in skeleton.whole(np.array([robot.home]))],
+            size=skeleton.size_mm,
             names=list(joint_labels(robot)),
             span=span_mm,
             hold=[held_mm.min(axis=0).tolist(), held_mm.max(axis=0).tolist()] if len(held_mm) else [],
@@ -124,7 +106,7 @@ class ArmScene(
         )
 
     def show_arm(self, arm: Arm, parts: Iterable[FloatArray]) -> None:
-        """Show an arm by its parts, each of shape (n, 3) in mm, in the order of `Kinematics.links`."""
+        """Show an arm by its parts, each of shape (n, 3) in mm, in the order of `Skeleton.whole`."""
         self.run_method("show", arm, flat_lines(parts))
 
     def show_line(self, line: Line, points_mm: FloatArray) -> None:
@@ -142,6 +124,10 @@ class ArmScene(
     def look(self, view: View) -> None:
         """Turn the camera."""
         self.run_method("look", view)
+
+    def show_marks(self, marks: Mark, on: bool) -> None:
+        """Show the joints' axes or the frames, or hide them."""
+        self.run_method("showMarks", marks, on)
 
     def enable_drawing(self, on: bool) -> None:
         """Switch the drawing off or on: without a graphics card it costs the browser a processor."""
@@ -172,6 +158,10 @@ def _box(box: Box) -> list[float]:
 
 
 _VIEWS: Final[dict[View, str]] = {"iso": "3D", "front": "Front", "side": "Side", "top": "Top"}
+_MARKS: Final[tuple[tuple[Mark, str, str], ...]] = (
+    ("axes", "Axes", "show the joints' axes and names"),
+    ("frames", "Frames", "show the frames of base, joints and tool: x red, y green, z blue"),
+)
 _LEGEND: Final = (("--plan", "planned path"), ("--trace", "where the tool was"), ("--ghost", "where it will go"))
 
 
@@ -189,6 +179,7 @@ class SceneCard:
             with line("tight scene-bar"):
                 camera_buttons(lambda: self.scene)
                 plain("Path", lambda: self.scene.look("path"), label="look at the path")
+                mark_switches(lambda: self.scene)
                 plain("Clear trace", drawing.clear_trace)
                 drawing_switch(lambda: self.scene)
             with ui.element("div").classes("scene-place"):
@@ -219,6 +210,21 @@ def camera_buttons(scene: Callable[[], ArmScene]) -> None:
 
     for view, text in _VIEWS.items():
         plain(text, partial(look, view), label=f"look from: {text}")
+
+
+def mark_switches(scene: Callable[[], ArmScene]) -> None:
+    """Make the buttons that show and hide the joints' axes, which are shown at first, and the frames."""
+
+    def switch(mark: Mark, button: ui.button) -> None:
+        on = button.props["aria-pressed"] != "true"
+        button.props["aria-pressed"] = "true" if on else "false"
+        button.update()
+        scene().show_marks(mark, on)
+
+    for mark, text, label in _MARKS:
+        button = plain(text, None, label=label)
+        button.props["aria-pressed"] = "true" if mark == "axes" else "false"
+        button.on_click(partial(switch, mark, button))
 
 
 def drawing_switch(scene: Callable[[], ArmScene]) -> None:

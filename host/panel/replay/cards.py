@@ -7,11 +7,12 @@ import numpy as np
 from nicegui import events, ui
 
 from steptwin.host.panel.page.elements import card, choice, heading, icon_button, line
-from steptwin.host.panel.page.scene import Arm, ArmScene, camera_buttons, drawing_switch, legend
+from steptwin.host.panel.page.scene import Arm, ArmScene, camera_buttons, drawing_switch, legend, mark_switches
 from steptwin.host.panel.replay.markup import currents_picture, pins_picture
 from steptwin.host.panel.replay.model import Edge, Instant, Replay, Span
 from steptwin.host.panel.replay.player import Player
 from steptwin.host.record.animation.film_files import SPEEDS
+from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _ANY: Final = "any axis"
@@ -149,13 +150,14 @@ class ReplayScene:
     """The scene; the first run's arm is in the arm's colour, the second's in another."""
 
     def __init__(self, replays: tuple[Replay, ...]) -> None:
-        self._replays = replays
+        self._replays, self._skeletons = replays, [Skeleton(each.run.robot) for each in replays]
         path = replays[0].path
         gain = path.gain
         with card(classes="flush"):
             with line("between scene-bar"):
                 with line("tight"):
                     camera_buttons(lambda: self._scene)
+                    mark_switches(lambda: self._scene)
                     drawing_switch(lambda: self._scene)
                 with line():
                     if replays[0].run.no_plan is None:
@@ -173,8 +175,8 @@ class ReplayScene:
 
     def show(self, t_s: float) -> None:
         """Show every run's arm at a time."""
-        for arm, replay in zip(_ARMS, self._replays, strict=False):
-            links = replay.machine.links(np.array([t_s]))
+        for arm, replay, skeleton in zip(_ARMS, self._replays, self._skeletons, strict=False):
+            links = skeleton.whole(replay.machine.counted_joints(np.array([t_s])))
             if all(np.isfinite(link.points_mm).all() for link in links):  # else its counts have pulled it apart
                 self._scene.show_arm(arm, [link.points_mm[0] for link in links])
             else:

@@ -13,9 +13,10 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.path_error import heading, path_error
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, PLANNED, WIDTH_INCHES, PlotView
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics, marks
+from steptwin.host.robots.kinematics import ArmPart, Role, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.dh import Convention
+from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify import Comparison, RunInfo
 
@@ -191,7 +192,7 @@ def draw_run_in_space(comparison: Comparison, run: RunInfo, view: PlotView) -> F
         _draw_parts(whole, start)
         all_mm += [_points_of(start), _points_of(end), _draw_base(whole, start, robot)]
         if view.frames:
-            all_mm += [_draw_mark(whole, mark) for mark in marks.frames(robot, joints[:1])]
+            all_mm += [_draw_mark(whole, mark) for mark in Skeleton(robot).frames(joints[:1])]
         if axis := _POINTING.get(comparison.expected.task.name):
             length_mm = _ARROW_PART * max(1.0, float(np.ptp(path.planned_mm, axis=0).max()))
             close.append(_draw_pointing(near, tool_frames(make_kinematics(robot), joints), axis, length_mm))
@@ -339,7 +340,7 @@ def _draw_joint_axes(
     Joints on one axis share it. `labels_mm`, of shape (n, 3), are the places of labels. Returns the ends, (n, 3).
     """
     named: list[tuple[FloatArray, str]] = []
-    for mark, name in zip(marks.joint_axes(robot, position), robot.joint_names, strict=True):
+    for mark, name in zip(Skeleton(robot).axes(position), robot.joint_names, strict=True):
         ends_mm = mark.points_mm[0]
         for n, (known_mm, names) in enumerate(named):
             if (joined_mm := _joined(known_mm, ends_mm)) is not None:

@@ -16,68 +16,82 @@ from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line
 from steptwin.host.robots.robot import Robot
 
-AXIS_PART: Final = 0.11
+AXIS_PART: Final = 0.16
 """Length drawn of an axis to either side of its joint, as a part of the machine's size at home."""
 FRAME_PART: Final = 0.09
 """Length drawn of the axes of a frame, as a part of the machine's size at home."""
 FRAME_ROLES: Final = (Role.X, Role.Y, Role.Z)
 
 
-def size_mm(robot: Robot) -> float:
-    """Return the longest side of what a machine takes at home, without guides, which may be far longer, at least 1."""
-    parts = make_kinematics(robot).links(np.array([robot.home]))
-    bodies = [part.points_mm[0] for part in parts if part.role is not Role.GUIDE]
-    return max(1.0, float(np.ptp(np.vstack(bodies), axis=0).max()))
+class Skeleton:
+    """A robot as pictures draw it. Joints have the shape (n, joints).
 
-
-def joint_axes(robot: Robot, joints: FloatArray) -> tuple[ArmPart, ...]:
-    """Return a line `axis NAME` for each joint, in the robot's order, for joints of shape (n, joints).
-
-    It goes through the joint in the direction in which it counts, or turns by the right hand's rule.
+    Attributes:
+        robot: the robot.
+        size_mm: the longest side of what it takes at home, without guides, which may be far longer; at least 1.
     """
-    kinematics = make_kinematics(robot)
-    parts, known = kinematics.links(joints), _axes_of_table(robot, joints)
-    half_mm = AXIS_PART * size_mm(robot)
-    axes = []
-    for name in robot.joint_names:
-        drawn = _drawn(parts, name)
-        place_mm, direction = known[name] if name in known else _along(parts, name)
-        if drawn is not None:
-            place_mm = drawn.points_mm.mean(axis=1)
-        axes.append(line(f"axis {name}", Role.AXIS, place_mm - half_mm * direction, place_mm + half_mm * direction))
-    return tuple(axes)
 
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._kinematics = make_kinematics(robot)
+        home = self._kinematics.links(np.array([robot.home]))
+        bodies = [part.points_mm[0] for part in home if part.role is not Role.GUIDE]
+        self.size_mm = max(1.0, float(np.ptp(np.vstack(bodies), axis=0).max()))
+        rows = self._kinematics.dh.rows
+        self._joints = [i for i, row in enumerate(rows) if row.theta_deg.variable or row.d_mm.variable]
 
-def frames(robot: Robot, joints: FloatArray) -> tuple[ArmPart, ...]:
-    """Return lines along x, y and z of each frame: the base's, the one of each joint in the DH table, and the tool's.
+    def whole(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return the bodies, then the joints' axes, then the frames."""
+        parts, placed = self._kinematics.links(joints), self._placed(joints)
+        return (*parts, *self._axes(parts, placed), *self._frames(placed))
 
-    Joints have the shape (n, joints).
-    """
-    kinematics = make_kinematics(robot)
-    table = kinematics.dh
-    moving = [i for i, row in enumerate(table.rows) if row.theta_deg.variable or row.d_mm.variable]
-    behind = {"base": 0} | {f"joint {i + 1}": moving[i] + 1 for i in range(len(moving))} | {"tool": len(table.rows)}
-    every = table.frames(kinematics.dh_variables(joints))
-    every = np.broadcast_to(every, (len(every), len(joints), 4, 4))
-    length_mm = FRAME_PART * size_mm(robot)
-    return tuple(
-        line(f"{role} of {name}", role, every[row, :, :3, 3], every[row, :, :3, 3] + length_mm * every[row, :, :3, k])
-        for name, row in behind.items()
-        for k, role in enumerate(FRAME_ROLES)
-    )
+    def axes(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return a line `axis NAME` for each joint, in the robot's order.
 
+        It goes through the joint in the direction in which it counts, or turns by the right hand's rule.
+        """
+        return self._axes(self._kinematics.links(joints), self._placed(joints))
 
-def _axes_of_table(robot: Robot, joints: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return a place and the direction, each of shape (n, 3), of each joint that is a variable of the DH table."""
-    kinematics = make_kinematics(robot)
-    table, axes = kinematics.dh, {}
-    every = table.frames(kinematics.dh_variables(joints))
-    for i, row in enumerate(table.rows):
-        frame = every[i + 1 if table.convention is Convention.MODIFIED else i]
-        for parameter in (row.d_mm, row.theta_deg):
-            if parameter.variable in robot.joint_names:
-                axes[parameter.variable] = frame[:, :3, 3], parameter.sign * frame[:, :3, 2]
-    return axes
+    def frames(self, joints: FloatArray) -> tuple[ArmPart, ...]:
+        """Return lines along x, y and z of the base's frame, the one of each joint in the DH table, and the tool's."""
+        return self._frames(self._placed(joints))
+
+    def _placed(self, joints: FloatArray) -> FloatArray:
+        """Return the frames of the base and behind each row of the table, shape (rows + 1, n, 4, 4)."""
+        placed = self._kinematics.dh.frames(self._kinematics.dh_variables(joints))
+        return np.broadcast_to(placed, (len(placed), len(joints), 4, 4))
+
+    def _axes(self, parts: tuple[ArmPart, ...], placed: FloatArray) -> tuple[ArmPart, ...]:
+        known = self._axes_of_table(placed)
+        half_mm = AXIS_PART * self.size_mm
+        axes = []
+        for name in self.robot.joint_names:
+            drawn = _drawn(parts, name)
+            place_mm, direction = known[name] if name in known else _along(parts, name)
+            if drawn is not None:
+                place_mm = drawn.points_mm.mean(axis=1)
+            ends_mm = place_mm - half_mm * direction, place_mm + half_mm * direction
+            axes.append(line(f"axis {name}", Role.AXIS, *ends_mm))
+        return tuple(axes)
+
+    def _axes_of_table(self, placed: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return a place and the direction, each of shape (n, 3), of each joint that is a variable of the table."""
+        table, axes = self._kinematics.dh, {}
+        for i in self._joints:
+            row, frame = table.rows[i], placed[i + 1 if table.convention is Convention.MODIFIED else i]
+            for parameter in (row.d_mm, row.theta_deg):
+                if parameter.variable in self.robot.joint_names:
+                    axes[parameter.variable] = frame[:, :3, 3], parameter.sign * frame[:, :3, 2]
+        return axes
+
+    def _frames(self, placed: FloatArray) -> tuple[ArmPart, ...]:
+        behind = {"base": 0} | {f"row {i + 1}": i + 1 for i in self._joints} | {"tool": len(placed) - 1}
+        ends = placed[..., :3, 3:] + FRAME_PART * self.size_mm * placed[..., :3, :3]
+        return tuple(
+            ArmPart(f"{role} of {name}", role, np.stack([placed[row, :, :3, 3], ends[row, :, :, k]], axis=1))
+            for name, row in behind.items()
+            for k, role in enumerate(FRAME_ROLES)
+        )
 
 
 def _drawn(parts: Iterable[ArmPart], name: str) -> ArmPart | None:

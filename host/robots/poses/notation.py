@@ -17,7 +17,13 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.poses.rotations import of_rotation_vector, of_rpy_deg, turned
+from steptwin.host.robots.poses.rotations import (
+    of_rotation_vector,
+    of_rpy_deg,
+    rotation_vector_deg,
+    rpy_deg,
+    turned,
+)
 
 DIRECTION: Final = "direction"
 
@@ -26,13 +32,14 @@ def _unit(values: FloatArray) -> FloatArray:
     return np.asarray(values / np.linalg.norm(values, axis=-1, keepdims=True))
 
 
-_READ: Final[dict[str, tuple[int, Callable[[FloatArray], FloatArray]]]] = {
-    "rpy_deg": (3, of_rpy_deg),
-    "quaternion_xyzw": (4, _unit),
-    "rotvec_deg": (3, of_rotation_vector),
-    "abc_deg": (3, lambda values: of_rpy_deg(values[..., ::-1])),
+_Convert = Callable[[FloatArray], FloatArray]
+_READ: Final[dict[str, tuple[int, _Convert, _Convert]]] = {
+    "rpy_deg": (3, of_rpy_deg, rpy_deg),
+    "quaternion_xyzw": (4, _unit, _unit),
+    "rotvec_deg": (3, of_rotation_vector, rotation_vector_deg),
+    "abc_deg": (3, lambda values: of_rpy_deg(values[..., ::-1]), lambda rotation: rpy_deg(rotation)[..., ::-1]),
 }
-"""How many numbers each key has, and the rotation that they are."""
+"""How many numbers each key has, the rotation that they are, and the numbers that are a rotation."""
 
 ORIENTATIONS: Final = (*_READ, DIRECTION)
 """The keys of an orientation; a pose has at most one of them."""
@@ -72,6 +79,11 @@ class Orientation:
             raise InputError(f"{self.key}: 0 0 0 points nowhere; 0 0 -1 is straight down")
         length = float(np.linalg.norm(self.values))
         raise InputError(f"{self.key}: has the length {length:g}, a rotation has 1, x y z and then the scalar w")
+
+    @classmethod
+    def of(cls, key: str, rotation: FloatArray) -> "Orientation":
+        """Return a rotation, a unit quaternion of shape (4,), under a key that says the whole rotation."""
+        return cls(key, tuple((_READ[key][2](rotation) + 0.0).tolist()))
 
     def __str__(self) -> str:
         return f"{self.key} {' '.join(f'{value:g}' for value in self.values)}"

@@ -7,11 +7,14 @@ from steptwin.host.operate.drive_settings import (
     DRIVE_SETTINGS,
     DriveSetting,
     drive_setting,
+    drive_settings,
     read_drive_setting,
     write_drive_setting,
 )
 from steptwin.host.operate.session import Session
+from steptwin.host.robots import load_robot
 from tests.host.client.machines import TH1
+from tests.host.operate.sessions import ROBOT
 
 
 @pytest.mark.parametrize("setting", DRIVE_SETTINGS, ids=lambda setting: setting.key)
@@ -31,7 +34,7 @@ def test_what_is_written_is_read_again(session: Session, setting: DriveSetting) 
 
 def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -> None:
     """Taking charge writes what the robot's file says, and leaves the rest."""
-    torque = drive_setting("torque")
+    torque = drive_setting("torque", session.robot)
     write_drive_setting(session, torque, 50.0, "th1")
     with session.charge("nothing") as charge:
         charge.enable()
@@ -40,4 +43,12 @@ def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -
 
 def test_an_unknown_setting_is_refused() -> None:
     with pytest.raises(InputError, match=r"^setting 'torq' is unknown: did you mean torque"):
-        drive_setting("torq")
+        drive_setting("torq", ROBOT)
+
+
+def test_currents_that_switches_at_the_drivers_set_are_no_settings_of_the_board() -> None:
+    arm = load_robot("ar4-mk3")
+    assert [setting.key for setting in drive_settings(arm)] == ["supply_min", "supply_max", "temperature_max"]
+    assert drive_settings(ROBOT) == DRIVE_SETTINGS
+    with pytest.raises(InputError, match=r"^setting 'torque' is unknown: "):
+        drive_setting("torque", arm)

@@ -57,7 +57,7 @@ class Tubes {
   }
 
   dispose() {
-    for (const mesh of this.group.children.slice()) {
+    for (const mesh of this.meshes ?? []) {
       this.group.remove(mesh);
       mesh.geometry.dispose();
       mesh.dispose();
@@ -108,21 +108,49 @@ class Tubes {
   }
 }
 
-// An arm in pieces: guides thin, slides and links thick, the tool thin and in the colour of its trace.
+// Thickness of what is drawn of a machine, as parts of its size; bodies have balls at their ends.
+const BODIES = { guide: 1 / 75, slide: 1 / 26, link: 1 / 36, tool: 1 / 80 };
+const LINES = { axis: 1 / 190, x: 1 / 130, y: 1 / 130, z: 1 / 130 };
+const MARKS = { axes: ["axis"], frames: ["x", "y", "z"] };
+const HEAD = { radius: 1 / 40, length: 1 / 14 }; // of the arrow that shows where the tool points
+
+// An arm in pieces: guides thin, slides and links thick, the tool thin and in the colour of its trace, then an arrow where
+// it points. With marks also the axes of its joints, and frames, which are hidden at first.
 class Arm {
-  constructor(span, color, toolColor, opacity) {
-    const piece = (part, tint = color) => new Tubes(span / part, { color: tint, opacity });
-    this.pieces = { guide: piece(160, "--guide"), slide: piece(55), link: piece(75), tool: piece(170, toolColor) };
+  constructor(size, color, toolColor, opacity, marks) {
+    const tints = { guide: "--guide", tool: toolColor };
+    const piece = (role, part, tint, balls) => [role, new Tubes(size * part, { color: tint, opacity, balls })];
+    const bodies = Object.entries(BODIES).map(([role, part]) => piece(role, part, tints[role] ?? color, true));
+    const lines = marks ? Object.entries(LINES).map(([role, part]) => piece(role, part, `--mark-${role}`, false)) : [];
+    this.pieces = Object.fromEntries([...bodies, piece("hand", 1 / 110, toolColor, false), ...lines]);
+    this.head = new THREE.Mesh(new THREE.ConeGeometry(HEAD.radius * size, HEAD.length * size, 20), this.pieces.hand.material);
+    this.head.visible = false;
+    this.pieces.hand.group.add(this.head);
+    this.size = size;
+    if (marks) this.showMarks("frames", false);
   }
 
   set(lines, roles) {
     for (const [role, tubes] of Object.entries(this.pieces)) tubes.set(lines.filter((_, i) => roles[i] === role));
+    const hand = lines[roles.indexOf("hand")];
+    this.head.visible = Boolean(hand);
+    if (!hand) return;
+    const [from, to] = [0, 3].map((at) => new THREE.Vector3().fromArray(hand, at));
+    const way = to.clone().sub(from).normalize();
+    this.head.quaternion.setFromUnitVectors(UP, way);
+    this.head.position.copy(to).addScaledVector(way, (-HEAD.length * this.size) / 2);
   }
 
-  // Rails and masts may be many times as long as the arm: what a camera holds is without them.
+  showMarks(name, on) {
+    for (const role of MARKS[name]) this.pieces[role].group.visible = on;
+  }
+
+  // Rails and masts may be many times as long as the arm: what a camera holds is without those.
   get box() {
-    const { slide, link, tool } = this.pieces;
-    return [slide, link, tool].reduce((all, tubes) => all.union(tubes.box), new THREE.Box3());
+    const { guide, slide, link, tool } = this.pieces;
+    const all = [slide, link, tool].reduce((box, tubes) => box.union(tubes.box), new THREE.Box3());
+    const length = (box) => box.getSize(new THREE.Vector3()).length();
+    return length(guide.box) <= length(all) ? all.union(guide.box) : all;
   }
 }
 
@@ -146,7 +174,7 @@ export default {
       <div class="arm-scene-off" v-if="failed">This browser has no 3D here.</div>
       <div class="arm-scene-off" v-else-if="hidden">The 3D view is switched off.</div>
     </div>`,
-  props: { label: String, roles: Array, names: Array, span: Number, hold: Array, boxes: Array },
+  props: { label: String, roles: Array, names: Array, size: Number, span: Number, hold: Array, boxes: Array },
   data: () => ({ failed: false, hidden: false }),
 
   mounted() {
@@ -177,9 +205,9 @@ export default {
     };
     this.thin = thin;
     this.arms = {
-      arm: new Arm(this.span, "--arm", "--trace", 1),
-      ghost: new Arm(this.span, "--ghost", "--ghost", 0.4),
-      other: new Arm(this.span, "--other", "--other", 0.55),
+      arm: new Arm(this.size, "--arm", "--trace", 1, true),
+      ghost: new Arm(this.size, "--ghost", "--ghost", 0.4, false),
+      other: new Arm(this.size, "--other", "--other", 0.55, false),
     };
     this.tubes = [...Object.values(this.lines), ...Object.values(this.arms).flatMap((arm) => Object.values(arm.pieces))];
     for (const tubes of this.tubes) this.scene.add(tubes.group);
@@ -377,6 +405,14 @@ export default {
       this.controls.target.fromArray(kept.places[1]);
       this.controls.update();
       this.turned();
+    },
+
+    // Show or hide the joints' axes with their names, or the frames.
+    showMarks(name, on) {
+      if (this.failed) return;
+      this.arms.arm.showMarks(name, on);
+      if (name === "axes") for (const joint of this.joints) joint.name.visible = on;
+      this.draw();
     },
 
     // Switch the drawing off and on: without a graphics card it costs a processor.

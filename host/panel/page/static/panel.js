@@ -220,7 +220,8 @@
     now.q.forEach((value, i) => (values[`q${i}`] = now.known[i] ? fixed(value, 3) : "unknown"));
     now.v.forEach((value, i) => (values[`v${i}`] = fixed(value, 2)));
     now.e.forEach((value, i) => (values[`e${i}`] = fixed(value, 3)));
-    (now.pose ?? [null, null, null, null]).forEach((value, i) => (values[`pose${i}`] = fixed(value, 2)));
+    for (const { dataset } of document.querySelectorAll("[data-live^=pose]")) values[dataset.live] = "–"; // unknown
+    now.pose?.forEach((value, i) => (values[`pose${i}`] = fixed(value, 2)));
     write(values);
     for (const bar of document.querySelectorAll("[data-part]")) bar.style.width = `${100 * (now.part ?? 0)}%`;
     const percent = now.part ? `${Math.round(100 * now.part)} % – ` : "";

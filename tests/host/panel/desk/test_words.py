@@ -20,8 +20,10 @@ ROOMS = ("client", "operate", "planning", "panel")
 ELSEWHERE = {
     "positions.py": "the page asks before it replaces a position",
     "points.py": "the page gives no elbow for a file",
+    "ros_points.py": "the option is one of ros2, with which the user has printed the file",
+    "foreign": "only the command `convert` reads programs of other makers",
 }
-"""Modules of which an error with an option of the command line cannot reach a page, and why."""
+"""Modules and folders of which an error with an option of the command line cannot reach a page, and why."""
 JARGON = re.compile(
     r"\bnodes?\b|\bSDOs?\b|\bPDOs?\b|\bNMT\b|\bEMCY\b|\bSYNC\b|\bCiA\b|\bheartbeat|\bPVT\b|\brecords?\b|statusword"
     r"|controlword|OPERATION ENABLED|QUICK STOP|SWITCH ON|\bFAULT\b|\b0x|\bsteptwin\b|(?<!\w)--\w|\b\w+="
@@ -67,7 +69,8 @@ def plain_texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_error_shows_a_page_a_word_of_the_bus_or_of_the_command_line(room: str) -> None:
-    made = [each for path in sorted((HOST / room).rglob("*.py")) for each in errors_in(path)]
+    paths = [path for path in sorted((HOST / room).rglob("*.py")) if path.parent.name not in ELSEWHERE]
+    made = [each for path in paths for each in errors_in(path)]
     assert len(made) >= 5
     shown = {place: told(error) for place, error in made if place.split(":")[0] not in ELSEWHERE}
     assert {place: text for place, text in shown.items() if JARGON.search(text)} == {}

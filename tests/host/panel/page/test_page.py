@@ -42,6 +42,7 @@ from steptwin.host.panel.page.hub import Hub, tick_of
 from steptwin.host.panel.page.visitor import SHOWN, note_shown
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
+from steptwin.host.planning.tool_by_hand import StepFrame
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.panel.page.scripted_desk import ScriptedDesk
 
@@ -506,6 +507,24 @@ def test_a_held_button_beats_and_is_released(on_page: OnPage) -> None:
     on_page(body)
 
 
+def test_a_six_axis_arm_is_jogged_along_and_about_its_own_axes(on_page: OnPage) -> None:
+    async def body(rig: Rig) -> None:
+        tab = rig.user.tab_id
+        assert rig.shows("about z, deg")
+        await rig.emit("jog_beat", press=1, what="rz", sign=-1)
+        rig.find("axes that the tool moves along", ui.toggle).set_value(StepFrame.TOOL)
+        await rig.emit("jog_beat", press=2, what="rz", sign=1)
+        assert rig.desk.beats == [
+            (tab, 1, ToolJog("rz", -18.0, StepFrame.WORLD)),
+            (tab, 2, ToolJog("rz", 18.0, StepFrame.TOOL)),
+        ]
+        rig.find("what a press moves", ui.toggle).set_value(10.0)
+        await rig.click("jog x backward")
+        assert rig.asked == [StepTool({"x": -10.0}, 20, StepFrame.TOOL)]
+
+    on_page(body, ScriptedDesk(load_robot("ar4-mk3")))
+
+
 def test_a_refused_jog_is_told_once_a_press(on_page: OnPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(visitor, "_ONCE_S", 0.0)
 
@@ -595,6 +614,33 @@ def test_every_way_to_a_pose_is_shown_and_one_out_of_reach_says_why(on_page: OnP
     on_page(body)
 
 
+def test_the_orientation_of_a_six_axis_arm_is_written_as_a_user_likes(on_page: OnPage) -> None:
+    """The fields keep the pose when the notation changes; a quaternion that is none is refused where it is written."""
+
+    async def body(rig: Rig) -> None:
+        rig.find("kind of move", ui.toggle).set_value("tool")
+        here = {name: rig.first(name).value for name in ("x", "y", "z", "roll", "pitch", "yaw")}
+        assert here == {"x": 315.821, "y": 0.0, "z": 445.779, "roll": 180.0, "pitch": 45.0, "yaw": 180.0}
+        rig.find("how the orientation is written", ui.toggle).set_value("quaternion_xyzw")
+        turn = [abs(rig.first(name).value) for name in ("qx", "qy", "qz", "qw")]
+        assert turn == pytest.approx([0.0, 0.92388, 0.0, 0.382683], abs=2e-6)
+        assert rig.shows("front-up-noflip")
+        rig.first("qw").set_value(2.0)
+        assert rig.shows("quaternion_xyzw: has the length")
+        await rig.click("Move")
+        assert not rig.asked
+        rig.first("qw").set_value(0.382683)
+        await rig.click("Move")
+        (move,) = rig.asked
+        assert isinstance(move, MoveTool)
+        assert move.position.orientation is not None
+        assert (move.position.orientation.key, move.position.coordinates["x"]) == ("quaternion_xyzw", 315.821)
+        rig.find("how the orientation is written", ui.toggle).set_value("abc_deg")
+        assert rig.first("abc_b").value == pytest.approx(45.0, abs=1e-3)
+
+    on_page(body, ScriptedDesk(load_robot("ar4-mk3")))
+
+
 def test_positions_are_saved_gone_to_and_deleted(on_page: OnPage, tmp_path: Path) -> None:
     async def body(rig: Rig) -> None:
         rig.find("kind of move", ui.toggle).set_value("saved")
@@ -668,7 +714,7 @@ FILE = "t,d1,th2,th3,th4\n0,100,0,0,0\n2,120,10,10,10\n"
         ("bad.csv", "t,d1\n0,1\n", "bad.csv: "),
         ("bad.toml", "robot = 1", "bad.toml: "),
         ("../../evil.csv", "x", "evil.csv: "),
-        ("evil.exe", FILE, "evil.exe: a file to run ends in .csv, .json, .toml"),
+        ("evil.exe", FILE, "evil.exe: a file to run ends in .csv, .json, .yaml, .yml, .toml"),
     ],
 )
 def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words: str, on_page: OnPage) -> None:
@@ -676,7 +722,7 @@ def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words:
         rig.find("motion", ui.select).set_value("a file of yours")
         await rig.click("Preview")
         assert rig.shows("choose a file first")
-        upload = rig.find("choose or drop a file: .csv, .json, .toml", ui.upload)
+        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
         await upload.handle_uploads([ui.upload.SmallFileUpload(name, "text/plain", content.encode())])
         await rig.until(lambda: rig.shows(words))
         assert rig.find("Run").enabled == (name == "good.csv")
@@ -737,7 +783,7 @@ def test_a_file_in_radians_is_questioned_and_can_be_read_so(on_page: OnPage) -> 
 
     async def body(rig: Rig) -> None:
         rig.find("motion", ui.select).set_value("a file of yours")
-        upload = rig.find("choose or drop a file: .csv, .json, .toml", ui.upload)
+        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
         await upload.handle_uploads([ui.upload.SmallFileUpload("rad.csv", "text/plain", content)])
         await rig.until(lambda: rig.shows("“radians, mm” fits, too: angles are then 57.3 times as large"))
         rig.find("units of a trajectory file", ui.toggle).set_value("rad")
@@ -754,7 +800,7 @@ def test_a_file_in_radians_is_questioned_and_can_be_read_so(on_page: OnPage) -> 
 def test_another_file_replaces_the_one_before_and_it_can_be_taken_away(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
         rig.find("motion", ui.select).set_value("a file of yours")
-        upload = rig.find("choose or drop a file: .csv, .json, .toml", ui.upload)
+        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
         for name, content in (("bad.csv", "t,d1\n0,1\n"), ("good.csv", FILE)):
             await upload.handle_uploads([ui.upload.SmallFileUpload(name, "text/plain", content.encode())])
             await rig.until(lambda: rig.shows("bad.csv: ") if name == "bad.csv" else rig.find("Run").enabled)  # noqa: B023

@@ -7,7 +7,7 @@ from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Role, make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
-from steptwin.host.robots.kinematics.marks import AXIS_PART, FRAME_PART, frames, joint_axes, size_mm
+from steptwin.host.robots.kinematics.marks import AXIS_PART, FRAME_PART, Skeleton
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 
@@ -25,7 +25,7 @@ def within(robot: Robot) -> list[float]:
 def test_a_turning_joint_leaves_its_axis_and_a_sliding_one_moves_along_it(robot: Robot) -> None:
     """By the motion of the tool's frame from one joint position to another, which carries the axis along."""
     start = within(robot)
-    for i, (joint, axis) in enumerate(zip(robot.joints, joint_axes(robot, np.array([start])), strict=True)):
+    for i, (joint, axis) in enumerate(zip(robot.joints, Skeleton(robot).axes(np.array([start])), strict=True)):
         assert (axis.name, axis.role) == (f"axis {joint.name}", Role.AXIS)
         if joint.name in ("Z5", "Z6"):  # two slides of one platform: neither alone moves it along
             continue
@@ -49,14 +49,14 @@ def test_a_turning_joint_leaves_its_axis_and_a_sliding_one_moves_along_it(robot:
 def test_axes_of_the_ar4_as_its_maker_draws_them() -> None:
     """At zero: J1 upwards, J2, J3 and J5 to the left, J4 and J6 to the front."""
     robot = load_robot("ar4-mk3")
-    ways = [np.ptp(axis.points_mm[0], axis=0) for axis in joint_axes(robot, np.zeros((1, 6)))]
-    length_mm = 2 * AXIS_PART * size_mm(robot)
+    ways = [np.ptp(axis.points_mm[0], axis=0) for axis in Skeleton(robot).axes(np.zeros((1, 6)))]
+    length_mm = 2 * AXIS_PART * Skeleton(robot).size_mm
     expected = [[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]]
     assert np.array(ways) == pytest.approx(length_mm * np.array(expected), abs=1e-9)
 
 
 def test_axes_of_a_machine_without_a_tool_are_its_guides() -> None:
-    for joint, axis in zip(BENCH.joints, joint_axes(BENCH, np.array([BENCH.home])), strict=True):
+    for joint, axis in zip(BENCH.joints, Skeleton(BENCH).axes(np.array([BENCH.home])), strict=True):
         way_mm = axis.points_mm[0, 1] - axis.points_mm[0, 0]
         assert np.flatnonzero(np.abs(way_mm) > 1e-9).tolist() == [0 if joint.unit is Unit.MM else 2]
 
@@ -64,7 +64,7 @@ def test_axes_of_a_machine_without_a_tool_are_its_guides() -> None:
 @each_robot
 def test_frames_are_those_of_the_base_each_joint_and_the_tool(robot: Robot) -> None:
     joints = np.array([within(robot), robot.home])
-    drawn = frames(robot, joints)
+    drawn = Skeleton(robot).frames(joints)
     assert [part.role for part in drawn[:3]] == [Role.X, Role.Y, Role.Z]
     table = make_kinematics(robot).dh
     assert len(drawn) == 3 * (len([row for row in table.rows if row.theta_deg.variable or row.d_mm.variable]) + 2)
@@ -73,4 +73,4 @@ def test_frames_are_those_of_the_base_each_joint_and_the_tool(robot: Robot) -> N
         assert part.name == f"{'xyz'[k]} of tool"
         assert part.points_mm[:, 0] == pytest.approx(tool[:, :3, 3], abs=1e-9, nan_ok=True)
         way_mm = part.points_mm[:, 1] - part.points_mm[:, 0]
-        assert way_mm == pytest.approx(FRAME_PART * size_mm(robot) * tool[:, :3, k], abs=1e-9, nan_ok=True)
+        assert way_mm == pytest.approx(FRAME_PART * Skeleton(robot).size_mm * tool[:, :3, k], abs=1e-9, nan_ok=True)

@@ -27,6 +27,15 @@ def test_each_key(key: str, values: tuple[float, ...], wanted: Rotation) -> None
     assert orientation.direction == pytest.approx(wanted.apply([0.0, 0.0, 1.0]), abs=1e-15)
 
 
+@pytest.mark.parametrize("key", [key for key in ORIENTATIONS if key != "direction"])
+def test_a_rotation_is_written_under_each_key(key: str) -> None:
+    rotation = Rotation.from_euler("ZYX", (40.0, -30.0, 20.0), degrees=True)
+    orientation = Orientation.of(key, rotation.as_quat())
+    assert matrix(orientation.rotation) == pytest.approx(rotation.as_matrix(), abs=1e-12)
+    if key == "abc_deg":
+        assert orientation.values == pytest.approx((40.0, -30.0, 20.0))
+
+
 def test_the_ar4s_stored_pose() -> None:
     """AR4.py writes a rotation vector with its labels reversed; the same pose as roll, pitch, yaw is quite another."""
     vector = Orientation("rotvec_deg", (9.454, 121.621, -1.927))
