@@ -15,7 +15,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, json_table, number_at
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.trajectory_file.points import Points
-from steptwin.host.planning.trajectory_file.yaml_text import yaml_table
+from steptwin.host.planning.trajectory_file.yaml_text import YAML, yaml_table
 from steptwin.host.robots.robot import AXES_MAX
 
 _AROUND: Final[dict[str, tuple[str, ...]]] = {
@@ -53,20 +53,23 @@ _CUT: Final = "..."
 
 def read_json(text: str) -> Points:
     """Return the points of a JSON file; InputErrors begin with the point's number, counted from 1, and the key."""
-    return _points(json_table(text))
+    return _points(json_table(text), "JSON object")
 
 
 def read_yaml(text: str) -> Points:
     """Return the points of a YAML file; InputErrors begin as `read_json`'s."""
-    return _points(yaml_table(text))
+    return _points(yaml_table(text), YAML)
 
 
-def _points(message: Table) -> Points:
-    """Return the points of a message. Times to the nanosecond, as ROS has them, are rounded where a motion needs it."""
-    document = _joint_trajectory(message)
+def _points(message: Table, kind: str) -> Points:
+    """Return the points of a message, whose tables are of a kind.
+
+    Times to the nanosecond, as ROS has them, are rounded where a motion needs it.
+    """
+    document = _joint_trajectory(message, kind)
     document.check_keys(_DOCUMENT_KEYS)
     names = [_name(name) for name in document.elements("joint_names")]
-    points = [_point(value, i) for i, value in enumerate(document.elements("points"), start=1)]
+    points = [_point(value, i, kind) for i, value in enumerate(document.elements("points"), start=1)]
     moving = [bool(point.values.get("velocities")) for point in points]
     if any(moving) and not all(moving):
         raise InputError(f"point {moving.index(False) + 1}: has no velocities, other points have some")
@@ -89,7 +92,7 @@ def _points(message: Table) -> Points:
     )
 
 
-def _joint_trajectory(message: Table) -> Table:
+def _joint_trajectory(message: Table, kind: str) -> Table:
     """Return the joints' trajectory in a message; any other document as it is."""
     for key, keys in _AROUND.items():
         if key not in message:
@@ -105,7 +108,7 @@ def _joint_trajectory(message: Table) -> Table:
                 raise InputError(f"{key}: has {len(held)} motions: keep the one to be run")
             held = held[0]
         with prefixed(f"{key}: "):
-            message = Table(held, "table")
+            message = Table(held, kind)
     return message
 
 
@@ -127,11 +130,11 @@ def _name(value: object) -> str:
     return value
 
 
-def _point(value: object, i: int) -> Table:
+def _point(value: object, i: int, kind: str) -> Table:
     with prefixed(f"point {i}: "):
         if value == _CUT:
             raise InputError("the list is cut here: `ros2 topic echo --full-length` prints all of it")
-        point = Table(value, "JSON object")
+        point = Table(value, kind)
     with prefixed(f"point {i}, "):
         point.check_keys(_POINT_KEYS)
         if point.values.get(_EFFORT):

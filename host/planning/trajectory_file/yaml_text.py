@@ -13,6 +13,8 @@ from steptwin.host.common.bad_input import shortened
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 
+YAML: Final = "YAML mapping"
+"""What messages call a table of such a text."""
 _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _DEEP_MAX: Final = 16
 """Lists and mappings within one another: a value of a planned trajectory lies ten deep."""
@@ -37,7 +39,7 @@ def yaml_table(text: str) -> Table:
         lines = ", ".join(str(line) for line, _ in full[:_SHOWN])
         more = ", ..." if len(full) > _SHOWN else ""
         raise InputError(f"has {len(full)} messages, which begin at lines {lines}{more}: keep the one to be run")
-    return Table(_with_numbers(full[0][1]) if full else {}, "YAML mapping")
+    return Table(_with_numbers(full[0][1]) if full else {}, YAML)
 
 
 _SHOWN: Final = 3

@@ -72,6 +72,7 @@ def test_a_message_ends_with_its_line() -> None:
         (f"{ONE}---\n" * 5, "has 5 messages, which begin at lines 1, 5, 10, ...: keep the one to be run"),
         (BOMB, "line 2: *a is an alias: write out the value that it stands for"),
         ("a: " + "[" * 17 + "]" * 17, "line 1: more than 16 lists and mappings within one another"),
+        ("joint_names: []\npoints: [1]", "point 1: 1.0 is not a YAML mapping"),
         (ONE.replace("[1]", "[on]"), "point 2, positions, a: 'on' is not a number"),
         (ONE.replace("[1]", "[.inf]"), "point 2, positions, a: '.inf' is not a number"),
         (ONE.replace("[1]", "[1_0]"), "point 2, positions, a: '1_0' is not a number"),
@@ -79,7 +80,7 @@ def test_a_message_ends_with_its_line() -> None:
         (ONE + "- '...'\n", "point 3: the list is cut here: `ros2 topic echo --full-length` prints all of it"),
         ("trajectory: [{}, {}]", "trajectory: has 2 motions: keep the one to be run"),
         ("trajectory: []", "trajectory: has 0 motions: keep the one to be run"),
-        ("goal: 5", "goal: 5.0 is not a table"),
+        ("goal: 5", "goal: 5.0 is not a YAML mapping"),
         ("goal: {trajectory: {joint_trajectory: {}}, other: 1}", "other: key 'other' is unknown: there are"),
         (
             "trajectory: {}\nmulti_dof_trajectory: {points: [{}]}",

@@ -1,8 +1,11 @@
 """Traps of URDFs, each with its sentence: what is no URDF, trees that are none, and ways from base to tip."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.urdf.urdf_tree import LINKS_MAX, read_urdf
@@ -209,3 +212,28 @@ def test_what_is_wrong_in_the_chain(text: str, message: str, tmp_path: Path) -> 
 )
 def test_beside_the_chain_anything_may_be(beside: str, tmp_path: Path) -> None:
     assert robot_of(tmp_path, urdf(TWO, beside), tip="c").joints == ("J1", "J2")
+
+
+@given(text=st.text() | st.text(alphabet="<>/=\"' abjointlkrx0123456789.-!&;\n"))
+def test_any_text_is_read_or_refused_in_a_line(text: str) -> None:
+    assert "\n" not in told(lambda: read_urdf(text))
+
+
+WHOLE = urdf(TWO, MIMIC, joint("S", "d", "e", '<origin xyz="1 2 3" rpy="0 0 1.5708"/>', "prismatic"), links="abcde")
+
+
+@given(start=st.integers(0, len(WHOLE)), length=st.integers(0, 40), instead=st.text(max_size=8))
+def test_a_file_with_any_part_of_it_replaced_is_read_or_refused_in_a_line(
+    start: int, length: int, instead: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    text = WHOLE[:start] + instead + WHOLE[start + length :]
+    assert "\n" not in told(lambda: robot_of(tmp_path_factory.mktemp("urdf"), text))
+
+
+def told(read: Callable[[], object]) -> str:
+    """What is said of a file: nothing if it is read."""
+    try:
+        read()
+    except InputError as error:
+        return str(error)
+    return ""
