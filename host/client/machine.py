@@ -235,7 +235,7 @@ class Machine:
         """Let time pass, and in addition the time that sending takes; tend the stream. Raises as `Stream.tend`."""
         looks = max(1, ceil(dt_s / POLL_S))
         for _ in range(looks):
-            self.link.wait(dt_s / looks)
+            (self._stream or self.link).wait(dt_s / looks)
             self._tend()
 
     def drop_trajectory(self) -> None:

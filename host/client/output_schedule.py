@@ -7,7 +7,8 @@ reports come only ten times a second, so the client reads the record number by S
 
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple
+from math import ceil
+from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.queue_feed import TrajectoryTime
@@ -15,12 +16,22 @@ from steptwin.protocol.cia402 import DigitalOutput
 
 
 class OutputCommand(NamedTuple):
-    """Switch one output of one axis `from_s` seconds after the motion's start, in trajectory time."""
+    """Switch one output of one axis `from_s` seconds after the motion's start, in trajectory time.
+
+    `promptly` tells that the machine moves meanwhile: the board is asked each millisecond then.
+    """
 
     axis: int
     output: DigitalOutput
     on: bool
     from_s: float
+    promptly: bool = False
+
+
+_PROMPT_S: Final = 0.001
+"""Time between two questions to the board while an output is due on the way."""
+_AGE_S: Final = 0.02
+"""Age up to which the last report may be known only now: a look and the records that are sent in it."""
 
 
 class OutputSchedule:
@@ -37,15 +48,30 @@ class OutputSchedule:
         """Add commands, in order of time, that are all later than those before."""
         self._pending.extend(commands)
 
+    @property
+    def is_prompt(self) -> bool:
+        """Whether the next output must change promptly."""
+        return bool(self._pending) and self._pending[0].promptly
+
+    def times_to_look(self, now_s: float, dt_s: float) -> int:
+        """Return how often to look within a time: more than once if an output must change promptly, then or soon."""
+        due = self.is_prompt and self._pending[0].from_s <= self._reached.most_s(now_s + dt_s) + _AGE_S
+        return ceil(dt_s / _PROMPT_S) if due else 1
+
     def tend(self, now_s: float) -> None:
         """Send every command that is due by now."""
-        while self._pending and has_come(self._pending[0].from_s, self._reached, self._axes[0], now_s):
+        while self._pending and has_come(
+            self._pending[0].from_s, self._reached, self._axes[0], now_s, _AGE_S if self._pending[0].promptly else 0.0
+        ):
             command = self._pending.popleft()
             self._axes[command.axis].switch_output(command.output, on=command.on)
 
 
-def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float) -> bool:
-    """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open."""
-    if reached.least_s < t_s <= reached.most_s(now_s):
+def has_come(t_s: float, reached: TrajectoryTime, axis: AxisClient, now_s: float, age_s: float = 0.0) -> bool:
+    """Return whether the trajectory has reached a time; ask the board only if the last report leaves it open.
+
+    `age_s` is how much older than its reading the report may be, where the answer must come at once.
+    """
+    if reached.least_s < t_s <= reached.most_s(now_s) + age_s:
         reached.report(axis.executing(), now_s)
     return reached.least_s >= t_s

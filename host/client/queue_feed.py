@@ -8,7 +8,7 @@ Trajectory time passes as fast as the clock, more slowly, or faster, up to the h
 it lies between the start of the record executed and that record's end plus the time since the report at that speed.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import accumulate
 from typing import Final
 
@@ -205,8 +205,12 @@ class QueueFeed:
         return True
 
 
-def fill(feeds: list[QueueFeed]) -> None:
-    """Send one record to each axis in turn, until no axis has both a record and a credit."""
+def fill(feeds: list[QueueFeed], between: Callable[[], None] = lambda: None) -> None:
+    """Send one record to each axis in turn, until no axis has both a record and a credit.
+
+    `between` is called after each round, for what must not wait until all are sent.
+    """
     sending = list(feeds)
     while sending:
         sending = [feed for feed in sending if feed.send_next()]
+        between()

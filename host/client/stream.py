@@ -16,7 +16,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, PVT_SUBMODE, QUICK_STOP, Control, Mode, State, Status
 from steptwin.protocol.frame import COB_SYNC
-from steptwin.protocol.pvt import PvtFlag
+from steptwin.protocol.pvt import QUEUE_DEPTH, PvtFlag
 
 
 class StreamedMotion(NamedTuple):
@@ -82,7 +82,9 @@ class Stream:
         self.waits = Waits(axes, motion.waits, legs)
         self._feeds = [QueueFeed(axis, own, link.now_s()) for axis, own in zip(axes, legs[0].records, strict=True)]
         fed_ms = self.waits.feed_first(self._feeds)
-        self._least_records = min(_PRELOAD_RECORDS, len(fed_ms))
+        # full queues leave the bus to the questions that outputs on the way need, from the start on
+        promptly = any(command.promptly for command in motion.outputs)
+        self._least_records = min(QUEUE_DEPTH if promptly else _PRELOAD_RECORDS, len(fed_ms))
         require(link, self._preloaded, "the queues of the motion do not fill", _PRELOAD_TIMEOUT_S)
         self._start_together()
         now_s = link.now_s()
@@ -128,6 +130,19 @@ class Stream:
         """True while the last reports say that the machine rests amid its trajectory."""
         return all(axis.halted for axis in self._axes)
 
+    def wait(self, dt_s: float) -> None:
+        """Let time pass, and switch outputs that are due on the way as soon as the board is there."""
+        looks = self._schedule.times_to_look(self._link.now_s(), dt_s)
+        for look in range(1, looks + 1):
+            self._link.wait(dt_s / looks)
+            if look < looks:
+                self._switch_promptly()
+
+    def _switch_promptly(self) -> None:
+        """Switch outputs that are due on the way, between two looks."""
+        if self._schedule.is_prompt and not self.halted:
+            self._schedule.tend(self._link.now_s())
+
     def tend(self) -> None:
         """Send records, switch outputs that are due and look at the input that is waited for; set `ended` at the end.
 
@@ -164,7 +179,7 @@ class Stream:
         """
         for feed in self._feeds:
             feed.check_running()
-        fill(self._feeds)
+        fill(self._feeds, self._switch_promptly)
         return all(feed.all_acknowledged for feed in self._feeds)
 
     def _follow(self, now_s: float, *, done: bool, halted: bool) -> None:

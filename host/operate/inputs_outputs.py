@@ -92,7 +92,10 @@ def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
 def streamed_motion(plan: Plan) -> StreamedMotion:
     """Return what is streamed of a plan; raise InputError if the machine does not stand still at one of its waits."""
     outputs, inputs = wired_outputs(plan.robot), wired_inputs(plan.robot)
-    commands = [OutputCommand(*outputs[each.output], each.on, each.from_s) for each in plan.trajectory.switchings]
+    commands = [
+        OutputCommand(*outputs[each.output], each.on, each.from_s, each.on_the_way)
+        for each in plan.trajectory.switchings
+    ]
     waits = [
         InputWait(*inputs[wait.input], wait.on, _standstill_s(plan, wait), wait.timeout_s, _timeout_text(wait))
         for wait in waits_of(plan.trajectory)

@@ -51,6 +51,9 @@ class Law(Protocol):
 LONGEST_MS: Final = 10**9
 """Longest motion chosen, more than eleven days: much longer ones in seconds could not hold whole milliseconds."""
 
+_TIME_S: Final = 1e-9
+"""Accuracy of the time at which a law is at a place: a fraction of a timer's count."""
+
 _SLACK: Final = 1e-12
 """Part of a limit by which it may be exceeded: without it a rounding error would lengthen round times by 1 ms."""
 
@@ -106,6 +109,16 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
     least_ms = [ramp_ms + max(by_speed_ms, by_ramp_ms(ramp_ms), ramp_ms) for ramp_ms in ramps_ms]
     duration_ms = rounded_up_ms(min(least_ms))
     return duration_ms, next(ramp_ms for ramp_ms, ms in zip(ramps_ms, least_ms, strict=True) if ms <= duration_ms)
+
+
+def time_at(law: Law, position: float) -> float:
+    """Return the time in seconds when a law that does not turn back is first at a position on its way."""
+    low_s, high_s = 0.0, law.duration_s
+    while high_s - low_s > _TIME_S:
+        middle_s = (low_s + high_s) / 2.0
+        behind = abs(float(law.position(np.array([middle_s]))[0])) < abs(position)
+        low_s, high_s = (middle_s, high_s) if behind else (low_s, middle_s)
+    return high_s
 
 
 @dataclass(frozen=True, slots=True)

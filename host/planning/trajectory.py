@@ -12,19 +12,21 @@ REST_TOLERANCE: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Switching:
-    """A change of a digital output during a motion, while the machine stands still.
+    """A change of a digital output during a motion.
 
     Attributes:
         output: name of the output in the robot file.
         on: its new level.
         from_s: time of the motion from which the output may change.
-        until_s: time by which it must have changed, since the machine moves on.
+        until_s: time by which it must have changed.
+        on_the_way: True if the machine moves meanwhile, so that a place is meant.
     """
 
     output: str
     on: bool
     from_s: float
     until_s: float
+    on_the_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)

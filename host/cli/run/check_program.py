@@ -81,7 +81,7 @@ def _print_steps(steps: "Sequence[StepRow]") -> None:
     }
     print_rows({**texts, **numbers}, steps, text_columns=len(texts))
     for row in steps:
-        say(*(f"{row.place}: {sentence}" for sentence in row.passed()))
+        say(*(f"{row.place}: {sentence}" for sentence in (*row.passed(), *row.notes)))
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:
@@ -95,6 +95,7 @@ def _step_document(row: "StepRow") -> dict[str, Any]:
         "speed_percent": speed.percent if speed else 0.0,
         "acceleration_percent": acceleration.percent if acceleration else 0.0,
         **({"branch_changes": [{"t_s": t_s, "branch": name} for t_s, name in row.changes]} if row.changes else {}),
+        **({"notes": list(row.notes)} if row.notes else {}),
     }
 
 

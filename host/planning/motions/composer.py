@@ -1,6 +1,6 @@
 """Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -67,8 +67,9 @@ class Sequence:
 
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
-        """The parts' breakpoints, and the times when one part follows another."""
-        breakpoints_ms = set(self.starts_ms[1:-1])
+        """The parts' breakpoints, the times when one part follows another, and when outputs change on the way."""
+        changes_ms = {round(1000 * change.from_s) for change in self.switchings if change.on_the_way}
+        breakpoints_ms = {*self.starts_ms[1:-1], *changes_ms} - {0, self.starts_ms[-1]}
         for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
             breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
         return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
@@ -178,12 +179,23 @@ class Composer:
         self._check_length(law.duration_s)
         self._append(ToolMove.along(self.robot, path, law, branch, self.joints, self.now_s))
 
+    def take(self, motion: Trajectory) -> None:
+        """Make a motion that begins where the sequence stands."""
+        self._check_length(motion.duration_s)
+        self._append(motion)
+
     def switch(self, output: str, *, on: bool) -> None:
         """Stand still while a digital output of the robot changes."""
         require_output(self.robot, output)
         from_s = self.now_s
         self.pause(SWITCHING_S)
         self._switchings.append(Switching(output, on, from_s, self.now_s))
+
+    def add_switchings(self, changes: Iterable[Switching]) -> None:
+        """Let outputs of the robot change during motions that have been added."""
+        for change in changes:
+            require_output(self.robot, change.output)
+            self._switchings.append(change)
 
     def wait(self, sensor: str, *, on: bool, timeout_s: float, place: str = "") -> None:
         """Stand still until a digital input of the robot has a level; after the time-out the motion ends there.
@@ -208,7 +220,8 @@ class Composer:
     def sequence(self, leaves_open: tuple[str, ...] = ()) -> Sequence:
         """Return the sequence of all moves so far, which leaves the drawers of some slots out."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
-        switchings, waits = tuple(self._switchings), tuple(self._waits)
+        switchings = tuple(sorted(self._switchings, key=lambda change: change.from_s))
+        waits = tuple(self._waits)
         return Sequence(self.robot.joint_names, parts, starts_ms, switchings, waits, leaves_open)
 
     def _check_length(self, more_s: float) -> None:

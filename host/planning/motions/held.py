@@ -51,6 +51,51 @@ class CutShort:
         return self.trajectory.velocities(t_s)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeSpan:
+    """A part of a trajectory that need not begin or end at rest; implements Trajectory.
+
+    Attributes:
+        trajectory: the trajectory itself.
+        from_s: where the part begins, a whole number of milliseconds.
+        until_s: where it ends, likewise.
+    """
+
+    trajectory: Trajectory
+    from_s: float
+    until_s: float
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The trajectory's joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the part."""
+        return (round(1000 * self.until_s) - round(1000 * self.from_s)) / 1000
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The trajectory's breakpoints in the part."""
+        from_ms, until_ms = round(1000 * self.from_s), round(1000 * self.until_s)
+        times_ms = (round(1000 * t_s) for t_s in self.trajectory.breakpoints_s)
+        return tuple((ms - from_ms) / 1000 for ms in times_ms if from_ms < ms < until_ms)
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """None: they are the whole motion's."""
+        return ()
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(self.from_s + t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(self.from_s + t_s)
+
+
 class Hold(NamedTuple):
     """A standstill: the time of the original motion where it is put in, and its duration, in milliseconds."""
 

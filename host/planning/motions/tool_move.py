@@ -31,18 +31,27 @@ def follow(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: 
     planner checks the joints' limits, this function does not. It raises InputError, with the time, if the path leaves
     the mechanism's reach or comes near a singularity.
     """
-    return _followed(robot, poses, t_s, branch, near).joints
+    return followed(robot, poses, at_time(t_s), branch, near).joints
 
 
-def _followed(robot: Robot, poses: FloatArray, t_s: FloatArray, branch: str, near: FloatArray) -> Branch:
-    """Return the same joints with what the kinematics says about them."""
+Where = Callable[[int], str]
+"""Says where a path is at the pose with an index, as in `at t = 0.100 s`."""
+
+
+def at_time(t_s: FloatArray) -> Where:
+    """Return how to say when a path is at a pose, from the times of shape (n,) of all its poses."""
+    return lambda i: f"at t = {t_s[i]:.3f} s"
+
+
+def followed(robot: Robot, poses: FloatArray, where: Where, branch: str, near: FloatArray) -> Branch:
+    """Return the same joints with what the kinematics says about them; messages tell `where` the path breaks off."""
     kinematics = make_kinematics(robot)
     if branch not in kinematics.branches:
         raise unknown("branch", branch, kinematics.branches)
     solved = kinematics.along(poses, branch, near)
     passes_until = partial(_passes_until, kinematics, branch, poses, near)
-    _check(solved.mechanism, t_s, passes_until)
-    _check(kinematics.singularities(solved.joints), t_s, passes_until)
+    _check(solved.mechanism, where, passes_until)
+    _check(kinematics.singularities(solved.joints), where, passes_until)
     joints = solved.joints
     for axis, joint in enumerate(robot.joints):
         if joint.unit is Unit.DEG:
@@ -73,13 +82,13 @@ def _turns_deg(first_deg: float, near_deg: float) -> float:
     return turns_deg if abs(first_deg + turns_deg - near_deg) < LIMIT_TOLERANCE else 0.0
 
 
-def _check(constraints: tuple[Constraint, ...], t_s: FloatArray, passes_until: Callable[[int], str]) -> None:
+def _check(constraints: tuple[Constraint, ...], where: Where, passes_until: Callable[[int], str]) -> None:
     """Raise OutOfReachError for the first place where a path breaks a constraint, with the last that passes."""
     for constraint in constraints:
         if not constraint.kept.all():
             i = int(np.argmin(constraint.kept))
             broken = constraint.complaint(i, of_path=True)
-            raise OutOfReachError(f"at t = {t_s[i]:.3f} s the tool's path breaks off: {broken}{passes_until(i)}")
+            raise OutOfReachError(f"{where(i)} the tool's path breaks off: {broken}{passes_until(i)}")
 
 
 def _passes_until(kinematics: Kinematics, branch: str, poses: FloatArray, near: FloatArray, end: int) -> str:
@@ -167,11 +176,11 @@ class ToolMove:
         for times_ms in windows_ms(round(1000 * law.duration_s)):
             t_s = times_ms / 1000
             near = start if kinematics.keeps_branch else guide[-1][-1]
-            followed = _followed(robot, path.poses(law.position(t_s)), from_s + t_s, branch, near)
-            joints = followed.joints
-            changes += [(float(t_s[i]), name) for i, name in followed.changes]
+            solved = followed(robot, path.poses(law.position(t_s)), at_time(from_s + t_s), branch, near)
+            joints = solved.joints
+            changes += [(float(t_s[i]), name) for i, name in solved.changes]
             if times_ms[0] == 0:
-                _check_start(robot, branch, start, joints[0], from_s)
+                check_start(robot, branch, start, joints[0], at_time(np.array([from_s]))(0))
                 guide[0] = joints[:1]
             else:  # the turns in which the window before has ended
                 joints[:, rotary] += 360.0 * np.round((guide[-1][-1] - joints[0])[list(rotary)] / 360.0)
@@ -259,12 +268,12 @@ def _check_steps(robot: Robot, kinematics: Kinematics, joints: FloatArray, t_s: 
             )
 
 
-def _check_start(robot: Robot, branch: str, start: FloatArray, begins: FloatArray, from_s: float) -> None:
+def check_start(robot: Robot, branch: str, start: FloatArray, begins: FloatArray, where: str) -> None:
     """Raise InputError if the joints would jump at the start, for example because they are on another branch."""
     for i, joint in enumerate(robot.joints):
         half_step = 0.5 / joint.transmission.steps_per_unit
         if abs(begins[i] - start[i]) > half_step:
             raise InputError(
-                f"{joint.name}: at t = {from_s:.3f} s the tool's path on the branch {branch!r} begins at"
+                f"{joint.name}: {where} the tool's path on the branch {branch!r} begins at"
                 f" {begins[i]:.4f} {joint.unit}, the joint is at {start[i]:.4f} {joint.unit}"
             )

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
+from steptwin.host.planning.fastest import CornerError
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.peaks import Peak, sampled, shifted
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
+from steptwin.host.planning.programs.flowing import BranchesOnWay, switching_words
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.names import check_names
 from steptwin.host.planning.programs.program import (
@@ -49,6 +51,7 @@ class StepRow:
         peaks: highest speed, acceleration and step rate of each joint in it.
         branch: the branch on which the arm is when it begins; empty for a step that leads no tool along a path.
         changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
+        notes: which outputs change on its way, and what becomes of the corner at its end, in words.
     """
 
     place: Place
@@ -58,6 +61,7 @@ class StepRow:
     peaks: tuple[Peak, ...]
     branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
+    notes: tuple[str, ...] = ()
 
     def passed(self) -> Iterator[str]:
         """Yield a sentence for each change of the branch: what the arm passes and where, and the branches' names."""
@@ -145,6 +149,15 @@ def _more_words(count: int) -> str:
     return f"; {count} more {'steps are' if count > 1 else 'step is'} too fast" if count else ""
 
 
+class _Gathered(NamedTuple):
+    """A step that flows; `has_leg` is False for one whose end is where it begins."""
+
+    place: Place
+    step: Step
+    before: Moves
+    has_leg: bool = True
+
+
 class _Walk:
     """Makes the steps of a program one after the other."""
 
@@ -158,6 +171,8 @@ class _Walk:
         """Whether the robot is at least on the branch of where it was known to stand last."""
         self._rows: list[StepRow] = []
         self._made: list[MadeStep] = []
+        self._gathered: list[_Gathered] = []
+        """The steps that flow into each other and have no times yet."""
 
     def compiled(self, leaves_open: tuple[str, ...], *, is_whole: bool) -> CompiledProgram:
         """Return what has been made so far, which leaves the drawers of some slots out."""
@@ -177,6 +192,7 @@ class _Walk:
             if count >= STEPS_MAX:
                 raise InputError(f"{written.place}: a program has at most {STEPS_MAX} steps, repetitions written out")
             self._take(written)
+        self._end_flow()
 
     def _begin(self, program: Program) -> None:
         self._known = self._on_branch = program.starts
@@ -197,6 +213,7 @@ class _Walk:
     def _take(self, written: Written) -> None:
         place, step = written
         if isinstance(step, WrongStep):
+            self._end_flow()
             if step.moves:
                 self._known = self._on_branch = False
         elif self._known:
@@ -229,29 +246,89 @@ class _Walk:
 
     def _add(self, place: Place, step: Step) -> None:
         moves = self._moves
-        before, from_s = moves.from_here(), moves.composer.now_s
+        if step.pace is None:
+            self._end_flow()
+        before, from_s, legs = moves.from_here(), moves.composer.now_s, len(moves.legs.legs)
         moves.place = str(place)
         self.complaints.judge(place)
         try:
             step.add_to(moves)
+        except CornerError as error:
+            self._gathered.append(_Gathered(place, step, before))
+            self._complain_of(error)
         except InputError as error:
-            self.complaints.add(place, step, error)
-            self._known = False
-            self._on_branch = self._keeps_branch(step)
-            with Findings().collecting():
-                self._stand_after(step)
-            return
+            self._fail(place, step, error)
+        else:
+            if moves.legs:
+                self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.legs.legs) > legs))
+            elif moves.leg_times:
+                own = sum(step.has_leg for step in self._gathered)
+                self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.leg_times) > own))
+                self._add_gathered()
+            else:
+                part = moves.composer.last_part(from_s) if step.pace is not None else None
+                notes, moves.switched = tuple(map(switching_words, moves.switched)), ()
+                way: BranchesOnWay = ("", ())
+                if isinstance(part, ToolMove):
+                    way = part.branch, tuple((from_s + t_s, name) for t_s, name in part.changes)
+                self._add_row(place, step, before, part, from_s, moves.composer.now_s - from_s, way, notes)
+
+    def _fail(self, place: Place, step: Step, error: InputError) -> None:
+        """Go on after a step that cannot be made: those that flowed into it have no motion."""
+        self._gathered.clear()
+        self.complaints.add(place, step, error)
+        self._known = False
+        self._on_branch = self._keeps_branch(step)
+        with Findings().collecting():
+            self._stand_after(step)
+        self._moves.forget_flow()
+
+    def _end_flow(self) -> None:
+        """Let the steps that flow come to rest, before one that begins at rest."""
+        try:
+            self._moves.end_flow()
+        except CornerError as error:
+            self._complain_of(error)
+        self._add_gathered()
+
+    def _complain_of(self, error: CornerError) -> None:
+        """Tell of a corner that cannot be rounded at the step at whose end it is."""
+        steps = [step for step in self._gathered if step.has_leg]
+        self.complaints.add(steps[error.corner].place, steps[error.corner].step, error)
+        self._gathered.clear()
+
+    def _add_gathered(self) -> None:
+        """Add rows for the steps that have flowed into each other, at the times that they have now."""
+        times, now_s = iter(self._moves.leg_times), self._moves.composer.now_s
+        for each in self._gathered:
+            time = next(times) if each.has_leg else None
+            if time is None:
+                self._add_row(each.place, each.step, each.before, None, now_s, 0.0)
+            else:
+                duration_s = round(time.until_s - time.from_s, 3)
+                self._add_row(
+                    each.place, each.step, each.before, time.motion, time.from_s, duration_s, time.branches, time.notes
+                )
+        self._gathered.clear()
+        self._moves.leg_times = []
+
+    def _add_row(
+        self,
+        place: Place,
+        step: Step,
+        before: Moves,
+        part: Trajectory | None,
+        from_s: float,
+        duration_s: float,
+        way: BranchesOnWay = ("", ()),
+        notes: tuple[str, ...] = (),
+    ) -> None:
         made = MadeStep(self._robot, place, step, before, round(1000 * from_s))
-        part = moves.composer.last_part(from_s) if step.pace is not None else None
         if part is not None:
             check = checks.SampleCheck(self._robot)
             made = made.looked_at(part, check.looking(shifted(sampled(part), from_s)))
             self._check_positions(made, part, check)
-        row = StepRow(place, str(step), from_s, moves.composer.now_s - from_s, made.peaks)
-        if isinstance(part, ToolMove):
-            changes = tuple((from_s + t_s, name) for t_s, name in part.changes)
-            row = replace(row, branch=part.branch, changes=changes)
-        self._rows.append(row)
+        self._rows.append(StepRow(place, str(step), from_s, duration_s, made.peaks, *way, notes))
         self._made.append(made)
 
     def _stand_after(self, step: Step) -> None:

@@ -12,7 +12,7 @@ from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, Samples, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import Pace
+from steptwin.host.planning.programs.paces import StepPace
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
@@ -20,7 +20,7 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
-Check = Callable[[Pace], None]
+Check = Callable[[StepPace], None]
 """Checks a step with another pace; raises TooFastError if it is too fast."""
 
 _DIGITS: Final = 3
@@ -88,7 +88,7 @@ _KEYS: Final = {
 }
 
 
-def passing_values(pace: Pace, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
+def passing_values(pace: StepPace, names: Iterable[str], error: TooFastError, checks: Iterable[Check]) -> list[str]:
     """Return the values that pass, such as `speed_mm_s = 42.1`, each by itself; none if no value passes.
 
     Each is the nearest one to the step's own, in three digits or whole milliseconds, that is slow enough.
@@ -106,7 +106,7 @@ def passing_values(pace: Pace, names: Iterable[str], error: TooFastError, checks
     return [f"{name} = {value:.10g}" for name, value in values if value is not None]
 
 
-def _passing_value(pace: Pace, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
+def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tuple[Check, ...]) -> float | None:
     own: float = getattr(pace, key.name)
     slowest = key.at_least_as_slow(key.made_slower(own, key.reach))
     number = key.at_least_as_fast(own)
@@ -165,7 +165,7 @@ class MadeStep:
             raise self.refused
         checks.check_peaks(sorted(self.peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
 
-    def check_pace(self, pace: Pace) -> None:
+    def check_pace(self, pace: StepPace) -> None:
         """Raise TooFastError if the step is too fast with another pace."""
         part = self._with(pace)
         if part is not None:
@@ -176,7 +176,7 @@ class MadeStep:
         """Place and time of its beginning, as far as that decides whether it is too fast."""
         return tuple(self.before.composer.joints.tolist()), self.from_ms % DEFAULT_POINT_MS
 
-    def _with(self, pace: Pace) -> Trajectory | None:
+    def _with(self, pace: StepPace) -> Trajectory | None:
         moves = self.before.from_here()
         replace(self.step, pace=pace).add_to(moves)
         return moves.composer.last_part(0.0)

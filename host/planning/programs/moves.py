@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.laws import Law, SCurve
+from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, nearest_turns, present_branch
@@ -27,8 +27,10 @@ from steptwin.host.planning.paths import (
     straight,
 )
 from steptwin.host.planning.peaks import highest, sampled, speed_peaks
-from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, ToolPace
+from steptwin.host.planning.programs.flowing import FlowingLegs, LegTime, check_none_gathered, switch_on_way
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, StepPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.kinematics import Branch, make_kinematics
 from steptwin.host.robots.poses import POSITION, SCARA, Pose, Turning
 from steptwin.host.robots.robot import Robot
@@ -88,6 +90,12 @@ class Moves:
         self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
+        self.legs = FlowingLegs(robot, self.composer.joints)
+        """The steps that flow into each other and have not ended yet."""
+        self.switched: tuple[Switching, ...] = ()
+        """Outputs that change on the way of the last step that did not flow."""
+        self.leg_times: list[LegTime] = []
+        """When the steps were made that flowed into each other up to the last one that ended."""
 
     def from_here(self) -> "Moves":
         """Return new moves, without any yet, that begin where these have come to."""
@@ -161,7 +169,11 @@ class Moves:
     def go(self, goal: FloatArray, pace: JointPace) -> None:
         """Move all joints to a position of shape (joints,); do nothing if they are there."""
         way = goal - self.composer.joints
-        if np.abs(way).max() > 0:
+        if not np.abs(way).max() > 0:
+            self._gathered(pace)
+        elif self._flows(pace):
+            self._gather_joints(goal, pace)
+        else:
             self.composer.go_by(pace.along(self._robot, way), goal)
 
     def line(self, goal: Pose, pace: ToolPace) -> None:
@@ -177,7 +189,7 @@ class Moves:
                 f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make {steps} steps of it"
             )
         elif goal[3] != here[3]:
-            self._turn(Turn(here, goal[3] - here[3]))
+            self._turn(Turn(here, goal[3] - here[3]), pace)
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
@@ -204,7 +216,7 @@ class Moves:
         """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
         for goal in goals:
             self._solve(self._wanted(goal), self._branch(), on_path=True)
-        self.composer.follow(path, pace.along(path.length_mm, _turn_deg(path)), self._branch())
+        self._move_along(path, pace, pace.along(path.length_mm, _turn_deg(path)))
 
     def _straight(self, line: ToolPath, end: Pose, pace: ToolPace) -> None:
         try:
@@ -213,7 +225,61 @@ class Moves:
             goal = self._straight_in_joints(line, end)
             if goal is None:
                 raise
-            self.composer.go_by(pace.share(line.length_mm, _turn_deg(line)), goal)
+            if self._flows(pace):
+                self._gather_joints(goal, pace)
+            else:
+                self.composer.go_by(pace.share(line.length_mm, _turn_deg(line)), goal)
+
+    def end_flow(self) -> None:
+        """Let the steps that flow end at rest, if there are any, and note their times in `leg_times`.
+
+        Raises CornerError for a corner that cannot be rounded; the robot then stands at the end without a motion.
+        """
+        legs, end = self.legs, self.composer.joints
+        self.legs = FlowingLegs(self._robot, end)
+        if legs:
+            try:
+                self.composer.joints = legs.start
+                self.leg_times = legs.make(self.composer)
+            except InputError:
+                self.composer.joints = end
+                raise
+
+    def forget_flow(self) -> None:
+        """Begin anew where the robot stands, without the steps that flowed."""
+        self.legs = FlowingLegs(self._robot, self.composer.joints)
+
+    def _flows(self, pace: StepPace) -> bool:
+        """Return whether a step is timed together with others, or by the law of such a motion."""
+        if not self.legs:
+            self.legs = FlowingLegs(self._robot, self.composer.joints)
+        return pace.is_whole or self.legs.is_open
+
+    def _gather_joints(self, goal: FloatArray, pace: StepPace) -> None:
+        self.composer.joints = self.legs.add_joints(self.composer.joints, goal, pace)
+        self._gathered(pace)
+
+    def _move_along(self, path: ToolPath, pace: ToolPace, law: Law) -> None:
+        """Move the tool along a path, by its own law unless it flows."""
+        branch = self._branch()
+        if self._flows(pace):
+            self.composer.joints = self.legs.add_path(self.composer.joints, path, branch, pace)
+            self._gathered(pace)
+        else:
+            begins_s = self.composer.now_s
+            times_s = [time_at(law, each.place_mm(path.length_mm)) for each in pace.outputs]
+            self.composer.follow(path, law, branch)
+            self.switched = switch_on_way(self.composer, pace.outputs, times_s, begins_s)
+
+    def _gathered(self, pace: StepPace) -> None:
+        if pace.blend_mm is None:
+            self.end_flow()
+
+    def _begin_turn(self, pace: ToolPace) -> None:
+        """Raise InputError if a turn on the spot is asked to flow into a step, or a step into it."""
+        check_none_gathered(self.legs, "a turn on the spot")
+        if pace.blend_mm is not None:
+            raise InputError("blend_mm: a turn on the spot has no way to round; leave it out")
 
     def _straight_in_joints(self, line: ToolPath, end: Pose) -> FloatArray | None:
         """Return the joints at a line's end if the tool keeps the line when all joints move in proportion."""
@@ -233,17 +299,19 @@ class Moves:
             return
         turning = Turning.shortest(self._task, here, goal)
         if turning.angle_deg > _ANGLE_DEG:
+            self._begin_turn(pace)
             self._solve(goal, self._branch(), on_path=True)
             path = Oriented(OnTheSpot(here[:3], turning.angle_deg), turning)
-            self.composer.follow(path, pace.turning(turning.angle_deg), self._branch())
+            self._move_along(path, pace, pace.turning(turning.angle_deg))
 
-    def _turn(self, turn: Turn) -> None:
+    def _turn(self, turn: Turn, pace: ToolPace) -> None:
+        self._begin_turn(pace)
         branch, start = self._branch(), self.composer.joints
         goal = self._solve((*turn.start[:3], turn.start[3] + turn.angle_deg), branch)
         if is_straight_in_joints(self._robot, turn, start, goal):  # a wrist alone, also at a singularity
-            self.go(goal, JointPace())
+            self.go(goal, JointPace(pace.law))
         else:
-            self.composer.follow(turn, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT), branch)
+            self._move_along(turn, pace, turning_law(self._robot, turn, branch, start, goal, SPEED_PERCENT))
 
     # --- the robot
 

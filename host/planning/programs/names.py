@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, UnreadError
 from steptwin.host.planning.motions.composer import require_input, require_output
 from steptwin.host.planning.programs.moves import check_steps
+from steptwin.host.planning.programs.paces import ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
 from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat, WrongStep
 from steptwin.host.robots.kinematics import make_kinematics
@@ -78,6 +79,11 @@ class Names:
         """Check the name of a digital output."""
         if self.robot is not None:
             require_output(self.robot, name)
+
+    def outputs_of(self, pace: ToolPace) -> None:
+        """Check the names of the outputs that change on the way."""
+        for change in pace.outputs:
+            self.output(change.output)
 
     def input(self, name: str) -> None:
         """Check the name of a digital input."""

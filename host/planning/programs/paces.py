@@ -7,6 +7,7 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.fastest import Pace
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from steptwin.host.planning.motions.composer import JERK_TIME_S
 from steptwin.host.planning.motions.joint_move import limits_along
@@ -21,6 +22,8 @@ RAMP_S: Final = 0.3
 TURN_SPEED_DEG_S: Final = 90.0
 """Usual highest speed at which a tool turns in space."""
 
+_WHOLE: Final = "a motion that is timed as a whole has none of a step's own"
+
 _RAMPS_IN_DURATION: Final = 3
 """A trapezoid or S-curve of a given duration ramps up for a third of it, and down for another third."""
 
@@ -32,6 +35,52 @@ class LawName(StrEnum):
     TRAPEZOID = "trapezoid"
     CUBIC = "cubic"
     QUINTIC = "quintic"
+    FASTEST = "fastest"
+
+
+class ProgramLaw(StrEnum):
+    """The law of all steps of a program that do not name another one."""
+
+    S_CURVE = "s-curve"
+    FASTEST = "fastest"
+
+
+def check_blend(blend_mm: float | None) -> None:
+    """Raise InputError for a rounding of less than nothing."""
+    if blend_mm is not None and not blend_mm >= 0:
+        raise InputError(f"blend_mm: {blend_mm:g} mm is not at least 0")
+
+
+@dataclass(frozen=True, slots=True)
+class OnTheWay:
+    """A change of an output while the tool is on its path.
+
+    Attributes:
+        output: name of the output in the robot file.
+        on: its new level.
+        at_mm: place on the path: behind its start, or below 0 before its end.
+        ahead_s: time by which it changes before the tool is there, for a device that takes so long.
+
+    Raises:
+        InputError: the time is below 0.
+    """
+
+    output: str
+    on: bool
+    at_mm: float
+    ahead_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.ahead_s >= 0:
+            raise InputError(f"ahead_s: {self.ahead_s:g} s is not at least 0")
+
+    def place_mm(self, length_mm: float) -> float:
+        """Return the place from the start of a path of such a length; raise InputError for one beyond it."""
+        if not abs(self.at_mm) <= length_mm:
+            raise InputError(
+                f"outputs.{self.output}: at_mm: {self.at_mm:g} mm is beyond the path, which is {length_mm:.6g} mm long"
+            )
+        return self.at_mm if self.at_mm >= 0 else length_mm + self.at_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +91,34 @@ class JointPace:
         law: kind of the time law.
         speed_percent: part of the joints' limits of speed and acceleration to use, above 0 and up to 100.
         duration_s: duration in whole milliseconds, which then decides instead of the limits; None without.
+        blend_mm: how far the corner at its end is rounded, where the motion flows on into the next step; None: it
+            stops.
     """
 
     law: LawName = LawName.S_CURVE
     speed_percent: float = SPEED_PERCENT
     duration_s: float | None = None
+    blend_mm: float | None = None
 
     def __post_init__(self) -> None:
+        check_blend(self.blend_mm)
         if not 0 < self.speed_percent <= 100:
             raise InputError(f"speed_percent: {self.speed_percent:g} is not above 0 and up to 100")
         if self.duration_s is not None and whole_ms("duration_s", self.duration_s) < 1:
             raise InputError(f"duration_s: {self.duration_s:g} s is not at least 0.001 s")
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the motion is timed as a whole: by the fastest law, or since it flows on."""
+        return self.law is LawName.FASTEST or self.blend_mm is not None
+
+    def limits(self) -> Pace:
+        """Return what limits a motion that is timed as a whole; raise InputError for keys that it cannot have."""
+        if self.duration_s is not None:
+            raise InputError(f"duration_s: {_WHOLE}; leave it out, or let the step before stop")
+        if self.law not in (LawName.FASTEST, LawName.S_CURVE):
+            raise InputError(f"law: {self.law.value!r}: {_WHOLE}, by the law 'fastest'")
+        return Pace(self.speed_percent)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -73,6 +139,8 @@ class JointPace:
                 return Cubic.fastest(1.0, speed, acceleration)
             case LawName.QUINTIC:
                 return Quintic.fastest(1.0, speed, acceleration)
+            case LawName.FASTEST:
+                raise ValueError("a motion that is timed as a whole has no law of one step")
 
     def _lasting(self, duration_s: float) -> Law:
         ramp_ms = round(1000 * duration_s) // _RAMPS_IN_DURATION
@@ -85,6 +153,8 @@ class JointPace:
                 return Cubic(1.0, duration_s)
             case LawName.QUINTIC:
                 return Quintic(1.0, duration_s)
+            case LawName.FASTEST:
+                raise ValueError("the fastest motion has no duration that is given")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +165,23 @@ class ToolPace:
         speed_mm_s: speed along the path.
         ramp_s: time that the tool takes to its speed.
         speed_deg_s: highest speed at which a tool turns that turns in space.
+        law: the S-curve with its ramp, or the fastest law within the joints' limits.
+        blend_mm: how far the corner at its end is rounded, where the motion flows on into the next step; None: it
+            stops.
+        outputs: outputs that change on the way.
     """
 
     speed_mm_s: float
     ramp_s: float = RAMP_S
     speed_deg_s: float = TURN_SPEED_DEG_S
+    law: LawName = LawName.S_CURVE
+    blend_mm: float | None = None
+    outputs: tuple[OnTheWay, ...] = ()
 
     def __post_init__(self) -> None:
+        check_blend(self.blend_mm)
+        if self.law not in (LawName.S_CURVE, LawName.FASTEST):
+            raise InputError(f"law: {self.law.value!r}: the tool's path has 's-curve' or 'fastest'")
         for name in self.keys:
             if not getattr(self, name) > 0:
                 raise InputError(f"{name}: {getattr(self, name):g} is not above 0")
@@ -110,6 +190,17 @@ class ToolPace:
     def keys(self) -> tuple[str, ...]:
         """The keys by which it becomes slower; the last one only for a tool that turns in space."""
         return ("speed_mm_s", "ramp_s", "speed_deg_s")
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the motion is timed as a whole: by the fastest law, or since it flows on."""
+        return self.law is LawName.FASTEST or self.blend_mm is not None
+
+    def limits(self) -> Pace:
+        """Return what limits a motion that is timed as a whole; raise InputError for keys that it cannot have."""
+        if self.ramp_s != RAMP_S:
+            raise InputError(f"ramp_s: {_WHOLE}: it speeds up as fast as the joints' limits allow; leave it out")
+        return Pace(100.0, self.speed_mm_s, self.speed_deg_s)
 
     def along(self, length_mm: float, turn_deg: float = 0.0) -> Law:
         """Return the law for a path's length, on which the tool turns in space by an angle."""
@@ -130,4 +221,4 @@ class ToolPace:
         return min(self.speed_mm_s, self.speed_deg_s * length_mm / turn_deg)
 
 
-Pace = JointPace | ToolPace
+StepPace = JointPace | ToolPace

@@ -1,7 +1,7 @@
 """Read programs from TOML. Every error begins with the file and the place, as in `step 3: speed_mm_s: is missing`."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from reprlib import repr as short
 from typing import Final
@@ -14,7 +14,16 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
-from steptwin.host.planning.programs.paces import RAMP_S, SPEED_PERCENT, TURN_SPEED_DEG_S, JointPace, LawName, ToolPace
+from steptwin.host.planning.programs.paces import (
+    RAMP_S,
+    SPEED_PERCENT,
+    TURN_SPEED_DEG_S,
+    JointPace,
+    LawName,
+    OnTheWay,
+    ProgramLaw,
+    ToolPace,
+)
 from steptwin.host.planning.programs.positions import (
     JointPosition,
     Position,
@@ -67,6 +76,20 @@ def pass_words(first: Place, wrong: int, judged: int) -> str:
 
 SUFFIX: Final = ".toml"
 
+Usual = Mapping[str, object]
+"""Keys that each step has that moves, unless it says otherwise."""
+
+_PROGRAM_KEYS: Final = (
+    "title",
+    "robot",
+    "law",
+    "start",
+    "leaves_open",
+    "positions_file",
+    "positions",
+    "sequences",
+    "step",
+)
 _REPEAT_MAX: Final = 10_000
 _FULL_TURN_DEG: Final = 360.0
 
@@ -95,10 +118,14 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
     with findings.collecting():
         start = read_target(table, "start") if "start" in table else None
     starts = start is not None or "start" not in table
+    usual: dict[str, object] = {}
+    with findings.collecting():
+        if "law" in table:
+            usual["law"] = table.choice("law", ProgramLaw).value
     names = Findings()
     positions = _positions(table, findings, names)
     saved_for = _add_saved(positions, table, folder, names)
-    sequences = _sequences(table, findings, names)
+    sequences = _sequences(table, findings, names, usual)
     findings.messages.extend(names.messages)
     program = Program(
         title=title,
@@ -107,14 +134,16 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         positions=positions,
         positions_for=saved_for,
         sequences=sequences,
-        steps=_steps(_list(table, "step", findings), "step ", findings),
+        steps=_steps(_list(table, "step", findings), "step ", findings, usual),
         leaves_open=_leaves_open(table, findings),
         folder=folder,
         starts=starts,
         has_all_names=not names.messages,
     )
     with findings.collecting():
-        table.check_keys(("title", "robot", "start", "leaves_open", "positions_file", "positions", "sequences", "step"))
+        table.check_keys(
+            ("title", "robot", "law", "start", "leaves_open", "positions_file", "positions", "sequences", "step")
+        )
     with findings.collecting():
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
@@ -160,7 +189,7 @@ def _add_saved(positions: dict[str, Position | None], table: Table, folder: Path
     return owner
 
 
-def _sequences(table: Table, findings: Findings, names: Findings) -> dict[str, tuple[AnyStep, ...]]:
+def _sequences(table: Table, findings: Findings, names: Findings, usual: Usual) -> dict[str, tuple[AnyStep, ...]]:
     sequences: dict[str, tuple[AnyStep, ...]] = {}
     with names.collecting():
         if "sequences" in table:
@@ -169,7 +198,7 @@ def _sequences(table: Table, findings: Findings, names: Findings) -> dict[str, t
                     sequences[name] = ()
                     with findings.collecting("sequences."):
                         sequences[name] = _steps(
-                            _some(named, name, f"sequences.{name}"), f"sequences.{name} step ", findings
+                            _some(named, name, f"sequences.{name}"), f"sequences.{name} step ", findings, usual
                         )
     return sequences
 
@@ -198,17 +227,17 @@ def _elements(table: Table, key: str, header: str) -> list[object]:
     return elements
 
 
-def _steps(elements: Iterable[object], place: str, findings: Findings) -> tuple[AnyStep, ...]:
+def _steps(elements: Iterable[object], place: str, findings: Findings, usual: Usual) -> tuple[AnyStep, ...]:
     made: list[AnyStep] = []
     for number, element in enumerate(elements, 1):
         step: AnyStep = WrongStep(moves=not (isinstance(element, dict) and any(verb in element for verb in _STANDING)))
         with findings.collecting(f"{place}{number}: "):
-            step = _step(Table(element, "table"), f"{place}{number}.", findings)
+            step = _step(Table(element, "table"), f"{place}{number}.", findings, usual)
         made.append(step)
     return tuple(made)
 
 
-def _step(table: Table, place: str, findings: Findings) -> AnyStep:
+def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep:
     verbs = [key for key in table if key in _VERBS or key == "repeat"]
     if len(verbs) != 1:
         meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
@@ -219,9 +248,11 @@ def _step(table: Table, place: str, findings: Findings) -> AnyStep:
     verb = verbs[0]
     if verb == "repeat":
         table.check_keys(("repeat", "steps"))
-        return _repeat(table, place, findings)
+        return _repeat(table, place, findings, usual)
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
+    if "duration_s" not in table:
+        table = Table({**{key: value for key, value in usual.items() if key in keys}, **table.values}, "table")
     return read(table)
 
 
@@ -231,11 +262,11 @@ def _meant(key: str) -> str | None:
     return _OTHER_WORDS.get(key) or (near[0] if near else None)
 
 
-def _repeat(table: Table, place: str, findings: Findings) -> Repeat:
+def _repeat(table: Table, place: str, findings: Findings, usual: Usual) -> Repeat:
     times = table.integer("repeat")
     if not 1 <= times <= _REPEAT_MAX:
         raise InputError(f"repeat: {times} is not from 1 to {_REPEAT_MAX}")
-    return Repeat(times, _steps(_some(table, "steps"), place, findings))
+    return Repeat(times, _steps(_some(table, "steps"), place, findings, usual))
 
 
 # --- the verbs
@@ -306,8 +337,8 @@ def _call(table: Table) -> AnyStep:
     return Call(table.text("call", empty=False))
 
 
-_JOINT_PACE: Final = ("law", "speed_percent", "duration_s")
-_TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s")
+_JOINT_PACE: Final = ("law", "speed_percent", "duration_s", "blend_mm")
+_TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s", "law", "blend_mm", "outputs")
 
 _STANDING: Final = ("output", "wait", "pause")
 """The verbs of steps that let the robot stand."""
@@ -333,13 +364,28 @@ _VERBS: Final[dict[str, tuple[Callable[[Table], AnyStep], tuple[str, ...]]]] = {
 def _joint_pace(table: Table) -> JointPace:
     speed_percent = table.optional("speed_percent", table.number)
     duration_s = table.optional("duration_s", table.number)
+    blend_mm = table.optional("blend_mm", table.number)
     if speed_percent is not None and duration_s is not None:
         raise InputError("speed_percent: beside duration_s; a joint move takes one of them")
     law = table.choice("law", LawName) if "law" in table else LawName.S_CURVE
-    return JointPace(law, SPEED_PERCENT if speed_percent is None else speed_percent, duration_s)
+    if blend_mm is not None and "law" in table and law is not LawName.FASTEST:
+        raise InputError(f"law: {law.value!r} beside blend_mm; a motion that flows on is timed as a whole, 'fastest'")
+    return JointPace(law, SPEED_PERCENT if speed_percent is None else speed_percent, duration_s, blend_mm)
 
 
 def _tool_pace(table: Table) -> ToolPace:
     ramp_s = table.number("ramp_s") if "ramp_s" in table else RAMP_S
     turning_deg_s = table.number("speed_deg_s") if "speed_deg_s" in table else TURN_SPEED_DEG_S
-    return ToolPace(table.number("speed_mm_s"), ramp_s, turning_deg_s)
+    law = table.choice("law", LawName) if "law" in table else LawName.S_CURVE
+    blend_mm = table.optional("blend_mm", table.number)
+    outputs = table.each("outputs", _on_the_way) if "outputs" in table else ()
+    return ToolPace(table.number("speed_mm_s"), ramp_s, turning_deg_s, law, blend_mm, outputs)
+
+
+def _on_the_way(table: Table) -> OnTheWay:
+    """Return a change of an output on the way, such as `{ glue = true, at_mm = 3.0 }`."""
+    names = [key for key in table if key not in ("at_mm", "ahead_s")]
+    if len(names) != 1:
+        raise InputError(f"names {len(names)} outputs; one change is such as {{ glue = true, at_mm = 3.0 }}")
+    ahead_s = table.number("ahead_s") if "ahead_s" in table else 0.0
+    return OnTheWay(names[0], table.truth(names[0]), table.number("at_mm"), ahead_s)

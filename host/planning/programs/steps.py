@@ -10,7 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.composer import check_timeout
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs.moves import Moves
-from steptwin.host.planning.programs.paces import JointPace, Pace, ToolPace
+from steptwin.host.planning.programs.paces import JointPace, StepPace, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, Target, ToolPosition
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class Step(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
-    def pace(self) -> Pace | None:
+    def pace(self) -> StepPace | None:
         """The pace of the robot; None for a step that lets it stand."""
         ...
 
@@ -82,6 +82,7 @@ class LineStep:
 
     def check(self, names: "Names") -> None:
         names.target(self.to)
+        names.outputs_of(self.pace)
 
     def add_to(self, moves: Moves) -> None:
         moves.line(moves.pose_at(self.to), self.pace)
@@ -103,6 +104,7 @@ class ArcStep:
 
     def check(self, names: "Names") -> None:
         names.targets(self.via, self.to)
+        names.outputs_of(self.pace)
 
     def add_to(self, moves: Moves) -> None:
         moves.arc(moves.pose_at(self.via), moves.pose_at(self.to), self.pace)
@@ -134,7 +136,7 @@ class CircleStep:
         return f"circle of {self.sweep_deg:g} deg around x {self.x_mm:g}, y {self.y_mm:g}"
 
     def check(self, names: "Names") -> None:
-        pass
+        names.outputs_of(self.pace)
 
     def add_to(self, moves: Moves) -> None:
         moves.circle(self.x_mm, self.y_mm, self.sweep_deg, self.pace, turned=self.turned)
@@ -157,6 +159,7 @@ class ThroughStep:
 
     def check(self, names: "Names") -> None:
         names.targets(*self.targets)
+        names.outputs_of(self.pace)
 
     def add_to(self, moves: Moves) -> None:
         moves.through([moves.pose_at(target) for target in self.targets], self.smoothing, self.pace)
@@ -197,6 +200,7 @@ class ToolBy:
 
     def check(self, names: "Names") -> None:
         names.steps(self.coordinates)
+        names.outputs_of(self.pace)
 
     def add_to(self, moves: Moves) -> None:
         moves.line(moves.pose_by(self.coordinates), self.pace)

@@ -1,0 +1,18 @@
+"""Motions as fast as the limits allow: paths through rounded corners, and their timing from rest to rest."""
+
+from steptwin.host.planning.fastest.chain import TimedChain, timed_chains
+from steptwin.host.planning.fastest.corners import Corner, CornerError, JointLeg, MotionLeg, ToolLeg
+from steptwin.host.planning.fastest.followed import FollowedPath
+from steptwin.host.planning.fastest.pieces import Pace
+
+__all__ = [
+    "Corner",
+    "CornerError",
+    "FollowedPath",
+    "JointLeg",
+    "MotionLeg",
+    "Pace",
+    "TimedChain",
+    "ToolLeg",
+    "timed_chains",
+]

@@ -1,0 +1,210 @@
+"""A path of the joints as pieces in a row: polynomials of the joints, and paths of the tool with their inverse."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, Protocol, Self
+
+import numpy as np
+import scipy
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.fastest.followed import FollowedPath
+from steptwin.host.planning.fastest.rows import PathLimits, PathRates
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BPoly
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What limits a piece of a path.
+
+    Attributes:
+        percent: percentage of the limits of joints and axes, above 0 and up to 100.
+        tool_mm_s: highest speed of the tool; infinite without one.
+        tool_deg_s: highest speed at which it turns in space; infinite without one.
+    """
+
+    percent: float = 100.0
+    tool_mm_s: float = np.inf
+    tool_deg_s: float = np.inf
+
+
+class PathPiece(Protocol):
+    """A part of a path, by a parameter from 0 to its length."""
+
+    @property
+    def length(self) -> float:
+        """Length, above 0: of the tool's way in mm, or of a turn in degrees."""
+        ...
+
+    @property
+    def pace(self) -> Pace:
+        """What limits it."""
+        ...
+
+    def places(self) -> FloatArray:
+        """Return the parameters at which its limits are looked at, rising from 0 to its length."""
+        ...
+
+    def joints(self, s: FloatArray, order: int) -> FloatArray:
+        """Return joints, or their first or second derivative, of shape (n, joints), at parameters of shape (n,)."""
+        ...
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's way in mm and its turn in degrees for each unit of the parameter, of shape (n, 2)."""
+        ...
+
+
+_STRAIGHT_PLACES: Final = 40
+_CURVED_PLACES: Final = 32
+_SMALL: Final = 1e-4
+"""Half of the step of central differences, in units of a piece's parameter."""
+
+
+def _dense_at_ends(length: float, count: int) -> FloatArray:
+    """Return parameters from 0 to a length, denser at both ends, where a motion speeds up and slows down."""
+    return np.asarray((1.0 - np.cos(np.linspace(0.0, np.pi, count))) * (length / 2.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointPiece:
+    """A polynomial of the joints: a straight leg, or what rounds a corner.
+
+    Attributes:
+        robot: the robot.
+        curve: joints of shape (joints,) as a polynomial of the parameter, from 0 to the length.
+        pace: what limits it.
+        is_straight: True for a straight leg.
+    """
+
+    robot: Robot
+    curve: "BPoly"
+    pace: Pace
+    is_straight: bool = False
+
+    @classmethod
+    def straight(cls, robot: Robot, start: FloatArray, goal: FloatArray, length: float, pace: Pace) -> Self:
+        """Return the straight leg from joints to others, both of shape (joints,), of a length as its parameter."""
+        return cls(robot, scipy.interpolate.BPoly(np.stack([start, goal])[:, np.newaxis], [0.0, length]), pace, True)
+
+    @classmethod
+    def rounding(cls, robot: Robot, begin: FloatArray, end: FloatArray, length: float, pace: Pace) -> Self:
+        """Return the quintic between two ends: each joints, first and second derivative, of shape (3, joints)."""
+        return cls(robot, scipy.interpolate.BPoly.from_derivatives([0.0, length], [begin, end]), pace)
+
+    @property
+    def length(self) -> float:
+        """Length of the parameter."""
+        return float(self.curve.x[-1])
+
+    def places(self) -> FloatArray:
+        """Return its places."""
+        if self.is_straight:
+            return _dense_at_ends(self.length, _STRAIGHT_PLACES)
+        return np.linspace(0.0, self.length, _CURVED_PLACES)
+
+    def joints(self, s: FloatArray, order: int) -> FloatArray:
+        """Return joints or a derivative."""
+        return np.asarray(self.curve(s, order))
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's way and turn, by central differences of the forward kinematics where they are limited."""
+        rates = np.zeros((len(s), 2))
+        if np.isfinite(self.pace.tool_mm_s) or np.isfinite(self.pace.tool_deg_s):
+            kinematics = make_kinematics(self.robot)
+            ends = np.clip(np.stack([s - _SMALL, s + _SMALL]), 0.0, self.length)
+            before, after = (kinematics.forward(self.joints(at, 0)) for at in ends)
+            apart = ends[1] - ends[0]
+            rates[:, 0] = np.linalg.norm(after[:, :3] - before[:, :3], axis=1) / apart
+            if not kinematics.task.is_flat:
+                rates[:, 1] = kinematics.task.off_deg(before, after) / apart
+        return rates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolPiece:
+    """A part of a path of the tool, whose joints follow from it.
+
+    Attributes:
+        followed: the path with its joints.
+        begin: where the part begins on the path.
+        length: length of the part.
+        pace: what limits it.
+        places_on: number of places at which its limits are looked at.
+    """
+
+    followed: FollowedPath
+    begin: float
+    length: float
+    pace: Pace
+    places_on: int = _STRAIGHT_PLACES
+
+    def places(self) -> FloatArray:
+        """Return its places."""
+        return _dense_at_ends(self.length, self.places_on)
+
+    def joints(self, s: FloatArray, order: int) -> FloatArray:
+        """Return joints or a derivative; the second one by differences of the first."""
+        at = self.begin + s
+        match order:
+            case 0:
+                return self.followed.joints(at)
+            case 1:
+                return self.followed.derivatives(at)
+            case _:
+                ends = np.clip(np.stack([at - _SMALL, at + _SMALL]), self.begin, self.begin + self.length)
+                before, after = (self.followed.derivatives(end) for end in ends)
+                return np.asarray((after - before) / (ends[1] - ends[0])[:, np.newaxis])
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's way and turn."""
+        slopes = self.followed.path.derivatives(self.begin + s)
+        turning = slopes[:, 3:6] if slopes.shape[1] > 4 else np.zeros((len(s), 1))
+        return np.column_stack([np.linalg.norm(slopes[:, :3], axis=1), np.linalg.norm(turning, axis=1)])
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewisePath:
+    """Pieces in a row, each of which begins where the one before ends; implements JointPath."""
+
+    robot: Robot
+    pieces: tuple[PathPiece, ...]
+
+    @cached_property
+    def starts(self) -> FloatArray:
+        """Shape (pieces + 1,), the parameter at which each piece begins, and the end."""
+        return np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])])
+
+    def rates(self) -> PathRates:
+        """Return the path at the places of all pieces; where two meet, with the values of both."""
+        own = [(piece, piece.places()) for piece in self.pieces]
+        joints, first, second = (np.concatenate([piece.joints(s, order) for piece, s in own]) for order in range(3))
+        # a piece ends where the next one begins, to the last bit, which adding up its own lengths would not give
+        s = np.concatenate(
+            [
+                np.append(start + s[:-1], end)
+                for (_, s), start, end in zip(own, self.starts, self.starts[1:], strict=False)
+            ]
+        )
+        return PathRates(s, joints, first, second, np.concatenate([piece.tool(at) for piece, at in own]))
+
+    def limits(self) -> PathLimits:
+        """Return the limits at the same places."""
+        counts = [len(piece.places()) for piece in self.pieces]
+        paces = [(piece.pace.percent, piece.pace.tool_mm_s, piece.pace.tool_deg_s) for piece in self.pieces]
+        each = np.repeat(np.array(paces), counts, axis=0)
+        return PathLimits.of(self.robot, each[:, 0], each[:, 1:])
+
+    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints, their first derivatives and the tool's ways and turns at parameters of shape (n,)."""
+        width = len(self.robot.joints)
+        joints, first, tool = np.empty((len(s), width)), np.empty((len(s), width)), np.empty((len(s), 2))
+        which = np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
+        for i in np.unique(which):
+            own, piece = which == i, self.pieces[i]
+            at = np.clip(s[own] - self.starts[i], 0.0, piece.length)
+            joints[own], first[own], tool[own] = piece.joints(at, 0), piece.joints(at, 1), piece.tool(at)
+        return joints, first, tool

@@ -1,0 +1,115 @@
+"""The cubics that the board executes keep every limit everywhere, and take hardly longer than the optimum."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.fastest.chain import timed_chains
+from steptwin.host.planning.fastest.corners import flowing
+from steptwin.host.planning.fastest.executed import TimedPath, timed
+from steptwin.host.planning.fastest.pieces import Pace
+from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.planning.planner import plan
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.robot import Robot
+from tests.host.planning.fastest.paths import joint_legs, tool_legs
+from tests.host.planning.fastest.test_solve import duration_s
+from tests.host.robots.coupled import coupled_robot
+
+ROBOT = load_robot("teaching-scara")
+START = np.array([20.0, 105.0, 30.0, 0.0])
+PICK = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])
+
+
+def use(robot: Robot, motion: TimedPath, percent: float = 100.0) -> float:
+    """Return the largest part of a limit that the executed cubics use, by looking at each of them in 20 places."""
+    curve = motion.motion.curve
+    times_s = np.asarray(curve.x)
+    inside = np.linspace(0.0, 1.0, 20)[:-1]
+    fine_s = np.unique((times_s[:-1, np.newaxis] + np.diff(times_s)[:, np.newaxis] * inside).ravel())
+    parts = []
+    for order, joint_limits, axis_limits in (
+        (1, [joint.speed_max for joint in robot.joints], robot.axis_speeds_max),
+        (2, [joint.acceleration_max for joint in robot.joints], robot.axis_accelerations_max),
+    ):
+        values = np.asarray(curve(fine_s, order))
+        parts += [np.abs(values) / np.array(joint_limits), np.abs(robot.coupling.to_axes(values)) / axis_limits]
+    return float(max(part.max() for part in parts)) / (percent / 100)
+
+
+positions = st.tuples(st.floats(-80, 80), st.floats(20, 110), st.floats(2, 58), st.floats(-150, 150))
+chains = st.lists(positions, min_size=2, max_size=4).filter(
+    lambda rows: min(np.abs(np.diff(rows, axis=0)).max(axis=1)) > 3.0
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(chains, st.floats(0.02, 0.45), st.sampled_from([0.02, 0.05, 0.1]), st.sampled_from([30.0, 100.0]))
+def test_no_cubic_exceeds_a_limit(rows: list[tuple[float, ...]], part: float, average_s: float, percent: float) -> None:
+    legs = joint_legs(ROBOT, np.array(rows), Pace(percent))
+    radii = [part * min(before.length, after.length) for before, after in pairwise(legs)]
+    found = timed(ROBOT, flowing(ROBOT, legs, radii).path, average_s)
+    assert use(ROBOT, found, percent) <= 1.0 + 1e-9
+    assert found.highest <= 1.0
+    ends = found.motion.positions(np.array([0.0, found.motion.duration_s]))
+    assert ends == pytest.approx(np.array([rows[0], rows[-1]]), abs=1e-9)
+    plan(ROBOT, found.motion)  # its own checks, of each millisecond and of the drivers' step rate
+
+
+def test_coupled_axes_have_limits_of_their_own() -> None:
+    robot = coupled_robot()
+    legs = joint_legs(robot, np.array([[0.0, 20, 5, 0], [40.0, 60, 5, 0], [60.0, 20, 5, 0]]))
+    found = timed(robot, flowing(robot, legs, [5.0]).path, 0.05)
+    assert 0.9 < use(robot, found) <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize(("average_s", "most"), [(0.02, 1.03), (0.05, 1.06)])
+def test_lasts_hardly_longer_than_the_optimum_of_its_path(average_s: float, most: float) -> None:
+    """The optimum changes its acceleration in no time: averaging costs its own time and some more in the corners."""
+    path = flowing(ROBOT, joint_legs(ROBOT, PICK), [20.0, 20.0]).path
+    rates = path.rates()
+    optimum_s = duration_s(rates.s, fastest_squares(rates.s, path.limits().rows(ROBOT, rates)))
+    assert timed(ROBOT, path, average_s).law.duration_s <= most * optimum_s
+
+
+def test_the_tool_keeps_its_speed_over_tangential_legs() -> None:
+    """Two lines in a row: at 60 mm/s nearly all the time, and never above it."""
+    legs = tool_legs(ROBOT, START, [(-30.0, 0.0, 0.0), (-25.0, 0.0, 0.0)], Pace(100.0, 60.0, 90.0))
+    found = timed(ROBOT, flowing(ROBOT, legs, [0.0]).path, 0.02)
+    t_s = np.arange(0.0, found.motion.duration_s, 0.001)
+    speeds = _tool_speeds(found, t_s)
+    assert speeds.max() <= 1.005 * 60.0
+    assert (np.abs(speeds - 60.0) < 0.017 * 60.0).mean() >= 0.9
+
+
+def _tool_speeds(found: TimedPath, t_s: FloatArray) -> FloatArray:
+    from steptwin.host.robots.kinematics import make_kinematics
+
+    kinematics = make_kinematics(ROBOT)
+    before, after = (kinematics.forward(found.motion.positions(t_s + dt))[:, :3] for dt in (0.0, 1e-5))
+    return np.asarray(np.linalg.norm(after - before, axis=1) / 1e-5)
+
+
+def test_lines_of_the_tool_stay_on_their_path_to_a_hundredth_of_a_step() -> None:
+    legs = tool_legs(ROBOT, START, [(-25.0, 10.0, 0.0)], Pace(100.0, 200.0))
+    path = flowing(ROBOT, legs, []).path
+    found = timed(ROBOT, path, 0.02)
+    t_s = np.linspace(0.0, found.motion.duration_s, 3001)
+    wanted = path.at(found.law.at(t_s)[0])[0]
+    off = np.abs(ROBOT.to_steps(found.motion.positions(t_s)) - ROBOT.to_steps(wanted))
+    assert off.max() < 0.01
+
+
+def test_stops_where_that_is_faster_and_flows_where_it_is_not() -> None:
+    legs = joint_legs(ROBOT, PICK)
+    tiny, wide = timed_chains(ROBOT, legs, [0.05, 0.05]), timed_chains(ROBOT, legs, [10.0, 10.0])
+    stopped = sum(timed_chains(ROBOT, [leg], [])[0].timed.law.duration_s for leg in legs)
+    assert len(wide) == 1
+    assert len(tiny) == 3
+    assert sum(part.timed.law.duration_s for part in tiny) == pytest.approx(stopped, abs=0.01)  # points lie elsewhere
+    assert wide[0].timed.law.duration_s < stopped
+    assert [part.first for part in tiny] == list(range(len(tiny)))
