@@ -1,6 +1,7 @@
 """Render docs/driver.md: the driver's tables and profiles, and a run with other drivers than it was planned for."""
 
-from typing import Final
+from dataclasses import fields, is_dataclass
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,12 +21,16 @@ from steptwin.host.studies.papers.paper_page import table
 from steptwin.protocol.drivers import (
     GENERIC,
     PROFILES,
+    WIRE,
     ChipSheet,
+    CurrentSetting,
     DriverProfile,
     Fact,
     Grade,
     Oscillator,
+    PinTable,
     Release,
+    StepTimes,
     bare_chip,
 )
 from steptwin.protocol.drivers.tb6560 import PINS, THREE_AMP_MODULE
@@ -249,6 +254,52 @@ def _marked(fact: Fact[int] | None, unit: float) -> str:
     return f"{fact.value / unit:g}{_MARKS[fact.grade]}" if fact else "-"
 
 
+def _figures() -> str:
+    """Return a row for each figure of each driver: its value, how it is known, and its source."""
+    rows, told = [], set[str]()
+    for profile in PROFILES.values():
+        if profile.name in _OTHER_OSC:
+            continue
+        if profile.chip.name not in told:
+            told.add(profile.chip.name)
+            facts = _facts(profile.chip.times) | _facts(profile.chip)
+            rows += [[profile.chip.name, *_figure(name, fact)] for name, fact in facts.items()]
+        facts = {name: fact for name, fact in (_facts(profile.times) | _facts(profile)).items() if fact.value != WIRE}
+        rows += [[f"`{profile.name}`", *_figure(name, fact)] for name, fact in facts.items()]
+    return table(["driver", "figure", "value", "known", "source"], rows, text_columns=5)
+
+
+def _facts(record: StepTimes | ChipSheet | DriverProfile) -> dict[str, Fact[Any]]:
+    found = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: fact for name, fact in found.items() if isinstance(fact, Fact)}
+
+
+def _figure(name: str, fact: Fact[Any]) -> list[str]:
+    return [f"`{name}`", _value(fact.value), fact.grade.value, fact.source]
+
+
+def _value(value: Any) -> str:
+    """Return a figure's value in short; a record as its fields, a table of pins as its pins and values."""
+    if isinstance(value, PinTable):
+        pins = f"{' '.join(value.pins)}: " if value.pins else ""
+        return pins + ", ".join(f"{each:g}" + (f" {letters}" if letters else "") for each, letters in value.rows)
+    if isinstance(value, tuple):
+        return _several(value)
+    if is_dataclass(value):
+        return ", ".join(f"{field.name} {_value(getattr(value, field.name))}" for field in fields(value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.10g}" if isinstance(value, int | float) else str(value)
+
+
+def _several(values: tuple[Any, ...]) -> str:
+    if isinstance(values, CurrentSetting):
+        return " ".join((f"{values.printed_a:g} A", *values.switches))
+    names = getattr(values, "_fields", None)
+    texts = map(_value, values)
+    return ", ".join(texts if names is None else map(" ".join, zip(names, texts, strict=True)))
+
+
 def _rules() -> str:
     rows = [[f"`{rule.name.lower()}`", *rule.value.split(": ")] for rule in Rule]
     return table(["rule", "violated where", "effect in the model"], rows, text_columns=3)
@@ -269,6 +320,7 @@ DRIVER_PAGE: Final = GeneratedPage(
         "sheets": lambda _: _sheets(),
         "protections": lambda _: _protections(),
         "rules": lambda _: _rules(),
+        "figures": lambda _: _figures(),
         "failing": lambda arguments: session(arguments, expected_exit_code=1),
     },
 )

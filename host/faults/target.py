@@ -141,7 +141,7 @@ def _check_chip(harm: DriverProtect | DriverMode | OscCapacitor, chip: ChipSheet
             raise InputError(f"{chip.name} has no capacitor at OSC; a TB6560 has")
     elif isinstance(harm, DriverProtect):
         if chip.fault_output is None:
-            raise InputError(f"{chip.name} has no pin that tells of a fault; a TB6560 and a DRV8825 have")
+            raise InputError(f"{chip.name} has no pin that tells of a fault; a TB6560, a DRV8825 and Trinamic's have")
     elif harm.microsteps is not None:
         try:
             one_of(harm.microsteps, chip.microsteps, f"{chip.name}'s")
