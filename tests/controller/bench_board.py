@@ -10,13 +10,23 @@ from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.controller.units import MS
 
+_CALLS_AT_ONCE_MAX = 1000
+"""Calls of the firmware in the same instant from which on it counts as hanging."""
+
 
 class BenchBoard:
-    """Talks to a firmware directly; `sent` collects its frames, with their instants."""
+    """Talks to a firmware directly; `sent` collects its frames, with their instants.
+
+    A firmware that hangs fails its test: it leaves work undone that is due, or its test waits for longer than
+    `longest_s` of virtual time.
+    """
+
+    longest_s = 200.0
 
     def __init__(self, kernel: Kernel, axes: int = 1) -> None:
         self.firmware = Firmware(kernel, axes)
         self.now = 0
+        self._calls_at_once = 0
         self.sent: list[tuple[int, Frame]] = []
         self.inputs = [DigitalInput(0)] * axes
         self.firmware.boot(0)
@@ -30,13 +40,19 @@ class BenchBoard:
         """Let time pass, stopping whenever the firmware has work to do."""
         until = self.now + round(dt_ms * MS)
         while self.now < until:
-            due = self.firmware.next_due_counts
-            goal = until if due is None else max(self.now, min(until, due))
-            self.now = self.firmware.advance(goal)
-            self.firmware.poll(self.now)
+            self._advance(until)
             if self.firmware.motion.room_ticks == 0:
                 self.firmware.motion.take_edges()
             self._fetch()
+
+    def _advance(self, until: int) -> None:
+        """Let time pass up to an instant, or until the firmware has work to do, and let it do that."""
+        before, due = self.now, self.firmware.next_due_counts
+        self.now = self.firmware.advance(until if due is None else max(self.now, min(until, due)))
+        self.firmware.poll(self.now)
+        self._calls_at_once = self._calls_at_once + 1 if self.now == before else 0
+        assert self._calls_at_once < _CALLS_AT_ONCE_MAX, f"the firmware leaves undone what is due at {due} counts"
+        assert self.now < self.longest_s * 1000 * MS, f"the test waits for longer than {self.longest_s:g} s"
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Deliver a frame now."""

@@ -36,6 +36,8 @@ class Slider:
 class HomingBench(BenchBoard):
     """One axis, enabled in homing mode; `wait` advances from servo tick to servo tick."""
 
+    longest_s = 30.0
+
     def __init__(self, kernel: Kernel, machine: Slider) -> None:
         super().__init__(kernel)
         self.machine = machine
@@ -71,10 +73,7 @@ class HomingBench(BenchBoard):
     def _pass_until(self, until: int) -> None:
         """Let time pass, stopping whenever the firmware has work to do."""
         while True:
-            due = self.firmware.next_due_counts
-            goal = until if due is None else max(self.now, min(until, due))
-            self.now = self.firmware.advance(goal)
-            self.firmware.poll(self.now)
+            self._advance(until)
             self._fetch()
             due = self.firmware.next_due_counts
             if self.now == until and (due is None or due > until):
