@@ -17,6 +17,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Orientation
 from steptwin.host.robots.poses.rotations import matrix
 from tests.end_to_end.command_line import refusal, run_json
+from tests.end_to_end.pages import ROOT
 from tests.host.complaints import complaint_of
 
 AR4 = load_robot("ar4-mk3")
@@ -201,6 +202,13 @@ def test_whatever_is_left_out_stays_a_comment(
     findings = Findings()
     assert len(parse_program(made.text, findings).steps) == made.taken
     assert not findings.messages
+
+
+def test_the_example_of_the_docs_passes() -> None:
+    made = converted(str(ROOT / "docs/examples/pick.ar4"), "ar4", AR4, 12.0)
+    program = parse_program(made.text, Findings())
+    assert (made.taken, made.own_speeds, made.left_out) == (10, 1, ("Out On = 8", "Out Off = 8"))
+    assert not compile_program(program, AR4).fast_steps()
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
