@@ -279,7 +279,7 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
         _kinematics_text(kind, geometry, meanings),
         _BASE,
         *([_COUPLING] if kind == "cartesian" else []),
-        "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
+        _DRIVERS + "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
         _JOINTS,
         *(_joint_text(joint) for joint in joints),
         "[home] # where the arm is taken after homing\n"
@@ -319,6 +319,10 @@ _COUPLING: Final = """\
 # [coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/coupling.md)
 # X = { X = 1.0, Y = 1.0 }
 # Y = { X = -1.0, Y = 1.0 }
+"""
+_DRIVERS: Final = """\
+# For drivers other than TB6560s on the board: driver_profile = "a4988" or another of docs/driver.md in place of osc_pf
+# and all times, which then are those of the drivers. Any driver without a profile is "generic", by its manual's times.
 """
 _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file

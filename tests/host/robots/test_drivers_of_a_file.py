@@ -10,6 +10,7 @@ from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.board_settings import pulses_for
+from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module
@@ -169,3 +170,14 @@ def test_drivers_without_a_terminal_for_it_are_refused(drivers: str) -> None:
     assert [line.partition(" has no terminal ")[2] for line in told] == [
         "that tells of a fault; drv8825, tmc2209, tmc5160 have"
     ]
+
+
+@pytest.mark.parametrize("driver", ["a4988", "drv8825", "tmc2209", "dm542", "tb6600", "3a-module"])
+def test_the_note_of_a_new_file_is_a_recipe(driver: str) -> None:
+    """One line in place of six, as it says, and the file is one of these drivers."""
+    text = robot_text("mine", "cartesian", *with_settings("cartesian", {}))
+    assert text.count('# For drivers other than TB6560s on the board: driver_profile = "a4988" or another') == 1
+    six = re.search(r"osc_pf = 330(?:.+\n){6}", text)
+    assert six is not None
+    board = read_robot(text.replace(six.group(0), f'driver_profile = "{driver}"\n')).board
+    assert board.profile is PROFILES[driver]
