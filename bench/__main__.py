@@ -1,8 +1,8 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
-A word prints only some of them: `panel` those of the operator's panel, `motors` those of motors after a run,
-`live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers, and `live`
-those of a live board, with a stream of a minute and a million frames.
+A word prints only some of them: `kinematics` those of poses and joints, `panel` those of the operator's panel, `motors`
+those of motors after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a
+campaign's workers, and `live` those of a live board, with a stream of a minute and a million frames.
 """
 
 import os
@@ -15,6 +15,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
+from steptwin.bench.arm_speed import arms_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.hardware_speed import driver_table, rotor_table
 from steptwin.bench.host_speed import kinematics_table, waveform_table
@@ -29,6 +30,7 @@ from steptwin.host.studies.step_methods.motions import all_motions
 from steptwin.host.studies.step_methods.table import measured
 
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
+    "kinematics": lambda: [kinematics_table(), arms_table()],
     "panel": panel_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
@@ -62,6 +64,7 @@ def _all() -> Iterator[Table | str]:
     yield driver_table()
     yield waveform_table()
     yield kinematics_table()
+    yield arms_table()
     yield rotor_table()
     if find_spec("distributed"):
         yield workers_table()

@@ -64,21 +64,21 @@ def _reached(robot: Robot) -> FloatArray:
 def _kinematics_row(robot: Robot, way: str, branches: int, values: FloatArray, calculate: Callable[[], object]) -> str:
     sines = np.empty_like(values)
     angles = np.deg2rad(values)
-    sin_s, taken_s = _best_s(lambda: np.sin(angles, out=sines), calculate)
+    sin_s, taken_s = best_s(lambda: np.sin(angles, out=sines), calculate)
     return (
         f"{robot.name}|{way}|{branches}|{BATCH / taken_s / 1e6:.2f}|{1e9 * taken_s / BATCH:.0f}|{taken_s / sin_s:.1f}"
     )
 
 
-def _best_s(*calculations: Callable[[], object]) -> list[float]:
-    """Return each calculation's shortest time; they take turns, so that a slow moment of the machine affects all."""
-    best_s = [float("inf")] * len(calculations)
+def best_s(*calculations: Callable[[], object]) -> list[float]:
+    """Return each calculation's shortest processor time; they take turns, so that a slow moment affects all."""
+    shortest_s = [float("inf")] * len(calculations)
     for _ in range(_CALCULATIONS):
         for which, calculate in enumerate(calculations):
-            started = time.perf_counter()
+            started = time.process_time()
             calculate()
-            best_s[which] = min(best_s[which], time.perf_counter() - started)
-    return best_s
+            shortest_s[which] = min(shortest_s[which], time.process_time() - started)
+    return shortest_s
 
 
 def waveform_table() -> Table:

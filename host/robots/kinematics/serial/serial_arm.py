@@ -154,7 +154,8 @@ class SerialArm:
         return neighbour_of(_free_axes(self.dh, self._names, self.held), self.reach_mm)
 
     @property
-    def _numeric(self) -> NumericInverse:
+    def numeric(self) -> NumericInverse:
+        """The numeric inverse, which every chain has."""
         lower, upper = (np.array([getattr(joint, end) for joint in self.limits]) for end in ("lower", "upper"))
         slides = np.array([joint.unit is Unit.MM for joint in self.limits])
         return NumericInverse(self._screws, self.task, self._free, slides, self.reach_mm, lower, upper)
@@ -201,7 +202,7 @@ class SerialArm:
             return tuple(self._branch(name, each, standing, near) for name, each in solved.items())
         if self.neighbour:
             return self._beside(self.neighbour, NAMES, poses, near)
-        nearest = self._numeric.anywhere(poses, standing)
+        nearest = self.numeric.anywhere(poses, standing)
         return (self._found(NEAREST, nearest, near), *self._further(poses, standing, nearest.joints, near))
 
     def solve(self, poses: FloatArray, branch: str, near: FloatArray | None = None) -> Branch:
@@ -211,7 +212,7 @@ class SerialArm:
             (found,) = self._beside(self.neighbour, (branch,), poses, near)
             return found
         if self.form is None:
-            return self._found(NEAREST, self._numeric.anywhere(poses, standing), near)
+            return self._found(NEAREST, self.numeric.anywhere(poses, standing), near)
         start = np.deg2rad(standing[:, self._free])
         return self._branch(
             branch, self.form.solve(self._from_base(poses, standing), self.form.signs[branch], start), standing, near
@@ -222,7 +223,7 @@ class SerialArm:
     ) -> tuple[Branch, ...]:
         """Return branches of an arm whose neighbour has a closed form."""
         standing = self._standing(poses, near)
-        numeric, own = self._numeric, screws_of(replace(self.dh, base=STATION), self._names)
+        numeric, own = self.numeric, screws_of(replace(self.dh, base=STATION), self._names)
         found = OffsetWrist(form, numeric, own).find(names, poses, self._from_base(poses, standing), standing)
         return tuple(self._found(name, each, near, self._reached(form, solved)) for name, solved, each in found)
 
@@ -230,7 +231,7 @@ class SerialArm:
         self, poses: FloatArray, standing: FloatArray, nearest: FloatArray, near: FloatArray | None
     ) -> tuple[Branch, ...]:
         """Return the solutions of poses beside the nearest ones, each of shape (n, joints)."""
-        rows = [self._numeric.solutions(*each) for each in zip(poses, standing, nearest, strict=True)]
+        rows = [self.numeric.solutions(*each) for each in zip(poses, standing, nearest, strict=True)]
         joints = np.full((max(map(len, rows), default=0), *standing.shape), np.nan)
         for pose, solutions in enumerate(rows):
             joints[: len(solutions), pose] = solutions
@@ -328,7 +329,7 @@ class SerialArm:
 
     def _found_along(self, poses: FloatArray, near: FloatArray) -> Branch:
         """Return the joints of a chain without a closed form along a path, and the names that their shape has."""
-        found = find_along(self._numeric, poses, near)
+        found = find_along(self.numeric, poses, near)
         limits = joint_constraints(self.limits, found.joints)
         if self.neighbour is None:
             return Branch(NEAREST, found.joints, (self._off(found),), limits)
@@ -340,7 +341,7 @@ class SerialArm:
         """Return joints of shape (n, joints) at poses of a path, nearest to guides of that shape."""
         del branch, near
         if self.form is None:
-            return find_near(self._numeric, poses, guides).joints
+            return find_near(self.numeric, poses, guides).joints
         joints, free = guides.copy(), list(self._free)
         joints[:, free] = joints_near(self.form, self._from_base(poses, guides), guides[:, free])
         return joints
@@ -351,7 +352,7 @@ class SerialArm:
         """Return what must stay away from 0: not the wrist's sine, since a path goes straight through its zero."""
         form, names = self.form, self._names
         if form is None:
-            jacobians = self._numeric.jacobians(joints)[1]
+            jacobians = self.numeric.jacobians(joints)[1]
             sizes = np.linalg.svd(jacobians, compute_uv=False)
             ratio = sizes[:, -1] / sizes[:, 0]
             return (_measure("near singular, least part of a tool's motion", ratio, _ILL),)
@@ -385,7 +386,7 @@ class SerialArm:
         return velocities
 
     def _numeric_velocities(self, joints: FloatArray, tool_velocities: FloatArray) -> FloatArray:
-        numeric = self._numeric
+        numeric = self.numeric
         rotations, jacobians = numeric.jacobians(joints)
         back = reversed_rotation(rotations)
         wanted = turned(tool_velocities[:, :3], back) / numeric.reach_mm

@@ -60,7 +60,7 @@ def test_from_a_near_start(make) -> None:  # type: ignore[no-untyped-def]
     assert kinematics.branches == (NAMES if make is missing_wrist else (NEAREST,))
     poses = kinematics.forward(joints)
     start = joints + np.random.default_rng(3).normal(0.0, SPREAD_DEG, joints.shape)
-    found = kinematics._numeric.near(poses, start)  # noqa: SLF001
+    found = kinematics.numeric.near(poses, start)
     assert found.solved.mean() >= 0.99
     back = kinematics.forward(found.joints[found.solved])
     assert np.linalg.norm((back - poses[found.solved])[:, :3], axis=1).max() <= PLACE_OFF_MM
@@ -72,7 +72,7 @@ def test_the_numeric_inverse_of_arms_with_a_closed_form(name: str) -> None:
     joints = random_joints(arm(name), 1000)
     kinematics = kinematics_of(arm(name))
     start = joints + np.random.default_rng(3).normal(0.0, SPREAD_DEG, joints.shape)
-    assert kinematics._numeric.near(kinematics.forward(joints), start).solved.mean() >= 0.99  # noqa: SLF001
+    assert kinematics.numeric.near(kinematics.forward(joints), start).solved.mean() >= 0.99
 
 
 @pytest.mark.parametrize("make", [five_axes, missing_wrist, three_joints, sliding])
@@ -80,7 +80,7 @@ def test_from_anywhere(make) -> None:  # type: ignore[no-untyped-def]
     robot = make()
     kinematics, joints = kinematics_of(robot), random_joints(robot, 100)
     home = np.tile(robot.home, (100, 1))
-    assert kinematics._numeric.anywhere(kinematics.forward(joints), home).solved.all()  # noqa: SLF001
+    assert kinematics.numeric.anywhere(kinematics.forward(joints), home).solved.all()
 
 
 def test_the_tasks_of_few_joints() -> None:
@@ -143,7 +143,7 @@ def test_a_random_start_counts_if_place_and_turn_together_are_nearer(monkeypatch
     turned = Found(first, np.zeros(1), np.array([90.0]))
     results = iter((turned, Found(second, np.array([PLACE_OFF_MM / 2]), np.zeros(1))))
     monkeypatch.setattr(NumericInverse, "near", lambda *_: next(results))
-    found = kinematics_of(missing_wrist())._numeric.anywhere(np.zeros((1, 7)), first)  # noqa: SLF001
+    found = kinematics_of(missing_wrist()).numeric.anywhere(np.zeros((1, 7)), first)
     assert found.solved.all()
     assert found.joints.tolist() == second.tolist()
 
@@ -154,7 +154,7 @@ def test_the_opposite_direction_is_not_the_direction() -> None:
     kinematics, joints = kinematics_of(robot), random_joints(robot, 500)
     poses = kinematics.forward(joints)
     poses[:, 3:] *= -1.0
-    found = kinematics._numeric.near(poses, joints)  # noqa: SLF001
+    found = kinematics.numeric.near(poses, joints)
     off_deg = kinematics.task.off_deg(kinematics.forward(found.joints), poses)
     assert np.all(off_deg[found.solved] <= TURN_OFF_DEG)
 

@@ -95,7 +95,7 @@ class TestBranches:
         branches, strange, named = kinematics.inverse(poses), 0, 0
         for row, pose in enumerate(poses):
             own = solutions(branches, row)
-            numeric = kinematics._numeric  # noqa: SLF001
+            numeric = kinematics.numeric
             others = numeric.solutions(pose, np.zeros(6), np.full(6, 1e9))
             apart = np.abs(same_turn(own[:, np.newaxis] - others)).max(axis=2)
             strange += int((apart.min(axis=0) > 1e-3).sum())
