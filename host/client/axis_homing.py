@@ -19,6 +19,7 @@ from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
+from steptwin.protocol.frame import COB_SYNC
 
 _TEXTS: Final[dict[int, str]] = {
     HomingError.NOT_FOUND: "the switch was not found on the whole way",
@@ -63,13 +64,68 @@ class AxisHoming(NamedTuple):
     settings: HomingSettings
 
 
-def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None]) -> None:
+class HomingPair(NamedTuple):
+    """Two axes that drive one joint and must stay together.
+
+    Attributes:
+        first, second: their numbers.
+        skew_max: how far one may go beyond the other while they are homed, in `unit`.
+        unit: the joint's unit.
+        per_unit: the axes' wire units in it.
+    """
+
+    first: int
+    second: int
+    skew_max: float
+    unit: str
+    per_unit: float
+
+
+class PairWatch:
+    """Watches how far the two axes of a pair have gone since the start of their homings.
+
+    An axis that is homed stands; what it was renumbered by is no way.
+    """
+
+    def __init__(self, axes: Sequence[AxisClient], pair: HomingPair) -> None:
+        self._pair = pair
+        self.axes = (axes[pair.first], axes[pair.second])
+        self._starts_units = [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
+        self._ways_units = [0, 0]
+        self._seeking = [True, True]
+
+    def look(self) -> None:
+        """Raise DeviceFaultError if one axis has gone too far beyond the other."""
+        for i, axis in enumerate(self.axes):
+            if self._seeking[i]:
+                position_units = axis.read(od.POSITION_ACTUAL)
+                self._seeking[i] = not axis.read(od.STATUSWORD) & _ENDED
+                if self._seeking[i]:  # the position read before is in the old count
+                    self._ways_units[i] = position_units - self._starts_units[i]
+        skew = abs(self._ways_units[1] - self._ways_units[0]) / self._pair.per_unit
+        if skew > self._pair.skew_max:
+            first, second = (axis.name for axis in self.axes)
+            text = (
+                f"{second}: homing took it {skew:.4g} {self._pair.unit} apart from {first}, more than skew_max,"
+                f" {self._pair.skew_max:g} {self._pair.unit}: is the joint crooked, or does a switch not close?"
+            )
+            raise DeviceFaultError(text)
+
+
+_ENDED: Final = Status.TARGET_REACHED | Status.HOMING_ERROR
+"""Bits of the statusword of which one says that a homing is over."""
+
+
+def run_homings(
+    link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[], None], pairs: Sequence[PairWatch] = ()
+) -> None:
     """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
-    `one_homed` is called whenever one of the axes is homed.
+    `one_homed` is called whenever one of the axes is homed. The axes of pairs set off in the same servo tick.
 
     Raises:
-        DeviceFaultError: a homing failed, or a drive is in fault or was switched off; the message says why.
+        DeviceFaultError: a homing failed, an axis of a pair went too far beyond the other, or a drive is in fault or
+            was switched off; the message says why.
         BusError: a node does not answer, or a homing neither ends nor fails.
     """
     for axis, settings in homings:
@@ -79,10 +135,16 @@ def run_homings(link: Link, homings: Sequence[AxisHoming], one_homed: Callable[[
             axis.write(address, value)
     axes = [axis for axis, _ in homings]
     old_reports = [axis.drive_status for axis in axes]
+    paired = [axis for pair in pairs for axis in pair.axes]
     for axis in axes:
-        axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
+        if axis not in paired:
+            axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
+    for axis in paired:
+        axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
+    if paired:
+        link.network.send_message(COB_SYNC, b"")
     try:
-        _await_all(link, homings, old_reports, one_homed)
+        _await_all(link, homings, old_reports, one_homed, pairs)
     except BaseException:
         with suppress(StepTwinError):  # the first error is the one to report
             _release(link, axes)
@@ -95,6 +157,7 @@ def _await_all(
     homings: Sequence[AxisHoming],
     old_reports: Sequence[DriveStatus | None],
     one_homed: Callable[[], None],
+    pairs: Sequence[PairWatch],
 ) -> None:
     """Wait until all axes are homed; reports from before the start say nothing."""
     waiting = [(axis, old) for (axis, _), old in zip(homings, old_reports, strict=True)]
@@ -102,6 +165,8 @@ def _await_all(
 
     def all_homed() -> bool:
         listening.check()
+        for pair in pairs:
+            pair.look()
         for each in list(waiting):
             axis, old = each
             if _says_it_ended(axis, old) and _homed(link, axis):

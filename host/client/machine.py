@@ -10,7 +10,7 @@ from typing import Final
 from canopen.objectdictionary import ObjectDictionary, eds
 
 from steptwin.host.client.axis import AxisClient, AxisSettings, Objects
-from steptwin.host.client.axis_homing import AxisHoming, HomingSettings, run_homings
+from steptwin.host.client.axis_homing import AxisHoming, HomingPair, HomingSettings, PairWatch, run_homings
 from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
 from steptwin.host.client.links.link import Link
 from steptwin.host.client.shared_node import Patience
@@ -154,16 +154,25 @@ class Machine:
         progress: Progress = lambda _: None,
         *,
         together: bool = False,
+        pairs: Sequence[HomingPair] = (),
     ) -> None:
         """Home the enabled axes by their switches, one after the other or all together; None leaves an axis alone.
 
-        Afterwards an axis stands a little beyond its home, whose position is `offset_units`. `progress` is called with
-        the part of the axes that is homed. Raises as `homing.run_homings`; after an error no further axis is homed.
+        The two axes of a pair set off at one SYNC and are watched together. Afterwards an axis stands a little beyond
+        its home, whose position is `offset_units`. `progress` is called with the part of the axes that is homed. Raises
+        as `axis_homing.run_homings`; after an error no further axis is homed.
         """
-        homings = [AxisHoming(axis, how) for axis, how in zip(self.axes, settings, strict=True) if how]
+        homings = {
+            i: AxisHoming(axis, how) for i, (axis, how) in enumerate(zip(self.axes, settings, strict=True)) if how
+        }
+        second = {pair.second: pair.first for pair in pairs}
+        groups: dict[int, list[AxisHoming]] = {}
+        for i, homing in homings.items():
+            groups.setdefault(0 if together else second.get(i, i), []).append(homing)
         homed = count(1)
-        for group in [homings] if together else [[homing] for homing in homings]:
-            run_homings(self.link, group, lambda: progress(next(homed) / len(homings)))
+        for first, group in groups.items():
+            watched = [PairWatch(self.axes, pair) for pair in pairs if together or pair.first == first]
+            run_homings(self.link, group, lambda: progress(next(homed) / len(homings)), watched)
 
     def positions_units(self, moved: Collection[int] | None = None) -> list[int]:
         """Return the position actual value (6064h) of each axis, by its step counter.

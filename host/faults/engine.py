@@ -196,7 +196,7 @@ class Engine:
             case OnFrame():
                 return FrameWatch(trigger)
             case AtState(joint, state):
-                board, axis = target.axes[target.robot.index_of(joint)]
+                board, axis = target.axes[target.robot.axis_index(joint)]
                 return StateWatch(state, lambda: board.firmware.nodes[axis].drive.state)
             case AtRandom():
                 raise ValueError(f"{trigger}: is not drawn")

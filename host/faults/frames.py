@@ -56,7 +56,7 @@ def per_node(name: str) -> bool:
 
 def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ...]:
     """Return the identifiers of a name, of one axis' node or of all nodes, in rising order."""
-    axes = range(len(robot.joints)) if axis is None else range(axis, axis + 1)
+    axes = range(len(robot.axes)) if axis is None else range(axis, axis + 1)
     bases = _NODES.get(name, TO_NODE if name == _OF_HOST else ())
     found = {base + FIRST_NODE_ID + each for base in bases for each in axes}
     return tuple(sorted(found | set(_HOST.get(name, ()))))
@@ -64,7 +64,7 @@ def cob_ids(robot: "Robot", name: str, axis: int | None = None) -> tuple[int, ..
 
 def name_of(robot: "Robot", ids: tuple[int, ...]) -> tuple[str, int | None] | None:
     """Return the name of identifiers, and the axis if they are one node's; None if they have no name."""
-    for axis in (None, *range(len(robot.joints))):
+    for axis in (None, *range(len(robot.axes))):
         for name in FRAMES if axis is None else _NODES:
             if cob_ids(robot, name, axis) == ids:
                 return name, axis

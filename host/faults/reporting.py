@@ -168,7 +168,7 @@ def _why_never(engine: Engine, played: Played, end: RunEnd) -> str:
 def _joints(robot: Robot, began: Moment | None, end: Moment) -> dict[str, JointAnswer]:
     return {
         joint.name: JointAnswer(after.state, after.position_known, _lost_steps(joint, before, after))
-        for joint, before, after in zip(robot.joints, (began or end).axes, end.axes, strict=True)
+        for joint, before, after in zip(robot.axes, (began or end).axes, end.axes, strict=True)
     }
 
 
@@ -193,7 +193,7 @@ def later_errors(engine: Engine, began: Moment) -> list[Emergency]:
 
 def told(engine: Engine, emergencies: Sequence[Emergency], began: Moment) -> tuple[Told, ...]:
     """Return errors with the names of their joints, and how long after a fault's beginning they were on the bus."""
-    names = engine.target.robot.joint_names
+    names = engine.target.robot.axis_names
     return tuple(
         Told(names[each.axis], each.code, (each.counts - began.counts) / COUNTS_PER_MS) for each in emergencies
     )

@@ -171,7 +171,7 @@ def _read_value(key: Key, table: Table, _name: str) -> Any:
 
 def switches_of(robot: "Robot", axis: int) -> dict[str, DigitalInput]:
     """Return the switches that a joint has, by the names that requests give them."""
-    fitted = robot.joints[axis].switches.inputs
+    fitted = robot.axes[axis].switches.inputs
     return {name: bit for name, bit in SWITCHES.items() if bit in fitted}
 
 
@@ -190,7 +190,7 @@ def wired_input(robot: "Robot", name: str) -> tuple[int, DigitalInput]:
 
 
 def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
-    fitted = switches_of(robot, robot.index_of(joint))
+    fitted = switches_of(robot, robot.axis_index(joint))
     if name not in fitted:
         raise unknown(f"switch of {joint}", name, fitted)
     return fitted[name]
@@ -199,7 +199,7 @@ def _switch_of(robot: "Robot", joint: str, name: str) -> DigitalInput:
 def _ids_of(robot: "Robot", joint: str | None, frames: str | tuple[int, ...]) -> tuple[int, ...]:
     if joint is None:
         return cob_ids(robot, frames) if isinstance(frames, str) else frames
-    axis = robot.index_of(joint)
+    axis = robot.axis_index(joint)
     if not isinstance(frames, str) or not per_node(frames):
         raise InputError(f"joint: {joint} has no frames of its own among {frames}")
     return cob_ids(robot, frames, axis)
@@ -212,7 +212,7 @@ def _meant(robot: "Robot", key: Key, values: Mapping[str, Any]) -> Any:
         return None
     match key.kind:
         case KeyKind.JOINT | KeyKind.STATION:
-            return robot.index_of(value)
+            return robot.axis_index(value)
         case KeyKind.INPUT:
             return wired_input(robot, value)
         case KeyKind.SWITCH:
@@ -290,7 +290,7 @@ def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
         case KeyKind.JOINT | KeyKind.STATION:
             if value is None:
                 return {}
-            told = robot.joint_names[value]
+            told = robot.axis_names[value]
         case KeyKind.SWITCH:
             told = next(name for name, bit in SWITCHES.items() if bit == value)
         case KeyKind.INPUT:
@@ -299,7 +299,7 @@ def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
         case KeyKind.FRAMES:
             ids = tuple(cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in value)
             told, axis = name_of(robot, ids) or (list(ids), None)
-            return {key.name: told, "joint": None if axis is None else robot.joint_names[axis]}
+            return {key.name: told, "joint": None if axis is None else robot.axis_names[axis]}
         case KeyKind.BYTES:
             told = value.hex(" ")
         case KeyKind.WORD:

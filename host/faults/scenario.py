@@ -224,7 +224,7 @@ def _on_frame(_robot: Robot, table: Table, key: str) -> Trigger:
 def _at_state(robot: Robot, table: Table, key: str) -> Trigger:
     with table.section(key) as section:
         values = section.read({"joint": Table.text, "state": _state})
-        robot.index_of(values["joint"])
+        robot.axis_index(values["joint"])
     return AtState(values["joint"], values["state"])
 
 

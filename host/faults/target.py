@@ -213,7 +213,7 @@ class Target:
         """
         return [
             start + board.position_full_steps(axis) * joint.transmission.microsteps
-            for start, joint, (board, axis) in zip(self.start_steps, self.robot.joints, self.axes, strict=True)
+            for start, joint, (board, axis) in zip(self.start_steps, self.robot.axes, self.axes, strict=True)
         ]
 
     def microsteps(self) -> list[Microsteps]:
@@ -225,7 +225,7 @@ class Target:
                 board.firmware.motion.axes[axis].config.microsteps,
                 joint.transmission.microsteps,
             )
-            for joint, (board, axis) in zip(self.robot.joints, self.axes, strict=True)
+            for joint, (board, axis) in zip(self.robot.axes, self.axes, strict=True)
         ]
 
     @property

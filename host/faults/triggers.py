@@ -185,7 +185,7 @@ class PositionWatch(Watch):
         self._robot = robot
         self._joint = robot.index_of(trigger.joint)
         self._steps = steps
-        full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.joints])
+        full_steps = np.diag([float(joint.transmission.microsteps) for joint in robot.axes])
         ways = robot.from_steps(full_steps)[:, self._joint] - robot.from_steps(0 * full_steps)[:, self._joint]
         self._per_tick = float(np.abs(ways).sum()) * TICK_COUNTS / period_min_counts
         """How far the joint moves in a tick at most."""

@@ -97,7 +97,7 @@ def write_drive_setting(session: Session, setting: DriveSetting, value: float, j
         BusError: another program is in charge, or a node does not answer.
     """
     setting.check(value)
-    axes = session.machine.axes if joint is None else (session.machine.axes[session.robot.index_of(joint)],)
+    axes = session.machine.axes if joint is None else (session.machine.axes[session.robot.axis_index(joint)],)
     with session.alone("settings"):
         for axis in axes:
             axis.ensure(setting.address, round(value * setting.per_unit))

@@ -5,6 +5,7 @@ from functools import partial
 from math import ceil, floor
 
 from steptwin.host.client import HomingSettings, Progress
+from steptwin.host.client.axis_homing import HomingPair
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.moving import check_goal, move_within, units_at
 from steptwin.host.operate.recovering import AxisState, axis_states
@@ -93,9 +94,9 @@ def home_robot(
         machine = charge.enable()
         homed = 0
         for level in robot.coupling.homing_levels(len(robot.joints)):
-            own = [axis for axis in level if axis in chosen]
+            own = [joint for joint in level if joint in chosen]
             part = partial(_part_of_all, progress, homed / len(chosen), len(own) / len(chosen))
-            machine.home_axes(_level_settings(session, own), part, together=together)
+            machine.home_axes(_level_settings(session, own), part, together=together, pairs=_pairs(robot, own))
             homed += len(own)
         if not stay:
             goal = [home if axis in chosen else None for axis, home in enumerate(robot.home)]
@@ -118,9 +119,9 @@ def check_homing(robot: Robot, names: Collection[str]) -> set[int]:
 
 def _needed(robot: Robot, chosen: set[int]) -> set[str]:
     """Return the axes that stay but must know their positions, because those of other axes' homes depend on them."""
-    joints = {joint for axis in chosen for joint in robot.coupling.joints_of(axis)}
+    joints = {other for joint in chosen for other in robot.coupling.joints_of(joint)}
     axes = {axis for joint in joints - chosen for axis in robot.coupling.axes_of(joint)}
-    return {robot.joint_names[axis] for axis in axes - chosen}
+    return {robot.axis_names[axis] for axis in axes if robot.coupling.joint_of(axis) not in chosen}
 
 
 def _part_of_all(progress: Progress, before: float, weight: float, part: float) -> None:
@@ -130,17 +131,29 @@ def _part_of_all(progress: Progress, before: float, weight: float, part: float) 
 def _level_settings(session: Session, level: list[int]) -> tuple[HomingSettings | None, ...]:
     """Return the settings of the axes to home now, from where the joints of the earlier levels stand; None for others.
 
-    Each axis moves alone, so the joint of a later level turns along while its own motor stands.
+    The motors of one joint move alone, so the joint of a later level turns along while its own motor stands.
     """
-    robot = session.robot
-    coupled = any(map(robot.coupling.couples, level))
+    robot, coupling = session.robot, session.robot.coupling
+    coupled = any(map(coupling.couples, level))
     positions = session.positions(session.machine.positions_units()) if coupled else []
-    settings: list[HomingSettings | None] = [None] * len(robot.joints)
-    for axis in level:
-        elements = robot.coupling.joints_of(axis)
-        by_others = sum(element * positions[joint] for joint, element in elements.items() if joint != axis)
-        settings[axis] = homing_settings(robot.joints[axis], elements[axis], by_others)
+    settings: list[HomingSettings | None] = [None] * len(robot.axes)
+    for own in level:
+        others = {joint: element for joint, element in coupling.joints_of(own).items() if joint != own}
+        by_others = sum(element * positions[joint] for joint, element in others.items())
+        for axis in coupling.motors_of(own):
+            settings[axis] = homing_settings(robot.axes[axis], coupling.own_element(axis), by_others)
     return tuple(settings)
+
+
+def _pairs(robot: Robot, joints: list[int]) -> list[HomingPair]:
+    """Return the two motors of each of these joints that has two."""
+    pairs = []
+    for joint in joints:
+        if motor := robot.joints[joint].second_motor:
+            first, second = robot.coupling.motors_of(joint)
+            units = abs(robot.coupling.own_element(joint)) * float(robot.wire_units_per_unit[joint])
+            pairs.append(HomingPair(first, second, motor.skew_max, robot.joints[joint].unit, units))
+    return pairs
 
 
 def declare(session: Session, joints: list[float]) -> list[AxisState]:

@@ -68,7 +68,7 @@ def waits_document(waits: Sequence[WaitMade]) -> dict[str, Any]:
 def wired_inputs(robot: Robot) -> dict[str, tuple[int, DigitalInput]]:
     """Return the axis and the bit of every input in the robot's file."""
     return {
-        name: (robot.joint_names.index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
+        name: (robot.axis_index(sensor.joint), GENERAL_INPUTS[sensor.input - 1])
         for name, sensor in robot.inputs.items()
     }
 
@@ -84,9 +84,7 @@ def read_inputs(session: Session) -> dict[str, bool]:
 def wired_outputs(robot: Robot) -> dict[str, tuple[int, DigitalOutput]]:
     """Return the axis and the bit of every output in the robot's file."""
     bits = tuple(DigitalOutput)
-    return {
-        name: (robot.joint_names.index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()
-    }
+    return {name: (robot.axis_index(output.joint), bits[output.out - 1]) for name, output in robot.outputs.items()}
 
 
 def streamed_motion(plan: Plan) -> StreamedMotion:

@@ -113,7 +113,7 @@ def check_jog(robot: Robot, name: str, speed: float) -> Joint:
 def ways_units(robot: Robot, joint: int) -> dict[int, float]:
     """Return the way of each axis that moves with a joint, in wire units for one mm or degree of the joint alone."""
     return {
-        axis: element * robot.joints[axis].transmission.wire_units_per_unit
+        axis: element * robot.axes[axis].transmission.wire_units_per_unit
         for axis, element in robot.coupling.axes_moved_by(joint).items()
     }
 

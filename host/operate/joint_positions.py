@@ -40,13 +40,30 @@ class JointReading(NamedTuple):
     known: bool
 
 
-def joint_positions(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointReading]:
-    """Return each joint's position from the positions of all axes, in wire units.
+def axis_readings(robot: Robot, units: Sequence[int], known: Sequence[bool]) -> list[JointReading]:
+    """Return each joint's position, and behind them that of each second motor, from all axes' in wire units.
 
-    A joint's position is known if it is known of each axis that turns or shifts the joint.
+    A joint's position is known if it is known of each axis that turns or shifts the joint. The second motor's is where
+    it has its end of the joint.
     """
-    positions = robot.to_positions(np.array(units)).tolist()
-    return [
-        JointReading(position, all(known[axis] for axis in robot.coupling.axes_of(joint)))
+    of_axes, coupling = np.array(units), robot.coupling
+    positions = robot.to_positions(of_axes).tolist()
+    joints = [
+        JointReading(position, all(known[axis] for axis in coupling.axes_of(joint)))
         for joint, position in enumerate(positions)
     ]
+    ahead = robot.skews(of_axes).tolist()
+    return joints + [
+        JointReading(positions[joint] + skew / 2, joints[joint].known)
+        for joint, skew in zip(coupling.seconds, ahead, strict=True)
+    ]
+
+
+def check_skews(robot: Robot, units: Sequence[int]) -> None:
+    """Raise DeviceFaultError if the two motors of a joint are farther apart than the robot's file allows."""
+    for joint, skew in zip(robot.coupling.seconds, robot.skews(np.array(units)).tolist(), strict=True):
+        first, second = robot.joints[joint], robot.joints[joint].second_motor
+        if second and abs(skew) > second.skew_max:
+            apart = f"{second.name}: stands {abs(skew):.4g} {first.unit} apart from {first.name}"
+            limit = f"more than the {second.skew_max:g} {first.unit} of skew_max: home {first.name} to square it"
+            raise DeviceFaultError(f"{apart}, {limit}")

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, nan
+from math import ceil, copysign, nan
 
 import numpy as np
 
 from steptwin.host.client import Progress
 from steptwin.host.client.profile_motion import VELOCITY_MIN_UNITS_PER_S, ProfileMove, move_together
+from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import nearest_within, outside
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.session import MachineCharge, Session
@@ -113,7 +114,7 @@ def move(
     robot, needs = session.robot, None
     if not callable(goal):
         check_goal(robot, goal)
-        needs = [robot.joint_names[axis] for axis in axes_concerned(robot, goal)]
+        needs = [robot.axis_names[axis] for axis in axes_concerned(robot, goal)]
     with session.charge("move", needs=needs) as charge:
         if callable(goal):
             goal = goal(charge.start.joints)
@@ -162,6 +163,14 @@ def ways(start_units: Sequence[int], goal_units: Sequence[int]) -> dict[int, int
     return {axis: goal - start for axis, (start, goal) in enumerate(both) if goal != start}
 
 
+def _joint_ways(robot: Robot, ways_units: Int64Array) -> FloatArray:
+    """Return the joints' ways when the axes make theirs: of two motors of a joint, that of the farther one."""
+    joint_ways = robot.to_positions(ways_units)
+    for joint, skew in zip(robot.coupling.seconds, robot.skews(ways_units).tolist(), strict=True):
+        joint_ways[joint] += copysign(skew / 2, joint_ways[joint])
+    return joint_ways
+
+
 def move_within(
     session: Session,
     start_units: list[int],
@@ -190,7 +199,7 @@ def synchronised(
     Return the move of each of these axes, and the duration in seconds.
     """
     moves, ways_units = {}, ways(start_units, goal_units)
-    law = fastest_law(robot, robot.to_positions(np.subtract(goal_units, start_units)), speed_percent / 100)
+    law = fastest_law(robot, _joint_ways(robot, np.subtract(goal_units, start_units)), speed_percent / 100)
     for axis, way in ways_units.items():
         velocity = max(VELOCITY_MIN_UNITS_PER_S, ceil(abs(way) * law.speed))
         moves[axis] = ProfileMove(way, goal_units[axis], velocity, ceil(velocity / law.ramp_s))

@@ -8,7 +8,7 @@ from steptwin.host.client.drive_status import FAULT_STATES
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, wait_until
 from steptwin.host.client.words import error_text, error_words, state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError
-from steptwin.host.operate.joint_positions import joint_positions
+from steptwin.host.operate.joint_positions import axis_readings
 from steptwin.host.operate.session import Session
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State, Status
@@ -130,7 +130,7 @@ def axis_states(session: Session) -> list[AxisState]:
     axes = session.machine.axes
     read = [(axis.read(od.STATUSWORD), axis.read(od.POSITION_ACTUAL)) for axis in axes]
     known = [bool(statusword & Status.POSITION_KNOWN) for statusword, _ in read]
-    positions = joint_positions(session.robot, [units for _, units in read], known)
+    positions = axis_readings(session.robot, [units for _, units in read], known)
     return [
         AxisState(axis.name, state_text(State.of(statusword)), *position)
         for axis, (statusword, _), position in zip(axes, read, positions, strict=True)

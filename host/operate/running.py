@@ -163,7 +163,7 @@ _SETTLED_S: Final = 0.02
 
 
 def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:
-    ends = zip(plan.robot.joints, plan.points_units[-1].tolist(), machine.positions_units(), strict=True)
+    ends = zip(plan.robot.axes, plan.points_units[-1].tolist(), machine.positions_units(), strict=True)
     return tuple(
         AxisEnd(joint.name, planned, end, (end - planned) * joint.transmission.microsteps / UNITS_PER_FULL_STEP)
         for joint, planned, end in ends

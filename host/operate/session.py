@@ -14,7 +14,7 @@ from steptwin.host.client.lease import Lease
 from steptwin.host.client.reports import await_reports
 from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
-from steptwin.host.operate.joint_positions import faulty_drive
+from steptwin.host.operate.joint_positions import check_skews, faulty_drive
 from steptwin.host.operate.setting_up import clear_targets, objects_of
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import PoseDocument
@@ -51,7 +51,7 @@ class Session:
         """Connect to the robot's machine; `token` is for programs that must send the same frames each time."""
         self.link = link
         self.robot = robot
-        self.machine = Machine(link, robot.joint_names)
+        self.machine = Machine(link, robot.axis_names)
         self.lease = Lease(self.machine.axes, token)
         self._stops_known: int | None = None
         """Stops that the axes had reported when the present action began; None without an action."""
@@ -202,6 +202,8 @@ class Session:
         self.require_idle(what)
         drives = tuple(self._ask_axis(axis, needs) for axis in self.machine.axes)
         units = self.demanded_units()
+        if needs is None or not set(self.robot.axis_names[len(self.robot.joints) :]).isdisjoint(needs):
+            check_skews(self.robot, units)
         return MachineAtRest(drives, units, self.positions(units))
 
     def _ask_axis(self, axis: AxisClient, needs: Collection[str] | None) -> "RestingDrive":
@@ -282,7 +284,7 @@ class MachineCharge:
         robot = self.session.robot
         return [
             objects_of(joint, robot.board, moves=moving is None or i in moving or drive.mode == Mode.PROFILE_VELOCITY)
-            for i, (joint, drive) in enumerate(zip(robot.joints, self.start.drives, strict=True))
+            for i, (joint, drive) in enumerate(zip(robot.axes, self.start.drives, strict=True))
         ]
 
     def stop_after(self, error: BaseException) -> None:

@@ -36,7 +36,7 @@ def set_up(machine: Machine, robot: Robot, start_units: list[int]) -> None:
         BusError: a node does not answer or is not a stepper axis.
     """
     machine.connect()
-    machine.configure([axis_settings(joint, robot.board) for joint in robot.joints])
+    machine.configure([axis_settings(joint, robot.board) for joint in robot.axes])
     machine.enable()
     machine.preset(start_units)
 
@@ -60,7 +60,7 @@ def clear_targets(axes: Iterable[AxisClient]) -> None:
 def restore_decelerations(machine: Machine, robot: Robot, axes: Iterable[int]) -> None:
     """Give axes back the deceleration of stops and halts, which their own ramps have replaced."""
     for axis in axes:
-        settings = axis_settings(robot.joints[axis], robot.board)
+        settings = axis_settings(robot.axes[axis], robot.board)
         machine.axes[axis].write(od.PROFILE_DECELERATION, settings.deceleration_units_per_s2)
 
 

@@ -7,6 +7,8 @@ trajectory's speed is asked for, in one frame; other values that only SDO can re
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.pausing import present_speed_percent
@@ -14,7 +16,7 @@ from steptwin.host.client.reports import await_reports
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.inputs_outputs import read_inputs
-from steptwin.host.operate.joint_positions import JointReading, joint_positions
+from steptwin.host.operate.joint_positions import JointReading, axis_readings
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.poses import PoseDocument
@@ -99,10 +101,15 @@ class MachineStatus:
     """Whether each input of the robot's file is on; None while a trajectory is streamed."""
     speed_percent: float | None
     """Present speed of the trajectory in percent of the planned one, 0 in a pause; None without one."""
+    skews: dict[str, float]
+    """How far each second motor is ahead of its joint's own, by the step counters, in the joint's unit; by its axis."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of the status."""
-        return asdict(self)
+        """Return the JSON document of the status; without second motors it has no skews."""
+        document = asdict(self)
+        if not self.skews:
+            del document["skews"]
+        return document
 
 
 def read_status(session: Session) -> MachineStatus:
@@ -116,14 +123,15 @@ def read_status(session: Session) -> MachineStatus:
     status_of, complete = (_reported, _by_reports) if streaming else (_read, _by_sdo)
     drives = [status_of(axis) for axis in session.machine.axes]
     knows = [bool(drive.statusword & Status.POSITION_KNOWN) for drive in drives]
-    places = joint_positions(session.robot, [drive.position_units for drive in drives], knows)
-    parts = zip(session.machine.axes, session.robot.joints, drives, places, strict=True)
+    robot, units = session.robot, [drive.position_units for drive in drives]
+    parts = zip(session.machine.axes, robot.axes, drives, axis_readings(robot, units, knows), strict=True)
     axes = tuple(complete(axis, drive, _common(axis, joint, drive, place)) for axis, joint, drive, place in parts)
     known = all(axis.position_known for axis in axes)
-    pose = session.pose([axis.position for axis in axes]) if known else None
+    pose = session.pose([axis.position for axis in axes[: len(robot.joints)]]) if known else None
     inputs = None if streaming else read_inputs(session)
     speed_percent = present_speed_percent(session.machine.axes)
-    return MachineStatus(session.robot.name, streaming, axes, pose, inputs, speed_percent)
+    skews = dict(zip(robot.axis_names[len(robot.joints) :], robot.skews(np.array(units)).tolist(), strict=True))
+    return MachineStatus(robot.name, streaming, axes, pose, inputs, speed_percent, skews)
 
 
 def _reported(axis: AxisClient) -> DriveStatus:

@@ -183,7 +183,7 @@ def check_record_widths(robot: Robot, times_ms: Int64Array, points: FloatArray, 
         outside = (values < I24_MIN) | (values > I24_MAX)
         if outside.any():
             row, i = (int(index) for index in np.argwhere(outside)[0])
-            name, at = robot.joints[i].name, f"at t = {times_ms[row] / 1000:.3f} s"
+            name, at = robot.axes[i].name, f"at t = {times_ms[row] / 1000:.3f} s"
             raise TooFastError(
                 f"{name}: a {what} of {values[row, i]:.0f} {unit} {at} does not fit a PVT record's {I24_MIN}..{I24_MAX}"
             ).plainly(f"{name}: {at} it is faster than the board can be told")

@@ -132,9 +132,10 @@ def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
         limits = ((Quantity.SPEED, joint.speed_max), (Quantity.ACCELERATION, joint.acceleration_max))
         yield from _peaks(joint, samples.t_s, samples.velocities[:, i], limits)
     axis_velocities = robot.coupling.to_axes(samples.velocities)
-    axis_limits = zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True)
-    for i, (joint, (speed_max, acceleration_max)) in enumerate(zip(robot.joints, axis_limits, strict=True)):
+    axis_limits = list(zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True))
+    for i, joint in enumerate(robot.joints):  # second motors move as the first
         if robot.coupling.couples(i):
+            speed_max, acceleration_max = axis_limits[i]
             limits = ((Quantity.AXIS_SPEED, speed_max), (Quantity.AXIS_ACCELERATION, acceleration_max))
             yield from _peaks(joint, samples.t_s, axis_velocities[:, i], limits)
 
@@ -165,7 +166,7 @@ def _step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, vel
     hulls_q16 = _velocity_hulls_q16(robot, dt_ms, points.astype(np.int64), velocities.astype(np.int64))
     rates_hz = hulls_q16 * (1000 / _Q16) / dt_ms
     limit_hz = floor(robot.board.driver_rate_max_hz * _Q16 / 1000) * 1000 / _Q16
-    for i, joint in enumerate(robot.joints):
+    for i, joint in enumerate(robot.joints):  # second motors make the steps of the first
         worst = int(np.argmax(rates_hz[:, i]))
         at_s = float(times_ms[worst]) / 1000
         yield Peak(Quantity.STEP_RATE, joint.name, float(rates_hz[worst, i]), limit_hz, "Hz", at_s)
@@ -177,7 +178,7 @@ def _velocity_hulls_q16(robot: Robot, dt_ms: Int64Array, points: Int64Array, vel
     With the displacement D, a = v0 dt and e = v1 dt, the velocity is a quadratic with the Bernstein coefficients a,
     3D - a - e and e. Its size nowhere exceeds the largest of theirs. Rounding is the firmware's.
     """
-    microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
+    microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
     distance = np.diff(points, axis=0) * microsteps << 2
     a = velocities[:-1] * dt_ms * microsteps + 8 >> 4
     e = velocities[1:] * dt_ms * microsteps + 8 >> 4

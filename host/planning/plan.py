@@ -112,7 +112,7 @@ class Plan:
         """
         coupling = self.robot.coupling
         starts, places = coupling.to_axes(np.array([self.start_joints, joints])).tolist()
-        for i, (joint, start, now) in enumerate(zip(self.robot.joints, starts, places, strict=True)):
+        for i, (joint, start, now) in enumerate(zip(self.robot.axes, starts, places, strict=True)):
             half_step = 0.5 / joint.transmission.steps_per_unit
             if abs(start - now) > half_step * (1 + 1e-6):
                 what = f"{joint.name}'s axis" if coupling.couples(i) else joint.name

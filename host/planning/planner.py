@@ -142,7 +142,7 @@ def _looked(
     Return its points at these times and their velocities in wire units, as floats, which cannot overflow, and its peaks
     of speed and acceleration.
     """
-    points = np.empty((len(times_ms), len(robot.joints)))
+    points = np.empty((len(times_ms), len(robot.axes)))
     velocities = np.empty_like(points)
     peaks, begin_ms = [], 0
     for samples in windows:

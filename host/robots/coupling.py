@@ -2,10 +2,14 @@
 
 A motor on the base that drives a later joint by a belt turns with the earlier joints. An axis position is that of the
 motor before the transmission's ratio, in the unit of the joint that bears the axis' name.
+
+A joint may have a second motor, as the beam of a gantry has one at each end. Its axis has a row like that of the
+joint's own axis; the axes of second motors stand behind those of all joints. Then the matrix has more rows than
+columns, and a joint is where its two motors are in the mean, which is the least squares solution.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 from typing import Final, Self
@@ -30,11 +34,13 @@ class Coupling:
 
     Attributes:
         matrix: rows by axis, columns by joint; an element is in the axis' unit per unit of the joint.
-        inverse: rows by joint, columns by axis.
+        inverse: rows by joint, columns by axis; the matrix' pseudo-inverse.
+        seconds: the joints that a second motor drives as well, in the order of these motors' axes.
     """
 
     matrix: Matrix = ()
     inverse: Matrix = ()
+    seconds: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, names: Sequence[str], rows: Mapping[str, Mapping[str, float]]) -> Self:
@@ -72,6 +78,39 @@ class Coupling:
         if strange := axes + joints:
             raise InputError(*map(str, strange))
 
+    def with_second_motors(self, joints: int, seconds: Sequence[int]) -> Self:
+        """Return this coupling of a number of joints, to which second motors of some of them are added."""
+        if not seconds:
+            return self
+        matrix, inverse = (np.array(own) if own else np.eye(joints) for own in (self.matrix, self.inverse))
+        rows = [*range(joints), *seconds]
+        shares = np.eye(joints)[:, rows] / np.bincount(rows)[rows]
+        return replace(self, matrix=_rows(matrix[rows]), inverse=_rows(inverse @ shares), seconds=tuple(seconds))
+
+    @property
+    def joint_count(self) -> int:
+        """The number of joints; 0 if each joint has a motor of its own and nothing is coupled."""
+        return len(self.inverse)
+
+    def joint_of(self, axis: int) -> int:
+        """Return the joint whose motor an axis has: the one that bears its name, or the one that it helps to drive."""
+        second = axis - self.joint_count
+        return self.seconds[second] if self.seconds and second >= 0 else axis
+
+    def motors_of(self, joint: int) -> tuple[int, ...]:
+        """Return the axes of a joint's motors: its own, and that of its second motor if it has one."""
+        return (joint, *(self.joint_count + at for at, driven in enumerate(self.seconds) if driven == joint))
+
+    def skews(self, axes: FloatArray) -> FloatArray:
+        """Return how far each second motor's end of its joint is ahead, from axis positions of shape (..., axes).
+
+        The result has the shape (..., second motors), in the joints' units.
+        """
+        if not self.seconds:
+            return axes[..., :0]
+        halves = [self.inverse[joint][self.joint_count + at] for at, joint in enumerate(self.seconds)]
+        return 2 * np.array(halves) * (axes[..., self.joint_count :] - axes[..., list(self.seconds)])
+
     def to_axes(self, joints: FloatArray) -> FloatArray:
         """Return the positions, speeds or ways of the axes from those of the joints, shape (..., joints)."""
         return _times(self.matrix, joints) if self.matrix else joints
@@ -86,6 +125,10 @@ class Coupling:
             return {joint: 1.0}
         return {axis: row[joint] for axis, row in enumerate(self.matrix) if row[joint]}
 
+    def own_element(self, axis: int) -> float:
+        """Return the way of an axis for one unit of its own joint alone."""
+        return self.joints_of(axis)[self.joint_of(axis)]
+
     def joints_of(self, axis: int) -> dict[int, float]:
         """Return the joints on whose positions an axis' position depends, each with its element."""
         return _elements(self.matrix, axis)
@@ -94,18 +137,25 @@ class Coupling:
         """Return the axes on whose positions a joint's position depends, each with its element of the inverse."""
         return _elements(self.inverse, joint)
 
+    def travel_of(self, axis: int) -> dict[int, float]:
+        """Return how an axis' joint follows the axes at this motor's end: as `axes_of`, its second motor left out."""
+        elements = self.axes_of(self.joint_of(axis))
+        motors = self.motors_of(self.joint_of(axis))
+        own = {axis: sum(elements[motor] for motor in motors)}
+        return dict(sorted((own | {other: each for other, each in elements.items() if other not in motors}).items()))
+
     def couples(self, axis: int) -> bool:
         """Return whether an axis' position is another than its joint's."""
-        return self.joints_of(axis) != {axis: 1.0}
+        return self.joints_of(axis) != {self.joint_of(axis): 1.0}
 
-    def homing_levels(self, axes: int) -> list[list[int]]:
-        """Return which of this number of axes can be homed together, one group after the other.
+    def homing_levels(self, joints: int) -> list[list[int]]:
+        """Return which of this number of joints can be homed together, one group after the other.
 
-        Where an axis' home is depends on the other joints of its row, so these are homed before. Axes that need each
+        Where an axis' home is depends on the other joints of its row, so these are homed before. Joints that need each
         other are in no group.
         """
         levels: list[list[int]] = []
-        waiting = set(range(axes))
+        waiting = set(range(joints))
         while level := [axis for axis in sorted(waiting) if waiting & self.joints_of(axis).keys() == {axis}]:
             levels.append(level)
             waiting -= set(level)

@@ -1,9 +1,9 @@
 """A joint of a robot, which one axis of the board drives through a transmission."""
 
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from enum import StrEnum
-from functools import partial
+from functools import cache, partial
 from math import floor
 from typing import Final
 
@@ -76,6 +76,24 @@ class Unit(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class SecondMotor:
+    """A second motor of a joint, with an axis of its own and a drive like that of the first.
+
+    Attributes:
+        name: name of its axis.
+        skew_max: how far the two motors may be apart, in the joint's unit.
+        square_offset: how much farther up its switches close than the joint's when the machine is square.
+    """
+
+    name: str
+    skew_max: float
+    square_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "skew_max")
+
+
+@dataclass(frozen=True, slots=True)
 class Joint:
     """A joint: positions in `unit`, speed in unit/s, acceleration in unit/s^2.
 
@@ -101,6 +119,8 @@ class Joint:
     """The motor of the axis, for the model of motors; None: unknown."""
     link: JointLink | None = None
     """The body that the joint moves, for the same model; None: unknown."""
+    second_motor: SecondMotor | None = None
+    """The second motor of the joint; None: one motor drives it alone."""
 
     def __post_init__(self) -> None:
         check_all(
@@ -112,6 +132,7 @@ class Joint:
             lambda: self.switches.check_positive(self.upper, self.unit),
             self._check_homing,
             self._check_stops,
+            self._check_second_motor,
         )
 
     def _check_range(self) -> None:
@@ -148,10 +169,28 @@ class Joint:
             with prefixed("link."):
                 self.link.check_stops({"lower": self.lower, "upper": self.upper, **switches}, self.unit)
 
+    def _check_second_motor(self) -> None:
+        if self.second_motor:
+            switches = second_switches(self, self.second_motor)
+            with prefixed("second_motor.square_offset: "):
+                switches.check_negative(self.lower, self.unit)
+                switches.check_positive(self.upper, self.unit)
+
     @property
     def step_rate_max_hz(self) -> float:
         """The step rate at the axis' highest speed, which is the joint's unless joints are coupled."""
         return (self.axis_speed_max or self.speed_max) * self.transmission.steps_per_unit
+
+
+def second_switches(joint: Joint, motor: SecondMotor) -> JointSwitches:
+    """Return the switches of a joint's second motor: like the joint's, all shifted by its offset."""
+    return JointSwitches(*(None if at is None else at + motor.square_offset for at in astuple(joint.switches)))
+
+
+@cache
+def second_axis(joint: Joint, motor: SecondMotor) -> Joint:
+    """Return the axis of a joint's second motor, as if it were a joint of its own that carries nothing."""
+    return replace(joint, name=motor.name, switches=second_switches(joint, motor), link=None, second_motor=None)
 
 
 _ROUNDING: Final = 1e-12

@@ -5,7 +5,7 @@ file is found at once: every table is judged as far as its values can be read (`
 missing value is not judged.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -20,7 +20,7 @@ from steptwin.host.common.tables import Reading, Table, check_name, integer_from
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output, named_profile, pulses_for
 from steptwin.host.robots.box import Box, Range
 from steptwin.host.robots.coupling import Coupling
-from steptwin.host.robots.joint import Joint, Transmission, Unit, with_fewer_steps
+from steptwin.host.robots.joint import Joint, SecondMotor, Transmission, Unit, with_fewer_steps
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import check_names, check_unit, keys_of
 from steptwin.host.robots.kinematics.chain import check_links
@@ -72,6 +72,8 @@ def _robot(table: Table) -> Robot:
     joints: dict[str, Joint] = values.get("joints", {})
     if joints:
         values["joints"] = tuple(joints.values())
+        if "coupling" in values:
+            values["coupling"] = _with_second_motors(values["coupling"] or Coupling(), values["joints"])
     if joints and "home" in values:
         values["home"] = tuple(values["home"].get(name, _some_position(joint)) for name, joint in joints.items())
     if "kinematics" in values:
@@ -220,6 +222,15 @@ def _coupling(kind: _Mechanism, table: Table, key: str) -> Coupling:
         raise UnreadError(key)
     with prefixed(f"{key}: "):
         return Coupling.of(names, elements)
+
+
+def _with_second_motors(coupling: Coupling, joints: Sequence[Joint]) -> Coupling:
+    """Return a coupling with the second motors of the joints, as far as the file's could be read."""
+    seconds = []
+    for i, joint in enumerate(joints):
+        with suppress(UnreadError):
+            seconds += [i] if joint.second_motor else []
+    return coupling.with_second_motors(len(joints), seconds)
 
 
 # --- errors of the DH parameters
@@ -447,6 +458,7 @@ _JOINT_TABLES: Final[dict[str, Reading]] = {
         },
         {},
     ),
+    "second_motor": _settings(SecondMotor, {"name": _name, "skew_max": Table.number}, {"square_offset": Table.number}),
     "motor": _settings(JointMotor, {}, {"model": Table.text, **dict.fromkeys(MOTOR_KEYS, Table.number)}),
     "link": _settings(JointLink, {"mass_kg": Table.number}, _LINK_OPTIONAL),
 }

@@ -15,7 +15,7 @@ from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.coupling import Coupling
-from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint
+from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint, second_axis
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.motor import Dynamics
 from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
@@ -38,7 +38,7 @@ class Robot:
         title: title, one line.
         kinematics: kind of mechanism, a name that `steptwin.host.robots.kinematics` knows.
         geometry: dimensions of the mechanism in mm and degrees, and its options, by name.
-        joints: joints, in the order of their axes on the board.
+        joints: joints, in the order of their axes on the board; axes of second motors are behind them.
         home: joint positions, in joint order, that the machine takes after homing.
         board: settings that all axes share.
         outputs: digital outputs of the board, by the name of the device wired to them.
@@ -55,7 +55,8 @@ class Robot:
         toml: text of the robot file; empty for a robot that was not read from a file.
 
     Raises:
-        InputError: no joints or more than a board drives, a position outside a joint's limits, a place without joints,
+        InputError: no joints or more motors than a board drives, two axes of one name, a position outside a joint's
+            limits, a place without joints,
             an output or input of an unknown joint, two of them at one connector, a box held by an unknown output, a
             shelf that names what the robot does not have, or an axis that cannot be coupled so.
     """
@@ -83,6 +84,7 @@ class Robot:
         if not 1 <= len(self.joints) <= AXES_MAX:
             raise InputError(f"joints: {len(self.joints)} joints, but a board drives 1 to {AXES_MAX}")
         check_all(
+            self._check_second_motors,
             self._check_home,
             self._check_places,
             self._check_outputs,
@@ -94,6 +96,19 @@ class Robot:
             *(partial(self._check_microsteps, joint) for joint in self.joints),
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
+
+    def _check_second_motors(self) -> None:
+        """Check the names of second motors' axes, their number, and that the coupling has them."""
+        findings, taken = Findings(), set(self.joint_names)
+        for joint in self.joints:
+            if (motor := joint.second_motor) and motor.name in taken:
+                findings.add(f"joints.{joint.name}.second_motor.name: {motor.name} is the name of another axis")
+            taken |= {motor.name} if motor else set()
+        findings.raise_first()
+        if len(self.axes) > AXES_MAX:
+            raise InputError(f"joints: {len(self.axes)} motors, but a board drives 1 to {AXES_MAX}")
+        if self.coupling.seconds != self.second_motors:
+            raise ValueError("the coupling has other second motors than the joints")
 
     def _check_home(self) -> None:
         self._check_place("home", dict(zip(self.joint_names, self.home, strict=True)))
@@ -114,8 +129,8 @@ class Robot:
         findings, first_at = Findings(), dict[tuple[str, int], str]()
         for name, device in wired.items():
             with findings.collecting(f"{what}s.{name}"):
-                if device.joint not in self.joint_names:
-                    raise unknown(".joint:", device.joint, self.joint_names)
+                if device.joint not in self.axis_names:
+                    raise unknown(".joint:", device.joint, self.axis_names)
                 joint, number = connector(device)
                 first = first_at.setdefault((joint, number), name)
                 if first != name:
@@ -225,11 +240,35 @@ class Robot:
         """The names of the joints, in axis order."""
         return tuple(joint.name for joint in self.joints)
 
+    @property
+    def second_motors(self) -> tuple[int, ...]:
+        """The joints that have a second motor."""
+        return tuple(i for i, joint in enumerate(self.joints) if joint.second_motor)
+
+    @property
+    def axes(self) -> tuple[Joint, ...]:
+        """The axes in the order of their nodes: those of the joints, then those of second motors.
+
+        An axis is described like a joint: what it has of its own is its name, its drive and its switches.
+        """
+        return (*self.joints, *(second_axis(each, each.second_motor) for each in self.joints if each.second_motor))
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """The names of the axes, in the order of their nodes."""
+        return tuple(axis.name for axis in self.axes)
+
     def index_of(self, name: str) -> int:
         """Return a joint's place among the joints by its name; raise InputError, with the nearest, if there is none."""
         if name not in self.joint_names:
             raise unknown("joint", name, self.joint_names)
         return self.joint_names.index(name)
+
+    def axis_index(self, name: str) -> int:
+        """Return an axis' place among the axes, by its name or its joint's; raise InputError if there is none."""
+        if name not in self.axis_names:
+            raise unknown("joint", name, self.axis_names)
+        return self.axis_names.index(name)
 
     def joint(self, name: str) -> Joint:
         """Return a joint by its name; raise KeyError for an unknown name."""
@@ -238,12 +277,12 @@ class Robot:
     @property
     def steps_per_unit(self) -> FloatArray:
         """Shape (axes,): steps per mm or degree of an axis position, which is the joint's unless joints are coupled."""
-        return np.array([joint.transmission.steps_per_unit for joint in self.joints])
+        return np.array([axis.transmission.steps_per_unit for axis in self.axes])
 
     @property
     def wire_units_per_unit(self) -> FloatArray:
         """Shape (axes,): wire units per mm or degree of an axis position."""
-        return np.array([joint.transmission.wire_units_per_unit for joint in self.joints])
+        return np.array([axis.transmission.wire_units_per_unit for axis in self.axes])
 
     def to_units(self, positions: FloatArray) -> FloatArray:
         """Return the axes' wire units at joint positions, shape (..., joints): whole numbers, half a unit rounded up.
@@ -264,9 +303,13 @@ class Robot:
         """Return the joint positions at positions of all axes in driver steps, shape (..., axes)."""
         return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
 
+    def skews(self, units: FloatArray | Int64Array) -> FloatArray:
+        """Return how far each second motor is ahead of the first, at wire units of all axes, in mm or degrees."""
+        return self.coupling.skews(np.asarray(units / self.wire_units_per_unit))
+
     def axis_position_text(self, axis: int) -> str:
-        """Return the equation of a coupled axis' position, such as "axis position = 1 th1 + 1 th2", else ""."""
-        if not self.coupling.couples(axis):
+        """Return the equation of an axis' position, such as "axis position = 1 th1 + 1 th2"; "" for its joint's."""
+        if axis == self.coupling.joint_of(axis) and not self.coupling.couples(axis):
             return ""
         terms = (f"{element:g} {self.joint_names[joint]}" for joint, element in self.coupling.joints_of(axis).items())
         return f"axis position = {' + '.join(terms)}"
@@ -274,9 +317,9 @@ class Robot:
     @property
     def axis_speeds_max(self) -> FloatArray:
         """Shape (axes,): highest speed of each axis, in mm/s or deg/s."""
-        return np.array([joint.axis_speed_max or joint.speed_max for joint in self.joints])
+        return np.array([axis.axis_speed_max or axis.speed_max for axis in self.axes])
 
     @property
     def axis_accelerations_max(self) -> FloatArray:
         """Shape (axes,): highest acceleration of each axis, in mm/s^2 or deg/s^2."""
-        return np.array([joint.axis_acceleration_max or joint.acceleration_max for joint in self.joints])
+        return np.array([axis.axis_acceleration_max or axis.acceleration_max for axis in self.axes])

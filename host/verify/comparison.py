@@ -27,15 +27,12 @@ class AxisTrajectory:
     Attributes:
         trajectory: the motion of the joints.
         coupling: how the axes follow them.
+        joint_names: the names of the axes: those of the joints, then those of second motors.
     """
 
     trajectory: Trajectory
     coupling: Coupling
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The names of the axes, which are those of the joints."""
-        return self.trajectory.joint_names
+    joint_names: tuple[str, ...]
 
     @property
     def duration_s(self) -> float:
@@ -68,6 +65,8 @@ Forward = Callable[[FloatArray], FloatArray]
 @dataclass(frozen=True, slots=True)
 class Expectation:
     """A planned motion with the robot's conversions; values per joint are in the trajectory's joint order.
+
+    The axes are those of the joints in the same order, then those of second motors.
 
     Attributes:
         trajectory: the planned motion.
@@ -103,7 +102,7 @@ class Expectation:
         if leaves_open := left_open(trajectory):
             stock = replace(stock or PlannedStock(), leaves_open=leaves_open)
         units = tuple(joint.unit for joint in robot.joints)
-        microsteps = tuple(joint.transmission.microsteps for joint in robot.joints)
+        microsteps = tuple(axis.transmission.microsteps for axis in robot.axes)
         kinematics, actual = make_kinematics(robot), actual_chain(robot)
         return cls(
             trajectory,
@@ -120,16 +119,24 @@ class Expectation:
 
     def __post_init__(self) -> None:
         joints = len(self.trajectory.joint_names)
-        if self.steps_per_unit.shape != (joints,) or len(self.joint_units) != joints:
+        if self.steps_per_unit.shape != (len(self.axis_names),) or len(self.joint_units) != joints:
             raise ValueError(
                 f"{joints} joints, but steps_per_unit of shape {self.steps_per_unit.shape}"
                 f" and {len(self.joint_units)} joint_units"
             )
 
     @property
+    def axis_names(self) -> tuple[str, ...]:
+        """The names of the axes: those of the joints, then those of the robot's second motors."""
+        names = self.trajectory.joint_names
+        return names if self.robot is None else (*names, *self.robot.axis_names[len(names) :])
+
+    @property
     def axis_motion(self) -> Trajectory:
         """The planned motion of the axes."""
-        return AxisTrajectory(self.trajectory, self.coupling) if self.coupling.matrix else self.trajectory
+        if not self.coupling.matrix:
+            return self.trajectory
+        return AxisTrajectory(self.trajectory, self.coupling, self.axis_names)
 
     def axis_steps(self, joints: FloatArray) -> FloatArray:
         """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""
@@ -139,10 +146,14 @@ class Expectation:
         """Return the joint positions at the drivers' counts, of shape (..., axes)."""
         return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
 
+    def skews(self, steps: FloatArray | Int64Array) -> FloatArray:
+        """Return how far second motors are ahead at the drivers' counts of shape (..., axes), in mm or degrees."""
+        return self.coupling.skews(np.asarray(steps / self.steps_per_unit))
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One run: for each axis in joint order the ideal steps, the counted steps, and the pairs of both."""
+    """One run: for each axis in its order the ideal steps, the counted steps, and the pairs of both."""
 
     expected: Expectation
     evidence: Evidence
@@ -152,8 +163,13 @@ class Comparison:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the axes in joint order."""
+        """Names of the joints."""
         return self.expected.trajectory.joint_names
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the axes: those of the joints, then those of second motors."""
+        return self.expected.axis_names
 
     def timing_errors_us(self, axis: int) -> FloatArray:
         """Return how late each step of an axis came, in microseconds; steps at slow crossings are left out."""
@@ -164,11 +180,11 @@ def compare(expected: Expectation, evidence: Evidence) -> Comparison:
     """Compute the ideal steps from the drivers' counts at t = 0 and match the accepted steps to them.
 
     Raises:
-        ValueError: the evidence's axes are not the planned joints in the same order.
+        ValueError: the evidence's axes are not the planned ones in the same order.
     """
     names = tuple(axis.name for axis in evidence.axes)
-    if names != expected.trajectory.joint_names:
-        raise ValueError(f"evidence of axes {names}, but a plan of joints {expected.trajectory.joint_names}")
+    if names != expected.axis_names:
+        raise ValueError(f"evidence of axes {names}, but a plan of joints {expected.axis_names}")
     microsteps = expected.microsteps or (None,) * len(names)
     counted = tuple(
         counted_steps(axis, evidence.start_counts, planned)

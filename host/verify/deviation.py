@@ -42,13 +42,15 @@ class Deviation:
 
     Attributes:
         t_s: shape (n,), the instants in the trajectory's time.
-        steps: shape (2, n, joints), the driver's count minus the planned axis position in steps.
+        steps: shape (2, n, axes), the driver's count minus the planned axis position in steps.
+        skews: shape (2, n, second motors), how far each is ahead of its joint's own, in mm or degrees.
         tool: where the nominal kinematics has the tool at the counted joints; None without a tool.
         actual_tool: where the actual tool is at the counted joints; None if the robot's file states no errors.
     """
 
     t_s: FloatArray
     steps: FloatArray
+    skews: FloatArray
     tool: ToolDeviation | None
     actual_tool: ToolDeviation | None = None
 
@@ -75,6 +77,7 @@ def _deviation(comparison: Comparison, t_s: FloatArray) -> Deviation:
     return Deviation(
         t_s,
         counts - expected.axis_steps(planned),
+        expected.skews(counts),
         _off(expected, planned_pose, expected.forward, joints) if expected.task.width else None,
         expected.actual_forward and _off(expected, planned_pose, expected.actual_forward, joints),
     )

@@ -160,13 +160,34 @@ class ToolReport:
 
 
 @dataclass(frozen=True, slots=True)
+class SkewReport:
+    """How far the two motors of a joint were apart, by their drivers' counts and their slips, in mm or degrees.
+
+    Attributes:
+        first: name of the joint and of its own axis.
+        second: name of the second motor's axis.
+        unit: "mm" or "deg".
+        skew_max: the largest distance at any instant of the motion.
+        skew_end: how far the second motor was ahead at the end.
+        limit: the largest distance that the robot's file allows.
+    """
+
+    first: str
+    second: str
+    unit: str
+    skew_max: float
+    skew_end: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """A verified run.
 
     Attributes:
         run: names, traffic and times.
         reasons: one line for each failed check, naming axis, value and limit; empty if the run passed.
-        axes: figures of each axis in joint order.
+        axes: figures of each axis in its order.
         joints: joint positions at start and end.
         tool: deviation of the tool; without one its figures are NaN, and the document has null.
         outputs: each planned change of a digital output, with the time when it was made.
@@ -176,6 +197,7 @@ class Report:
             planned steps.
         shelf: what happened at the shelf, under the keys of the document; None if the robot has none.
         speeds: the changes of the motion's speed on the way, pauses too; the document has them only if there are any.
+        skews: how far the two motors of joints that have two were apart.
     """
 
     run: RunInfo
@@ -188,6 +210,7 @@ class Report:
     actual_tool: ToolReport | None = None
     shelf: Mapping[str, Any] | None = None
     speeds: tuple[SpeedReport, ...] = ()
+    skews: tuple[SkewReport, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -210,6 +233,7 @@ class Report:
             "violations": [_plain(asdict(violation)) for violation in self.violations],
             **({} if self.shelf is None else {"shelf": _plain(dict(self.shelf))}),
             **speeds_document(self.speeds),
+            **({"skews": [_plain(asdict(skew)) for skew in self.skews]} if self.skews else {}),
             "bus": _plain(asdict(self.run.bus)),
             "simulated_s": _plain(self.run.simulated_s),
             "wall_s": _plain(self.run.wall_s),

@@ -19,7 +19,15 @@ from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_in
 from steptwin.host.verify.evidence import Evidence
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.pulses import pulse_facts
-from steptwin.host.verify.report import AxisReport, JointsReport, Report, RunInfo, ToolReport, violation_reports
+from steptwin.host.verify.report import (
+    AxisReport,
+    JointsReport,
+    Report,
+    RunInfo,
+    SkewReport,
+    ToolReport,
+    violation_reports,
+)
 from steptwin.host.verify.shelf_verdict import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
 
@@ -58,10 +66,14 @@ class _WorstTool:
 
 @dataclass(slots=True)
 class _Worst:
-    """Largest errors so far, of each axis and of the tool, by the nominal kinematics and by the actual one."""
+    """Largest errors so far, of each axis, of second motors against the first ones, and of the tool.
+
+    That of the tool is by the nominal kinematics and by the actual one.
+    """
 
     position_steps: FloatArray
     threshold_steps: FloatArray
+    skews: FloatArray
     tool: _WorstTool = field(default_factory=_WorstTool)
     actual_tool: _WorstTool = field(default_factory=_WorstTool)
 
@@ -72,6 +84,7 @@ class _Worst:
         beyond = np.where(signs != 0, np.abs(-signs * before - THRESHOLD_STEPS), 0.0)
         self.threshold_steps = np.maximum(self.threshold_steps, beyond.max(axis=0))
         self.position_steps = np.maximum(self.position_steps, np.abs(deviation.steps).max(axis=(0, 1)))
+        self.skews = np.maximum(self.skews, np.abs(deviation.skews).max(axis=(0, 1)))
         if deviation.tool is not None:
             self.tool.take(deviation.tool)
         if deviation.actual_tool is not None:
@@ -90,11 +103,17 @@ def verify(expected: Expectation, evidence: Evidence, run: RunInfo) -> Report:
 def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     """Return the report of a comparison that exists already."""
     worst = _worst(comparison)
-    axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.joint_names)))
+    axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.axis_names)))
     ends = [ideal.end_steps for ideal in comparison.ideal]
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
     reasons += [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
     reasons += _powerless(comparison)
+    skews = _skew_reports(comparison, worst)
+    reasons += [
+        f"{skew.second}: up to {skew.skew_max:.4g} {skew.unit} apart from {skew.first} (limit {skew.limit:g})"
+        for skew in skews
+        if skew.skew_max > skew.limit
+    ]
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
@@ -105,12 +124,12 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     joints, tool = _joints_report(comparison), worst.tool.report()
     actual_tool = worst.actual_tool.report() if comparison.expected.actual_forward else None
     speeds = evidence.axes[0].rates.speeds(evidence.start_counts)
-    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool, shelf, speeds)
+    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool, shelf, speeds, skews)
 
 
 def _worst(comparison: Comparison) -> _Worst:
-    axes = len(comparison.joint_names)
-    worst = _Worst(np.zeros(axes), np.zeros(axes))
+    axes, motors = len(comparison.axis_names), len(comparison.expected.coupling.seconds)
+    worst = _Worst(np.zeros(axes), np.zeros(axes), np.zeros(motors))
     for deviation in deviations(comparison, critical_instants(comparison)):
         worst.take(deviation)
     return worst
@@ -155,7 +174,7 @@ def _follows_step_rule(position_steps: float, threshold_steps: float) -> bool:
 def _strange_modes(comparison: Comparison) -> Iterator[str]:
     """Yield one line for each axis whose driver was in another excitation mode than planned."""
     microsteps = comparison.expected.microsteps
-    for name, counted, planned in zip(comparison.joint_names, comparison.counted, microsteps, strict=False):
+    for name, counted, planned in zip(comparison.axis_names, comparison.counted, microsteps, strict=False):
         for factor in counted.longer_by:
             made = f"{planned / factor:g} microsteps per full step"
             yield f"{name}: the driver made {made}, planned {planned}: its steps are {factor:g} times as long"
@@ -198,7 +217,24 @@ def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
     return [f"{axis.name}: {line}" for failed, line in checks if failed]
 
 
+def _skew_reports(comparison: Comparison, worst: _Worst) -> tuple[SkewReport, ...]:
+    """Return how far the two motors of each joint that has two were apart."""
+    expected, robot = comparison.expected, comparison.expected.robot
+    if robot is None or not expected.coupling.seconds:
+        return ()
+    ends = expected.skews(_positions(comparison, -1)).tolist()
+    joints = (robot.joints[joint] for joint in expected.coupling.seconds)
+    return tuple(
+        SkewReport(joint.name, joint.second_motor.name, joint.unit.value, most, end, joint.second_motor.skew_max)
+        for joint, most, end in zip(joints, worst.skews.tolist(), ends, strict=True)
+        if joint.second_motor
+    )
+
+
+def _positions(comparison: Comparison, at: int) -> FloatArray:
+    return np.array([axis.positions[at] for axis in comparison.counted])
+
+
 def _joints_report(comparison: Comparison) -> JointsReport:
-    start = comparison.expected.joints(np.array([axis.positions[0] for axis in comparison.counted]))
-    end = comparison.expected.joints(np.array([axis.positions[-1] for axis in comparison.counted]))
+    start, end = (comparison.expected.joints(_positions(comparison, at)) for at in (0, -1))
     return JointsReport(comparison.joint_names, tuple(start.tolist()), tuple(end.tolist()))

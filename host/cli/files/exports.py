@@ -29,7 +29,7 @@ def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
         loaded = RobotOptions(robot_file=robot_file).robot(robot)
         axes = tuple(
             AxisNames(joint.name, joint.unit, joint.transmission.wire_units_per_unit, loaded.axis_position_text(i))
-            for i, joint in enumerate(loaded.joints)
+            for i, joint in enumerate(loaded.axes)
         )
     print_text(render_dbc(axes))
 

@@ -85,7 +85,7 @@ def _messages(bus: "can.BusABC", title: str, seconds: float | None) -> "Iterator
 def _node_names(robot: "Robot | None") -> dict[int, str]:
     from steptwin.protocol.frame import FIRST_NODE_ID
 
-    return dict(enumerate(robot.joint_names, start=FIRST_NODE_ID)) if robot else {}
+    return dict(enumerate(robot.axis_names, start=FIRST_NODE_ID)) if robot else {}
 
 
 def _node_id(text: str, names: dict[int, str]) -> int:

@@ -130,6 +130,10 @@ def _shown(seen: "MachineStatus", width: int) -> "Group":
     lines = [pose_text(seen.pose)] if seen.pose else []
     lines += [] if seen.pose or known else ["tool: unknown, since not every axis knows where it is"]
     lines += [f"{axis.name}: {_health(axis)}" for axis in seen.axes]
+    units = {axis.name: axis.unit for axis in seen.axes}
+    lines += [
+        f"{name}: {skew:+.4g} {units[name]} ahead of its joint's first motor" for name, skew in seen.skews.items()
+    ]
     if seen.inputs:
         levels = (f"{name} {'on' if on else 'off'}" for name, on in seen.inputs.items())
         lines.append(f"inputs: {', '.join(levels)}")

@@ -104,14 +104,15 @@ def _equations(robot: "Robot") -> list[str]:
     """Return the equation of each axis that does not follow its own joint alone, as in `axis th2 = th2 + th1`."""
     equations = []
     for axis, row in enumerate(robot.coupling.matrix):
-        others = [joint for joint, element in enumerate(row) if element and joint != axis]
-        if others or row[axis] != 1:
-            first = _term(row[axis], robot.joint_names[axis])
+        own = robot.coupling.joint_of(axis)
+        others = [joint for joint, element in enumerate(row) if element and joint != own]
+        if others or row[own] != 1 or own != axis:
+            first = _term(row[own], robot.joint_names[own])
             rest = (
                 f" {'-' if row[joint] < 0 else '+'} {_term(abs(row[joint]), robot.joint_names[joint])}"
                 for joint in others
             )
-            equations.append(f"axis {robot.joint_names[axis]} = {first}{''.join(rest)}")
+            equations.append(f"axis {robot.axis_names[axis]} = {first}{''.join(rest)}")
     return equations
 
 

@@ -106,10 +106,10 @@ def run_live(live: LiveRunOptions, motion: ChosenMotion) -> None:
 
 
 def _print(outcome: "LiveOutcome") -> None:
-    joints = outcome.plan.robot.joints
+    robot = outcome.plan.robot
     rows = [
-        [axis.name, joint.unit, fixed(position), f"{axis.error_steps:.4f}"]
-        for axis, joint, position in zip(outcome.axes, joints, outcome.end, strict=True)
+        [axis.name, described.unit, fixed(outcome.end[robot.coupling.joint_of(i)]), f"{axis.error_steps:.4f}"]
+        for i, (axis, described) in enumerate(zip(outcome.axes, robot.axes, strict=True))
     ]
     print_table(["axis", "unit", "end", "err steps"], rows, text_columns=2)
     print_waits(outcome.to_dict())

@@ -38,6 +38,9 @@ def print_report(document: Mapping[str, Any]) -> None:
             f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
             f"{tool['attitude_error_deg_max']:.4f} deg max"
         )
+    for skew in document.get("skews", ()):
+        apart = f"{skew['second']}: up to {skew['skew_max']:.4f} {skew['unit']} apart from {skew['first']}"
+        say(f"{apart}, at the end {skew['skew_end']:+.4f} {skew['unit']}")
     if actual := document.get("actual_tool"):
         say(
             f"actual tool, with the robot's dh_errors: {actual['position_error_mm_max']:.4f} mm max,"

@@ -278,7 +278,7 @@ class RunMotion(Command):
                 repeat=self.repeat,
                 approach=self.approach,
                 progress=work.progress,
-                begun=lambda: runs.begin(len(self.plan.robot.joints)),
+                begun=lambda: runs.begin(len(self.plan.robot.axes)),
             )
         except (StepTwinError, StopAskedError) as error:
             runs.end(self.name, None, told(error) if isinstance(error, StepTwinError) else str(error))

@@ -131,10 +131,10 @@ class Desk(DeskState):
         activity = snapshot.activity
         if activity is not None and not (request.jogs and activity.jogging):
             raise RefusedError(busy(name, activity.name))
-        for joint in snapshot.joints if request.needs_drives else ():
+        for joint in snapshot.drives if request.needs_drives else ():
             if joint.error is not None:
                 raise RefusedError(f"{name}: {joint.name} is in fault, {joint.error}: reset it first")
-        for joint in snapshot.joints if request.needs_drives else ():
+        for joint in snapshot.drives if request.needs_drives else ():
             if joint.hindrance is not None:
                 raise RefusedError(f"{name}: {joint.name}: {joint.hindrance}")
         unknown = [joint.name for joint in snapshot.joints if not joint.homed]

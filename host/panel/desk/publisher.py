@@ -12,7 +12,7 @@ from steptwin.host.client.drive_status import STOPPED, DriveStatus, at_rest
 from steptwin.host.client.words import error_words, hindrance_words, state_text, state_words
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.inputs_outputs import wired_inputs
-from steptwin.host.operate.joint_positions import joint_positions
+from steptwin.host.operate.joint_positions import axis_readings
 from steptwin.host.operate.session import Session
 from steptwin.host.panel.desk.reports import Reports
 from steptwin.host.panel.desk.state import Activity, DeskState, JointView, Snapshot
@@ -108,24 +108,25 @@ class Publisher:
         self._state.latest = self._snapshot(now_s, drives)
         self._state.drawing.follow(self._state.latest.pose)
         self.tell_emergencies()
-        self._tell_states(now_s, self._state.latest.joints)
+        self._tell_states(now_s, self._state.latest.drives)
 
     def _snapshot(self, now_s: float, drives: list[DriveStatus]) -> Snapshot:
         session, reports, state = self._session, self.reports.axes, self._state
         robot = session.robot
-        places = joint_positions(
+        places = axis_readings(
             robot,
             [drive.position_units for drive in drives],
             [bool(drive.statusword & Status.POSITION_KNOWN) for drive in drives],
         )
-        positions = [place.position for place in places]
+        positions = [place.position for place in places[: len(robot.joints)]]
         if self._arm is None or self._arm.robot is not robot:
             self._arm = DrawnArm(robot)
         self._arm.move_to(positions)
         rates = _joint_values(session, [report.velocity_units_per_s for report in reports])
         errors = _joint_values(session, [report.following_error_units for report in reports])
         self._state.history.add(now_s, np.array(positions), rates, errors)
-        joints = tuple(
+        no_value = [np.nan] * len(robot.second_motors)
+        views = tuple(
             JointView(
                 name=joint.name,
                 unit=str(joint.unit),
@@ -141,7 +142,13 @@ class Publisher:
                 hindrance=hindrance_words(report.inputs or 0),
             )
             for joint, place, rate, error, drive, report in zip(
-                robot.joints, places, rates.tolist(), errors.tolist(), drives, reports, strict=True
+                robot.axes,
+                places,
+                [*rates.tolist(), *no_value],
+                [*errors.tolist(), *no_value],
+                drives,
+                reports,
+                strict=True,
             )
         )
         return Snapshot(
@@ -150,7 +157,8 @@ class Publisher:
             connected=True,
             why_not=None,
             simulated=state.simulated,
-            joints=joints,
+            joints=views[: len(robot.joints)],
+            second_motors=views[len(robot.joints) :],
             pose=self._arm.pose if all(place.known for place in places) else None,
             links_mm=self._arm.links_mm,
             inputs={name: bool((reports[axis].inputs or 0) & bit) for name, (axis, bit) in wired_inputs(robot).items()},
@@ -188,7 +196,7 @@ class Publisher:
 
     def tell_emergencies(self) -> None:
         """Log the errors that axes have reported, those with the same error together."""
-        names = self._session.robot.joint_names
+        names = self._session.robot.axis_names
         found: dict[int, list[str]] = {}
         while self._emergencies:
             axis, code = self._emergencies.popleft()
@@ -220,7 +228,7 @@ def _who(some: Sequence[str], every: Sequence[object]) -> str:
 def _joint_values(session: Session, units: Sequence[int | None]) -> FloatArray:
     """Return the joints' values from those of the axes in wire units; NaN for all while one is unknown."""
     if any(each is None for each in units):
-        return np.full(len(units), np.nan)
+        return np.full(len(session.robot.joints), np.nan)
     return session.robot.to_positions(np.array(units, dtype=np.int64))
 
 

@@ -116,7 +116,7 @@ def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int) -> Plac
     return Placed(
         np.maximum.accumulate(t_s),  # in their order, also where the plan turns back
         units,
-        error_units * plan.robot.joints[axis].transmission.microsteps / UNITS_PER_FULL_STEP,
+        error_units * plan.robot.axes[axis].transmission.microsteps / UNITS_PER_FULL_STEP,
     )
 
 

@@ -92,7 +92,7 @@ def _range(widest: Joint, field: str) -> tuple[float, float]:
 def _of_board(session: Session) -> Iterator[Setting]:
     for setting in drive_settings(session.robot):
         values = read_drive_setting(session, setting)
-        joints: tuple[str | None, ...] = (None,) if setting.shared else session.robot.joint_names
+        joints: tuple[str | None, ...] = (None,) if setting.shared else session.robot.axis_names
         for joint, value in zip(joints, values, strict=False):
             key = setting.key if joint is None else f"{joint}.{setting.key}"
             yield Setting(
@@ -152,7 +152,7 @@ def _split(file: Robot, key: str) -> tuple[str | None, str]:
     joint, dot, field = key.rpartition(".")
     if not dot:
         return None, key
-    file.index_of(joint)
+    (file.index_of if field in _LIMITS else file.axis_index)(joint)
     return joint, field
 
 

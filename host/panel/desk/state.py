@@ -89,6 +89,7 @@ class Snapshot:
         why_not: why it is not connected, in one line; None while it is.
         simulated: True if the board says that it is emulated; None while that is unknown.
         joints: the joints in the robot's order; empty before the first connection.
+        second_motors: the drives of second motors, with the positions of their ends of the joints.
         pose: the tool's coordinates by the keys of its task; None unless every joint is homed.
         links_mm: the polylines of the arm's parts, axes and frames, each of shape (n, 3), in the world frame; also of
             an arm that is not homed, with NaN where the mechanism cannot be assembled.
@@ -110,6 +111,7 @@ class Snapshot:
     why_not: str | None = "looking for the machine"
     simulated: bool | None = None
     joints: tuple[JointView, ...] = ()
+    second_motors: tuple[JointView, ...] = ()
     pose: Mapping[str, float] | None = None
     links_mm: tuple[FloatArray, ...] = ()
     inputs: Mapping[str, bool] = field(default_factory=dict)
@@ -121,6 +123,11 @@ class Snapshot:
     queue_fill: float | None = None
     late_ms: float | None = None
     stood_percent: float | None = None
+
+    @property
+    def drives(self) -> tuple[JointView, ...]:
+        """All drives: those of the joints, then those of second motors."""
+        return (*self.joints, *self.second_motors)
 
     @property
     def homed(self) -> bool:

@@ -95,11 +95,11 @@ def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
         return "not connected", "bad"
     if snapshot.emergency_stopped:
         return "emergency stop", "bad"
-    if any(joint.error for joint in snapshot.joints):
+    if any(joint.error for joint in snapshot.drives):
         return "fault", "bad"
-    if any(joint.hindrance for joint in snapshot.joints):
+    if any(joint.hindrance for joint in snapshot.drives):
         return "cannot be switched on", "bad"
-    states = {joint.state for joint in snapshot.joints}
+    states = {joint.state for joint in snapshot.drives}
     return (states.pop(), "") if len(states) == 1 else ("drives differ", "warn")
 
 
@@ -140,7 +140,7 @@ class Banner:
 
 def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
     """Return what is in the way, how bad it is, and the remedy: `reset`, `home` or none; empty texts if nothing is."""
-    joints = snapshot.joints
+    joints = snapshot.drives
     if not snapshot.connected:
         seen = " Positions are the last known." if joints else ""
         return f"Not connected: {sentence(str(snapshot.why_not))}{seen}", "bad", ""
@@ -158,7 +158,7 @@ def obstacle(snapshot: Snapshot) -> tuple[str, Tone, str]:
             why if len(names) == len(joints) else f"{', '.join(names)}: {why}" for why, names in hindered.items()
         )
         return f"The drives cannot be switched on: {sentence(text)}", "bad", ""
-    lost = [joint.name for joint in joints if not joint.homed]
+    lost = [joint.name for joint in snapshot.joints if not joint.homed]
     if lost and snapshot.activity is None:
         return f"Not homed: {', '.join(lost)}. Until then these joints can only be jogged.", "warn", "home"
     behind = _behind(snapshot.stood_percent or 0.0)

@@ -96,7 +96,7 @@ class Joints:
                     ("homed", ""),
                 ]
                 with table(headings):
-                    for i, joint in enumerate(visitor.desk.robot.joints):
+                    for i, joint in enumerate(visitor.desk.robot.axes):
                         self._rows[joint.name] = _JointRow(visitor, i, joint.name, str(joint.unit))
             with ui.element("div").classes("pose"):
                 for i, (name, unit) in enumerate(make_kinematics(visitor.desk.robot).task.coordinates.items()):
@@ -106,10 +106,10 @@ class Joints:
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Show states, homing and faults."""
-        for joint in snapshot.joints:
+        for joint in snapshot.drives:
             self._rows[joint.name].refresh(joint)
-        states = {joint.state for joint in snapshot.joints}
-        held = snapshot.emergency_stopped or any(joint.error for joint in snapshot.joints)
+        states = {joint.state for joint in snapshot.drives}
+        held = snapshot.emergency_stopped or any(joint.error for joint in snapshot.drives)
         self._on.set_enabled(states != {_ON} and not held)
         self._off.set_enabled(states != {_OFF})
 
@@ -128,8 +128,9 @@ class _JointRow:
                 self._state = Chip()
             with cell(), line("tight nowrap"):
                 self._homed = Chip()
-                home = plain("Home", lambda: visitor.ask(HomeJoint(joint=name)), label=f"home {name}", moves=True)
-                home.classes("small-button")
+                if name in visitor.desk.robot.joint_names:
+                    home = plain("Home", lambda: visitor.ask(HomeJoint(joint=name)), label=f"home {name}", moves=True)
+                    home.classes("small-button")
 
     def refresh(self, joint: JointView) -> None:
         self._state.show(*_state(joint))

@@ -94,10 +94,11 @@ def _ends_table(outcome: LiveOutcome) -> None:
         ui.element("div").classes("scroll-x"),
         table([("axis", ""), ("end", "number"), ("unit", ""), ("error, steps", "number")]),
     ):
-        for axis, joint, end in zip(outcome.axes, outcome.plan.robot.joints, outcome.end, strict=True):
+        robot = outcome.plan.robot
+        for i, (axis, joint) in enumerate(zip(outcome.axes, robot.axes, strict=True)):
             with ui.element("tr"):
                 cell(axis.name)
-                cell(f"{end:.4f}", "number")
+                cell(f"{outcome.end[robot.coupling.joint_of(i)]:.4f}", "number")
                 cell(str(joint.unit), "muted")
                 cell(f"{axis.error_steps:.4f}", "number")
 
@@ -110,14 +111,14 @@ def _pictures(result: Result, outcome: LiveOutcome) -> None:
     names = list(robot.joint_names)
     _chart("positions: planned (line) and reported (dots), mm and deg", names, planned, _joint_points(result, robot))
     errors = [_points(axis.t_s, axis.error_steps) for axis in result.placed]
-    _chart("reported minus planned, steps", names, errors, None)
+    _chart("reported minus planned, steps", list(robot.axis_names), errors, None)
     note("Over the motion's own time: while the machine is paused it stands. Each report's time is known to 20 ms.")
 
 
 def _joint_points(result: Result, robot: Robot) -> list[list[list[float]]]:
     """Return the joints' positions as they were reported; coupled joints need those of all axes at the same time."""
     points = []
-    for i, own in enumerate(result.placed):
+    for i, own in enumerate(result.placed[: len(robot.joints)]):
         units = np.column_stack([np.interp(own.t_s, axis.t_s, axis.units) for axis in result.placed])
         units[:, i] = own.units
         points.append(_points(own.t_s, robot.to_positions(units)[:, i]))

@@ -29,7 +29,7 @@ class Transport:
         self._player, self._changed = player, changed
         self.run = 0
         self._axis: str | None = None
-        names = replays[0].run.robot.joint_names
+        names = replays[0].run.robot.axis_names
         with card(classes="transport"):
             ui.html(strip, sanitize=False).classes("strip")
             self._slider = ui.slider(min=player.first_s, max=player.last_s, step=1e-6, value=player.t_s)
@@ -112,7 +112,7 @@ class PinsCard:
 
     def __init__(self, replays: tuple[Replay, ...], changed: Callable[[], None]) -> None:
         self._replays = replays
-        names = replays[0].run.robot.joint_names
+        names = replays[0].run.robot.axis_names
         with card("Pins"):
             with line("between"):
                 spans = {ms: f"{ms:g} ms" for ms in SPANS_MS}

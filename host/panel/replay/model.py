@@ -174,7 +174,7 @@ class Replay:
         marks = [mark for axis in evidence.axes for mark in violation_marks(axis)]
         marks += output_marks(output_changes(run.robot, evidence.axes))
         frames = recording.mark.frames if recording else None
-        marks += bus_marks(existing_file(folder, BUS_LOG), run.robot.joint_names, frames)
+        marks += bus_marks(existing_file(folder, BUS_LOG), run.robot.axis_names, frames)
         return cls(run, marks)
 
     def time_s(self, counts: int) -> float:
@@ -247,7 +247,8 @@ class Replay:
         expected = self.run.comparison.expected
         counts = self.machine.counts(t_s)[0]
         errors = counts - expected.axis_steps(planned)
-        columns = zip(planned.tolist(), counted.tolist(), counts.tolist(), errors.tolist(), strict=True)
+        of_axes = (column[: len(planned)].tolist() for column in (counts, errors))
+        columns = zip(planned.tolist(), counted.tolist(), *of_axes, strict=True)
         return tuple(
             JointRow(name, unit, at, at_counts, round(steps), error)
             for name, unit, (at, at_counts, steps, error) in zip(

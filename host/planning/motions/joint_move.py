@@ -81,9 +81,10 @@ def limits_along(robot: Robot, way: FloatArray) -> tuple[float, float]:
     with np.errstate(divide="ignore", over="ignore"):
         speeds = np.array([joint.speed_max for joint in robot.joints]) / sizes
         accelerations = np.array([joint.acceleration_max for joint in robot.joints]) / sizes
-        speeds = np.minimum(speeds, robot.axis_speeds_max / axis_sizes)
-        accelerations = np.minimum(accelerations, robot.axis_accelerations_max / axis_sizes)
-    return float(speeds.min()), float(accelerations.min())
+        axis_speeds, axis_accelerations = (
+            limits / axis_sizes for limits in (robot.axis_speeds_max, robot.axis_accelerations_max)
+        )
+    return float(min(speeds.min(), axis_speeds.min())), float(min(accelerations.min(), axis_accelerations.min()))
 
 
 def fastest_law(robot: Robot, way: FloatArray, part: float = 1.0) -> Trapezoid:

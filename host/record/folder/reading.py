@@ -82,7 +82,7 @@ def counts_alone(robot: Robot, evidence: Evidence) -> Comparison:
         raise InputError("no driver has counted a step: nothing has moved")
     axes = tuple(replace(axis, rates=AS_PLANNED) for axis in evidence.axes)
     evidence = replace(evidence, start_counts=max(0, min(firsts) - _BEFORE_COUNTS), axes=axes)
-    microsteps = (joint.transmission.microsteps for joint in robot.joints)
+    microsteps = (joint.transmission.microsteps for joint in robot.axes)
     counted = tuple(
         counted_steps(axis, evidence.start_counts, planned)
         for axis, planned in zip(evidence.axes, microsteps, strict=True)
@@ -132,8 +132,8 @@ def read_robot(folder: Path) -> Robot:
 def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
     """Raise InputError, naming the evidence's file, unless its axes are the robot's joints."""
     names = tuple(axis.name for axis in evidence.axes)
-    if names != robot.joint_names:
-        raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.joint_names)}")
+    if names != robot.axis_names:
+        raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.axis_names)}")
 
 
 def read_recording(folder: Path) -> UnfinishedRecording | None:

@@ -101,13 +101,13 @@ def pulse_times(comparison: Comparison, axis: int) -> FloatArray:
 def _fastest(comparison: Comparison) -> tuple[float, float]:
     """Return the shortest interval of any axis and its middle; the whole motion if no axis has an interval."""
     duration_s = comparison.expected.trajectory.duration_s
-    found = [_shortest(comparison, i) for i in range(len(comparison.joint_names))]
+    found = [_shortest(comparison, i) for i in range(len(comparison.axis_names))]
     return min((one for one in found if one), default=(duration_s, duration_s / 2.0))
 
 
 def _shortest_at(comparison: Comparison, at_s: float) -> float:
     """Return the shortest interval of all axes at an instant; the whole motion if no axis has an interval."""
-    times = [pulse_times(comparison, i) for i in range(len(comparison.joint_names))]
+    times = [pulse_times(comparison, i) for i in range(len(comparison.axis_names))]
     intervals_s = [_interval_s(time_s, at_s) for time_s in times if time_s.size > 1]
     return min(intervals_s, default=comparison.expected.trajectory.duration_s)
 
@@ -228,9 +228,10 @@ def moving_axes(comparison: Comparison) -> list[int]:
 def note_still_axes(figure: Figure, comparison: Comparison, moving: Sequence[int]) -> None:
     """Write below the picture which joints it leaves out and where they stand."""
     positions = comparison.expected.trajectory.positions(np.zeros(1))[0]
+    joint_of, units = comparison.expected.coupling.joint_of, comparison.expected.joint_units
     still = [
-        f"{name} at {positions[i]:g} {comparison.expected.joint_units[i]}"
-        for i, name in enumerate(comparison.joint_names)
+        f"{name} at {positions[joint_of(i)]:g} {units[joint_of(i)]}"
+        for i, name in enumerate(comparison.axis_names)
         if i not in moving
     ]
     if still:

@@ -46,7 +46,7 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
     for lane, signal in enumerate(lanes):
         times_s, levels = _course(signal, window)
         axes.plot(moment.shown_ms(times_s), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
-    firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.joint_names]
+    firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.axis_names]
     steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
     _finish_lanes(axes, lanes, moment)
@@ -147,7 +147,7 @@ def draw_phases(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
         phases = comparison.evidence.axes[i].phases
         _draw_field(left, phases)
         _draw_currents(right, phases, moment, comparison.evidence.start_counts)
-        left.set_ylabel(f"{comparison.joint_names[i]} [A]")
+        left.set_ylabel(f"{comparison.axis_names[i]} [A]")
         right.tick_params(labelleft=True)
     peak_a = _ROOM * max([_LEAST_A, *(_peak_a(comparison.evidence.axes[i].phases) for i in moving)])
     rows[0, 0].set_xlim(-peak_a, peak_a)

@@ -26,7 +26,6 @@ from steptwin.host.record.plots.canvas import (
     note_still_axes,
     planned_instants,
     rows_of_axes,
-    rows_of_joints,
     thinned,
     write_inside,
 )
@@ -71,7 +70,7 @@ def _draw_rate(axes: Axes, comparison: Comparison, i: int) -> None:
         label="accepted: 1 / interval",
     )
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f"{comparison.joint_names[i]} [steps/s]")
+    axes.set_ylabel(f"{comparison.axis_names[i]} [steps/s]")
 
 
 def _accepted_rates(comparison: Comparison, i: int) -> tuple[FloatArray, FloatArray]:
@@ -128,7 +127,10 @@ class _Curve:
 
 def draw_joints(comparison: Comparison, run: RunInfo) -> Figure:
     """Draw a row for each moving joint: position, speed and acceleration, from left to right."""
-    figure, rows, moving = rows_of_joints(comparison, run, "planned joint motion", ROW_INCHES, 3)
+    moving = [i for i in moving_axes(comparison) if i < len(comparison.joint_names)]
+    figure = new_figure(run, "planned joint motion", ROW_INCHES * max(len(moving), 1))
+    note_still_axes(figure, comparison, moving_axes(comparison))
+    rows = rows_of_axes(figure, len(moving), 3)
     t_s = planned_instants(comparison)
     trajectory, robot = comparison.expected.trajectory, comparison.expected.robot
     motion = (trajectory.positions(t_s), trajectory.velocities(t_s), mean_accelerations(trajectory, t_s))
@@ -228,10 +230,17 @@ def _all_series(comparison: Comparison, moving: list[int]) -> list[_Series]:
     t_s = drawn_instants(comparison)
     parts = list(deviations(comparison, t_s))
     steps = np.concatenate([part.steps for part in parts], axis=1)
-    axes = [_Series(f"{comparison.joint_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
+    axes = [_Series(f"{comparison.axis_names[i]} [steps]", t_s, steps[..., i]) for i in moving]
+    skews = np.concatenate([part.skews for part in parts], axis=1)
+    seconds = comparison.axis_names[len(comparison.joint_names) :]
+    units = (comparison.expected.joint_units[joint] for joint in comparison.expected.coupling.seconds)
+    apart = [
+        _Series(f"{name} ahead [{unit}]", t_s, skews[..., i])
+        for i, (name, unit) in enumerate(zip(seconds, units, strict=True))
+    ]
     angle = _ANGLES.get(comparison.expected.task.name, "orientation")
     tools = _tool_series("", angle, t_s, [part.tool for part in parts])
-    return [*axes, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
+    return [*axes, *apart, *tools, *_tool_series("actual ", angle, t_s, [part.actual_tool for part in parts])]
 
 
 def _tool_series(which: str, angle: str, t_s: FloatArray, chunks: list[ToolDeviation | None]) -> list[_Series]:

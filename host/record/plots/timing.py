@@ -38,7 +38,7 @@ def draw_timing(comparison: Comparison, run: RunInfo) -> Figure:
     bins_us = _lateness_bins_us(max([0.0, *(float(np.abs(late).max()) for late in late_us if late.size)]))
     for axes, i, late in zip(rows, moving, late_us, strict=False):
         _draw_lateness(axes, late, bins_us)
-        axes.set_ylabel(f"{comparison.joint_names[i]} [edges]")
+        axes.set_ylabel(f"{comparison.axis_names[i]} [edges]")
     rows[-1].set_xscale("symlog", linthresh=LINEAR_US, linscale=LINEAR_DECADES)
     rows[-1].set_xlim(bins_us[0], bins_us[-1])
     rows[-1].set_xlabel(
@@ -84,7 +84,7 @@ def draw_jitter(comparison: Comparison, run: RunInfo) -> Figure:
     what, shape = "interval jitter against the ideal crossings", {"width_ratios": WIDTH_RATIOS, "sharex": "col"}
     figure, rows, moving = rows_of_joints(comparison, run, what, ROW_INCHES, 2, **shape)
     for (left, right), i in zip(rows, moving, strict=False):
-        left.set_ylabel(f"{comparison.joint_names[i]} [us]")
+        left.set_ylabel(f"{comparison.axis_names[i]} [us]")
         _draw_jitter(left, right, *_jitter(comparison, i))
     rows[-1][0].set_xlabel("time [s]")
     rows[-1][0].set_xlim(0.0, comparison.expected.trajectory.duration_s)

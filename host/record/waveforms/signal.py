@@ -323,7 +323,7 @@ def everything(evidence: Evidence, robot: Robot, states: Sequence[HeldValues]) -
     """Return for each axis the board's pins, the drive's state, the driver's count and phases, the joint's position."""
     return [
         signal
-        for i, (axis, joint, state) in enumerate(zip(evidence.axes, robot.joints, states, strict=True))
+        for i, (axis, joint, state) in enumerate(zip(evidence.axes, robot.axes, states, strict=True))
         for signal in (
             *_wires(axis, _LOGIC_PINS + _MODE_PINS),
             Signal(axis.name, "drive_state", SignalKind.TEXT, state, STATES),
@@ -354,10 +354,14 @@ def _count(axis: AxisEvidence) -> HeldValues:
     return HeldValues(axis.step_counts, start + np.cumsum(axis.step_signs, dtype=np.int64), start)
 
 
-def _position(evidence: Evidence, robot: Robot, joint: int) -> HeldValues:
-    """Return a joint's position, which changes with the steps of every axis on which it depends."""
-    elements = robot.coupling.axes_of(joint)
-    motors = {i: _motor_position(evidence.axes[i], robot.joints[i]) for i in elements}
+def _position(evidence: Evidence, robot: Robot, axis: int) -> HeldValues:
+    """Return the position of an axis' joint, which changes with the steps of every axis on which it depends.
+
+    At the axis of a second motor it is where this motor has its end of the joint.
+    """
+    of_joint = axis == robot.coupling.joint_of(axis)
+    elements = robot.coupling.axes_of(axis) if of_joint else robot.coupling.travel_of(axis)
+    motors = {i: _motor_position(evidence.axes[i], robot.axes[i]) for i in elements}
     counts = np.unique(np.concatenate([evidence.axes[i].step_counts for i in elements]))
     position, start = np.zeros(counts.size), 0.0
     for i, element in elements.items():

@@ -67,7 +67,7 @@ def recover(board: EmbeddedBoard) -> Recovery:
         reported = session.machine.positions_units()
     except StepTwinError as error:
         return Recovery(f"{doing} failed", str(error))
-    for joint, units, expected in zip(board.robot.joints, reported, wanted, strict=True):
+    for joint, units, expected in zip(board.robot.axes, reported, wanted, strict=True):
         steps = (units - expected) * joint.transmission.microsteps / UNITS_PER_FULL_STEP
         if abs(steps) > 1:
             told = f"its drive reports to stand {steps:+.4g} steps from the goal; up to 1 is rounding"
@@ -97,7 +97,7 @@ def _swing(board: EmbeddedBoard) -> bool:
     ways = (max(places) - min(places) for places in zip(*seen, strict=True))
     return any(
         way > _SWING_MAX_FULL_STEPS * joint.transmission.microsteps
-        for way, joint in zip(ways, board.robot.joints, strict=True)
+        for way, joint in zip(ways, board.robot.axes, strict=True)
     )
 
 
@@ -147,7 +147,7 @@ def _near(joint: Joint, position: float) -> float:
 
 def _off(board: EmbeddedBoard, reported_units: list[int]) -> str:
     """Return of the first joint whose motor is not where its drive says it is, how far off; empty if all are."""
-    offs = zip(board.robot.joints, steps_off(board, reported_units), steps_off_max(board), strict=True)
+    offs = zip(board.robot.axes, steps_off(board, reported_units), steps_off_max(board), strict=True)
     return next((_told(joint.name, steps, most) for joint, steps, most in offs if abs(steps) > most), "")
 
 
@@ -164,12 +164,12 @@ def steps_off_max(board: EmbeddedBoard) -> list[float]:
     """
     robot = board.robot
     lag = _LAG_MAX_FULL_STEPS if board.motors_turn else 0.0
-    own = [_EDGE_MAX_STEPS + lag * joint.transmission.microsteps for joint in robot.joints]
-    steps_per_unit = [joint.transmission.steps_per_unit for joint in robot.joints]
+    own = [_EDGE_MAX_STEPS + lag * joint.transmission.microsteps for joint in robot.axes]
+    steps_per_unit = [joint.transmission.steps_per_unit for joint in robot.axes]
     allowed = list(own)
     for level in robot.coupling.homing_levels(len(robot.joints)):
-        for axis in level:
-            shares = {each: share / steps_per_unit[each] for each, share in robot.coupling.axes_of(axis).items()}
+        for axis in (motor for joint in level for motor in robot.coupling.motors_of(joint)):
+            shares = {each: share / steps_per_unit[each] for each, share in robot.coupling.travel_of(axis).items()}
             before = sum(abs(share) * allowed[each] for each, share in shares.items() if each != axis)
             allowed[axis] = own[axis] + before / abs(shares[axis])
     return allowed
@@ -177,5 +177,5 @@ def steps_off_max(board: EmbeddedBoard) -> list[float]:
 
 def steps_off(board: EmbeddedBoard, reported_units: list[int]) -> list[float]:
     """Return by how many steps of the robot's file each motor is held beyond the position that its drive reports."""
-    held = zip(board.held_positions(), reported_units, board.robot.joints, strict=True)
+    held = zip(board.held_positions(), reported_units, board.robot.axes, strict=True)
     return [steps - units * joint.transmission.microsteps / UNITS_PER_FULL_STEP for steps, units, joint in held]

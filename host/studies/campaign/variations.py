@@ -52,7 +52,7 @@ class Setup:
     @property
     def axes_per_board(self) -> tuple[int, ...] | None:
         """Number of axes on each of several boards, about as many on each; None: one board has all."""
-        boards, axes = len(self.crystals_ppm), len(self.robot.joints)
+        boards, axes = len(self.crystals_ppm), len(self.robot.axes)
         if boards == 1:
             return None
         return tuple(axes * (number + 1) // boards - axes * number // boards for number in range(boards))
@@ -141,7 +141,7 @@ def _crystal_ppm(setup: Setup, value: object) -> Setup:
     check_crystals(crystals_ppm, len(crystals_ppm), motors=False)
     made = replace(setup, crystals_ppm=tuple(crystals_ppm))
     if made.axes_per_board is not None:
-        check_axes_per_board(made.axes_per_board, len(setup.robot.joints))
+        check_axes_per_board(made.axes_per_board, len(setup.robot.axes))
     return made
 
 

@@ -140,8 +140,9 @@ def fits_of(
     fits = []
     for axis, joint in enumerate(robot.joints):
         drive, own_ramps = ramps.drives[axis], ramps.of_axis(axis)
-        widest = int(np.argmax(at.inertias_kgm2[:, axis, axis]))
-        inertia = float(at.inertias_kgm2[widest, axis, axis])
+        carried = at.inertias_kgm2[:, axis, list(robot.coupling.motors_of(axis))].sum(axis=1)
+        widest = int(np.argmax(carried))
+        inertia = float(carried[widest])
         curve = ramps.curves[axis]
         fits.append(
             JointFit(

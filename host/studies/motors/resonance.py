@@ -177,7 +177,7 @@ def _greatest_inertias(ran: MotorRun) -> FloatArray:
 
 
 def _draw_joint(axes: Axes, ran: MotorRun, axis: int, inertia_kgm2: float) -> Any:
-    joint, record = ran.driving.robot.joints[axis], ran.driving.drivers[axis]
+    joint, record = ran.driving.robot.axes[axis], ran.driving.drivers[axis]
     drive = drive_of(joint, ran.driving.chip)
     rpm = np.abs(ran.torques.rpm[:, axis])
     full_steps = joint.transmission.full_steps_per_rev

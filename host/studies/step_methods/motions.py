@@ -91,7 +91,7 @@ class PlannedMotion:
 def motion_of_job(robot: Robot, job: str) -> PlannedMotion:
     """Plan a robot's job with its default options; raise InputError if the robot has no such job."""
     made = plan(robot, make_job(robot, job, {}))
-    microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
+    microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
     return PlannedMotion(
         f"{robot.name} {job}",
         made.trajectory,

@@ -168,7 +168,7 @@ class EmbeddedBoard:
         if self.engine is not None:
             self.engine.repair()
             if (oscillator := self.driver_profile.chip.oscillator) is not None:
-                for axis in range(len(self.robot.joints)):
+                for axis in range(len(self.robot.axes)):
                     self.operate(OscCapacitor(axis, oscillator.osc_pf))
             self.host_restarts()
 
@@ -203,7 +203,7 @@ class EmbeddedBoard:
         full_steps = self._machine.simulation.rotors_full_steps()
         return [
             start + moved * joint.transmission.microsteps
-            for start, moved, joint in zip(self._machine.start_steps, full_steps, self.robot.joints, strict=True)
+            for start, moved, joint in zip(self._machine.start_steps, full_steps, self.robot.axes, strict=True)
         ]
 
     def held_positions(self) -> list[float]:
@@ -211,7 +211,7 @@ class EmbeddedBoard:
         electrical cycles a rotor that turns with the board has slipped; its load angle does not count.
         """
         positions = []
-        for steps, rotor, joint in zip(self.motor_positions(), self.rotor_positions(), self.robot.joints, strict=True):
+        for steps, rotor, joint in zip(self.motor_positions(), self.rotor_positions(), self.robot.axes, strict=True):
             cycle = CYCLE_FULL_STEPS * joint.transmission.microsteps
             positions.append(steps + cycle * round((rotor - steps) / cycle))
         return positions
@@ -222,7 +222,7 @@ class EmbeddedBoard:
         That is the way from where its driver would hold it by its steps and by the slips made on purpose.
         """
         made = [full_steps for board in self._machine.simulation.boards for full_steps in board.slipped_full_steps]
-        places = zip(self.held_positions(), self.motor_positions(), made, self.robot.joints, strict=True)
+        places = zip(self.held_positions(), self.motor_positions(), made, self.robot.axes, strict=True)
         return [held - steps - moved * joint.transmission.microsteps for held, steps, moved, joint in places]
 
     def rotor_trace(self, evidence: Evidence) -> RotorTrace | None:

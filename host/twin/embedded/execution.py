@@ -91,7 +91,7 @@ def execute(
     )
     on_board(board)
     board.change_inputs(inputs)
-    host = Machine(board, robot.joint_names)
+    host = Machine(board, robot.axis_names)
     fault = _drive(host, board, plan, motion, progress)
     timed_out = fault is not None and fault.timed_out
     made = plan_made(plan, host.holds_ms, timed_out=timed_out)
@@ -193,7 +193,7 @@ def _without_host(error: BusError, board: EmbeddedBoard, engine: Engine) -> RunF
         message,
         {
             name: [each.code for each in engine.emergencies if each.axis == axis and each.code]
-            for axis, name in enumerate(robot.joint_names)
+            for axis, name in enumerate(robot.axis_names)
         },
         dict(zip(robot.joint_names, robot.to_positions(np.array(counted)).tolist(), strict=True)),
         positions_agree=counted == _driver_units(board, robot),
@@ -204,7 +204,7 @@ def _driver_units(board: EmbeddedBoard, robot: Robot) -> list[float]:
     """Return the positions of the motors by their drivers' steps, in wire units."""
     return [
         steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-        for steps, joint in zip(board.motor_positions(), robot.joints, strict=True)
+        for steps, joint in zip(board.motor_positions(), robot.axes, strict=True)
     ]
 
 
@@ -268,14 +268,14 @@ def outlive(board: EmbeddedBoard, engine: Engine, why: str) -> str:
     said = [each for each in engine.emergencies if each.code and each.code != ErrorCode.GROUP_STOPPED]
     if said:
         last = said[-1]
-        why = f"{why}; {board.robot.joint_names[last.axis]}: {error_text(last.code)} (EMCY 0x{last.code:04X})"
+        why = f"{why}; {board.robot.axis_names[last.axis]}: {error_text(last.code)} (EMCY 0x{last.code:04X})"
     return why + taken_over
 
 
 def _restart(board: EmbeddedBoard) -> str:
     """Let another host take over, as an operator does: wait for rest, reset the faults, enable; return what it says."""
     board.host_restarts()
-    machine = Machine(board, board.robot.joint_names)
+    machine = Machine(board, board.robot.axis_names)
     try:
         await_rest(board, machine.axes)
         for axis in machine.axes:
@@ -283,7 +283,7 @@ def _restart(board: EmbeddedBoard) -> str:
                 axis.write(od.CONSUMER_HEARTBEATS[0], 0)  # of the host that is gone
                 axis.write(od.CONTROLWORD, 0)
                 axis.write(od.CONTROLWORD, Control.FAULT_RESET)
-        machine.adopt([objects_of(joint, board.robot.board, moves=True) for joint in board.robot.joints])
+        machine.adopt([objects_of(joint, board.robot.board, moves=True) for joint in board.robot.axes])
         machine.start_nodes()
         machine.enable()
         machine.disconnect()

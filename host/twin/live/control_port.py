@@ -26,7 +26,7 @@ class MachineState:
     def __init__(self, board: LiveBoard) -> None:
         robot = board.robot
         self._board = board
-        self._joints = robot.joint_names
+        self._joints = robot.axis_names
         self._inputs = [(name, axis, int(bit)) for name, (axis, bit) in wired_inputs(robot).items()]
         """Name, axis and bit of each input."""
         self._switches = [

@@ -149,7 +149,7 @@ class LiveBoard:
         modules = [module for board in self._boards for module in board.config.modules]
         self._joints = [
             JointTotals(joint, steps, module.active_edge)
-            for joint, steps, module in zip(robot.joints, parts.start_steps, modules, strict=True)
+            for joint, steps, module in zip(robot.axes, parts.start_steps, modules, strict=True)
         ]
         self.recent_bus_load_percent = 0.0
         """Part of the time between the last two calls of `record` when the bus was busy, in percent."""

@@ -56,14 +56,14 @@ class ReceivedPlan:
         self._rows: list[tuple[int, _Row | None]] = []
         """Rows that are not taken yet, each with the number of its plan; None stands for the head of the file."""
         self._robot = robot
-        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.joints]
+        self._recent = [deque[PvtRecord](maxlen=QUEUE_DEPTH) for _ in robot.axes]
         """The last records of each joint; some of them may wait in its queue when a motion begins."""
-        self._pending = [deque[PvtRecord]() for _ in robot.joints]
+        self._pending = [deque[PvtRecord]() for _ in robot.axes]
         """Records of the motion that are not in a row yet."""
         self._moving: list[int] = []
         """Joints that have records in this motion."""
         self._time_ms = 0
-        self._units = [0] * len(robot.joints)
+        self._units = [0] * len(robot.axes)
         """Positions of the last row, in the machine's wire units."""
 
     @property
@@ -157,7 +157,7 @@ class LivePlan(ReceivedPlan):
         self._machine = machine
         self._start_units = [
             steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
-            for joint, steps in zip(machine.robot.joints, machine.start_steps, strict=True)
+            for joint, steps in zip(machine.robot.axes, machine.start_steps, strict=True)
         ]
         self._rest_units = self._demands_units()
         """Position of each axis at the last SYNC, as the firmware counts."""
@@ -184,8 +184,8 @@ class LivePlan(ReceivedPlan):
         """Begin a plan: the last SYNC has started a motion."""
         self.begin(self._on_machine(self._rest_units), self._queued)
         for joint, (board, axis) in enumerate(self._machine.axes):
-            config, name = board.firmware.motion.axes[axis].config, self._machine.robot.joint_names[joint]
-            as_filed = config.microsteps == self._machine.robot.joints[joint].transmission.microsteps
+            config, name = board.firmware.motion.axes[axis].config, self._machine.robot.axis_names[joint]
+            as_filed = config.microsteps == self._machine.robot.axes[joint].transmission.microsteps
             if self._queued[joint] and (config.dir_inverted or not as_filed):
                 self.fail(f"{name} is set up otherwise than in the robot's file")
 

@@ -95,7 +95,7 @@ def recording_report(
                 "pulses": joint.pulses,
                 "violations": joint.violations,
             }
-            for name, joint in zip(robot.joint_names, joints, strict=True)
+            for name, joint in zip(robot.axis_names, joints, strict=True)
         ],
         "joints": {
             "names": list(robot.joint_names),

@@ -85,7 +85,7 @@ def crystals_document(crystals_ppm: Sequence[int]) -> dict[str, Any]:
 def standing_steps(robot: Robot, joints: Sequence[float]) -> list[int]:
     """Return the step at which each motor stands, counted from the axis' zero; `joints` in mm and degrees."""
     units = robot.to_units(np.array(joints, dtype=float)).tolist()
-    return [_steps(joint.transmission, int(each)) for joint, each in zip(robot.joints, units, strict=True)]
+    return [_steps(joint.transmission, int(each)) for joint, each in zip(robot.axes, units, strict=True)]
 
 
 def steps_at(transmission: Transmission, position: float) -> int:
@@ -125,9 +125,9 @@ def board_configs(
         InputError: the drivers do not exist, or cannot be set as the robot needs them.
         ValueError: the boards do not have as many axes as the robot.
     """
-    if sum(axes_per_board) != len(robot.joints):
-        raise ValueError(f"{axes_per_board} are not the {len(robot.joints)} axes of the robot")
-    stands_at = zip(robot.joints, standing_steps(robot, joints), strict=True)
+    if sum(axes_per_board) != len(robot.axes):
+        raise ValueError(f"{axes_per_board} are not the {len(robot.axes)} axes of the robot")
+    stands_at = zip(robot.axes, standing_steps(robot, joints), strict=True)
     profile = driver_profile(robot.board, driver_profile_name)
     substeps = profile.chip.substeps
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
@@ -151,7 +151,7 @@ def board_configs(
 
 def _switches(robot: Robot, first: int, end: int, substeps: int) -> Iterator[Switch]:
     """Yield the switches of a board's joints; a limit switch is closed from its position to the end of travel."""
-    for axis, joint in enumerate(robot.joints[first:end]):
+    for axis, joint in enumerate(robot.axes[first:end]):
         place, switches = partial(_place, robot, first + axis, substeps), joint.switches
         if switches.negative_limit is not None:
             yield Switch(axis, DigitalInput.NEGATIVE_LIMIT, to_substeps=place(switches.negative_limit))
@@ -163,35 +163,37 @@ def _switches(robot: Robot, first: int, end: int, substeps: int) -> Iterator[Swi
             yield Switch(axis, DigitalInput.HOME, lower, upper)
 
 
-def _place(robot: Robot, joint: int, substeps: int, position: float) -> int:
-    """Return a joint position in its axis' substeps, on a step of the robot's file, as homing expects.
+def _place(robot: Robot, axis: int, substeps: int, position: float) -> int:
+    """Return a joint position in an axis' substeps, on a step of the robot's file, as homing expects.
 
     A coupled joint's are scaled so that its own axis moves them one to one.
     """
-    transmission, own = robot.joints[joint].transmission, robot.coupling.axes_of(joint)[joint]
+    transmission, own = robot.axes[axis].transmission, robot.coupling.travel_of(axis)[axis]
     return steps_at(transmission, position / own) * substeps // transmission.microsteps
 
 
 def _travels(robot: Robot, first: int, end: int) -> tuple[Travel, ...]:
-    """Return the way along which the switches of each of a board's joints stand.
+    """Return the way along which the switches at each of a board's axes stand.
 
     Raises:
-        InputError: an axis that moves a joint with switches is on another board.
+        InputError: an axis that moves a joint with switches is on another board, or the joint's second motor is.
     """
-    return tuple(_travel(robot, joint, first, end) for joint in range(first, end))
+    return tuple(_travel(robot, axis, first, end) for axis in range(first, end))
 
 
-def _travel(robot: Robot, joint: int, first: int, end: int) -> Travel:
-    elements = robot.coupling.axes_of(joint)
+def _travel(robot: Robot, axis: int, first: int, end: int) -> Travel:
+    elements, joint = robot.coupling.travel_of(axis), robot.coupling.joint_of(axis)
     per_unit = robot.wire_units_per_unit.tolist()
-    weights = []
-    for axis, element in elements.items():
-        if not first <= axis < end:
-            moved, other = robot.joints[joint].name, robot.joints[axis].name
-            raise InputError(f"{moved}: is coupled to {other}, so both axes must be on one board")
-        weight = element / elements[joint] * per_unit[joint] / per_unit[axis]
-        weights.append((axis - first, round(weight * WEIGHT_ONE)))
-    return Travel(tuple(weights))
+    for other in {*elements, *robot.coupling.axes_of(joint)}:
+        if not first <= other < end:
+            moved, apart = robot.axes[axis].name, robot.axes[other].name
+            raise InputError(f"{moved}: is coupled to {apart}, so both axes must be on one board")
+    return Travel(
+        tuple(
+            (other - first, round(element / elements[axis] * per_unit[axis] / per_unit[other] * WEIGHT_ONE))
+            for other, element in elements.items()
+        )
+    )
 
 
 # --- the boards
@@ -217,6 +219,6 @@ def make_boards(
     if not commissioned:
         return [make_board(config, kernel) for config in configs]
     firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]
-    driven = [robot.joints[first:last] for first, last in pairwise((*firsts, len(robot.joints)))]
+    driven = [robot.axes[first:last] for first, last in pairwise((*firsts, len(robot.axes)))]
     flashes = [commissioned_flash(robot, joints) for joints in driven]
     return [make_board(config, kernel, flash) for config, flash in zip(configs, flashes, strict=True)]

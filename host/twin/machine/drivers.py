@@ -98,7 +98,7 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
     Raises:
         InputError: the robot has no joint of that name, its drivers have no switches, or they lack the microsteps.
     """
-    chosen = {joint.name: joint.transmission.microsteps for joint in robot.joints}
+    chosen = {joint.name: joint.transmission.microsteps for joint in robot.axes}
     for name, microsteps in otherwise.items():
         if name not in chosen:
             raise unknown(f"dip_microsteps={name}: joint", name, chosen)

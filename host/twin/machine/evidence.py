@@ -65,7 +65,7 @@ def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence,
 
 
 def _axes(machine: Target) -> Iterable[tuple[str, int, tuple[Board, int]]]:
-    return zip(machine.robot.joint_names, machine.start_steps, machine.axes, strict=True)
+    return zip(machine.robot.axis_names, machine.start_steps, machine.axes, strict=True)
 
 
 def _since_power_up(name: str, start_steps: int, board: Board, axis: int, *, currents: bool = True) -> AxisEvidence:

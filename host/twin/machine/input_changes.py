@@ -24,7 +24,7 @@ class Wires:
 
     def output(self, name: str) -> OutputWire:
         output = self._robot.outputs[name]
-        return OutputWire(*self._places[self._robot.index_of(output.joint)], _OUT_PINS[output.out - 1])
+        return OutputWire(*self._places[self._robot.axis_index(output.joint)], _OUT_PINS[output.out - 1])
 
     def input(self, axis: int, which: DigitalInput) -> InputWire:
         return InputWire(*self._places[axis], which)

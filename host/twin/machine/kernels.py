@@ -62,7 +62,7 @@ def soonest_kernel(plan: Plan) -> Kernel:
     A short motion is over in plain Python before the compiled kernel would be loaded.
     """
     ticks = plan.points_units.shape[1] * int(plan.times_ms[-1]) * TICKS_PER_MS
-    microsteps = np.array([joint.transmission.microsteps for joint in plan.robot.joints])
+    microsteps = np.array([joint.transmission.microsteps for joint in plan.robot.axes])
     steps = float((np.abs(np.diff(plan.points_units, axis=0)).sum(axis=0) * microsteps).sum()) / UNITS_PER_FULL_STEP
     loaded = compiled_kernel.cache_info().currsize > 0
     short = ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S < _LOADING_S

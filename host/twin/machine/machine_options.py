@@ -254,8 +254,8 @@ class MachineOptions:
         """
         from steptwin.host.twin.machine.boards import check_axes_per_board, check_crystals
 
-        per_board = (len(robot.joints),) if self.axes_per_board is None else tuple(self.axes_per_board)
-        check_axes_per_board(per_board, len(robot.joints))
+        per_board = (len(robot.axes),) if self.axes_per_board is None else tuple(self.axes_per_board)
+        check_axes_per_board(per_board, len(robot.axes))
         check_crystals(self.crystals_ppm, len(per_board), motors=self.motors)
         return per_board
 

@@ -97,7 +97,7 @@ class _TipAt:
 
     def __init__(self, robot: Robot, start_joints: Sequence[float]) -> None:
         self._start_steps = np.array(standing_steps(robot, start_joints))
-        self._microsteps = np.array([joint.transmission.microsteps for joint in robot.joints])
+        self._microsteps = np.array([joint.transmission.microsteps for joint in robot.axes])
         self._robot = robot
         actual = actual_chain(robot)
         self._forward = actual.poses if actual else make_kinematics(robot).forward

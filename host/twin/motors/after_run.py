@@ -82,7 +82,7 @@ def first_of(driving: Driving, slips_counts: Sequence[int | None]) -> MotionSlip
     if not slips:
         return None
     counts, axis = min(slips)
-    return MotionSlip(driving.robot.joint_names[axis], driving.seconds(counts))
+    return MotionSlip(driving.robot.axis_names[axis], driving.seconds(counts))
 
 
 def _at_power_up(driving: Driving) -> Rotors:
@@ -106,7 +106,7 @@ def _turned(driving: Driving, rotors: Rotors, progress: Progress) -> Iterator[Ro
 
 def rotor_trace(robot: Robot, parts: Sequence[RotorRecord], rotors: Rotors) -> RotorTrace:
     """Return what a robot's rotors did, of the parts of their record and of the rotors at its end."""
-    travel = np.array([joint.transmission.travel_per_rev for joint in robot.joints]) / (2.0 * pi)
+    travel = np.array([joint.transmission.travel_per_rev for joint in robot.axes]) / (2.0 * pi)
 
     def column(name: str) -> FloatArray:
         return np.concatenate([getattr(part, name) for part in parts])

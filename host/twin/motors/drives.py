@@ -102,10 +102,10 @@ def motor_wiring(
     steps = standing_steps(robot, start_joints)
     held_by = dynamics.payload_held_by
     return MotorWiring(
-        drives=[drive_of(joint, chip) for joint in robot.joints],
+        drives=[drive_of(joint, chip) for joint in robot.axes],
         start_rad=[
             2.0 * pi * each / (joint.transmission.full_steps_per_rev * joint.transmission.microsteps)
-            for each, joint in zip(steps, robot.joints, strict=True)
+            for each, joint in zip(steps, robot.axes, strict=True)
         ],
         arm_with=partial(arm_of, robot),
         payload_kg=dynamics.payload_kg,

@@ -164,7 +164,7 @@ class PayloadTimes:
         if not name:
             return cls(np.empty(0, dtype=np.int64), np.array([True]))
         output = robot.outputs[name]
-        pin = evidence.axes[robot.index_of(output.joint)].pins[f"out{output.out}"]
+        pin = evidence.axes[robot.axis_index(output.joint)].pins[f"out{output.out}"]
         return cls(pin.counts, np.concatenate([[False], pin.levels.astype(np.bool_)]))
 
     def at(self, counts: Int64Array) -> BoolArray:
@@ -211,7 +211,7 @@ class Driving:
             drivers=tuple(DriverRecord.of(axis, setup) for axis in evidence.axes),
             starts_rad=tuple(
                 2.0 * pi * axis.start_steps / (joint.transmission.full_steps_per_rev * joint.transmission.microsteps)
-                for axis, joint in zip(evidence.axes, robot.joints, strict=True)
+                for axis, joint in zip(evidence.axes, robot.axes, strict=True)
             ),
             payload=PayloadTimes.of(robot, evidence, dynamics.payload_held_by),
             start_counts=evidence.start_counts,
@@ -284,7 +284,7 @@ class Driving:
                 self.chip,
                 driver.first_on_rad - joint.transmission.full_steps_per_rev // FULL_STEPS_PER_TOOTH * start_rad,
             )
-            for joint, driver, start_rad in zip(self.robot.joints, self.drivers, self.starts_rad, strict=True)
+            for joint, driver, start_rad in zip(self.robot.axes, self.drivers, self.starts_rad, strict=True)
         ]
 
 

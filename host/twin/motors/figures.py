@@ -16,9 +16,9 @@ class RotorFigures:
 
     def __init__(self, robot: Robot, rotors: Rotors) -> None:
         self._robot, self._rotors = robot, rotors
-        self._worst_rad = np.zeros(len(robot.joints))
-        self._worst_counts = np.zeros(len(robot.joints), dtype=np.int64)
-        self._warmer_k = np.zeros(len(robot.joints))
+        self._worst_rad = np.zeros(len(robot.axes))
+        self._worst_counts = np.zeros(len(robot.axes), dtype=np.int64)
+        self._warmer_k = np.zeros(len(robot.axes))
 
     def add(self, record: RotorRecord) -> None:
         """Take the next ms."""
@@ -31,7 +31,7 @@ class RotorFigures:
 
     def slips_s(self) -> dict[str, float]:
         """Return the joints whose rotors have slipped, and when they did first, in seconds since power-up."""
-        slips = zip(self._robot.joint_names, self._rotors.first_slips(), strict=True)
+        slips = zip(self._robot.axis_names, self._rotors.first_slips(), strict=True)
         return {name: counts / COUNTS_PER_SECOND for name, counts in slips if counts is not None}
 
     def to_dict(self) -> dict[str, Any]:
@@ -51,6 +51,6 @@ class RotorFigures:
                     "lost_full_steps": lost[axis],
                     "winding_celsius": AMBIENT_CELSIUS + float(self._warmer_k[axis]),
                 }
-                for axis, joint in enumerate(self._robot.joints)
+                for axis, joint in enumerate(self._robot.axes)
             ],
         }

@@ -31,7 +31,7 @@ def arm_of(robot: Robot, payload_kg: float) -> Arm:
     if not kinematics.task.width:
         return _bare_axes(robot, links, payload_kg)
     bodies, names, signs = _chain(kinematics.dh, robot.joint_names, links, payload_kg)
-    slopes = np.zeros((len(bodies), len(robot.joints)))
+    slopes = np.zeros((len(bodies), len(robot.axes)))
     by_rotor = joints_by_rotor(robot)
     for body, (name, sign) in enumerate(zip(names, signs, strict=True)):
         joint = robot.index_of(name)
@@ -41,7 +41,7 @@ def arm_of(robot: Robot, payload_kg: float) -> Arm:
 
 def joints_by_rotor(robot: Robot) -> FloatArray:
     """Return the joints' travel, in mm and degrees, for each rad of each rotor, shape (joints, axes)."""
-    travel = np.array([joint.transmission.travel_per_rev for joint in robot.joints]) / (2.0 * pi)
+    travel = np.array([joint.transmission.travel_per_rev for joint in robot.axes]) / (2.0 * pi)
     return np.asarray(robot.coupling.to_joints(np.diag(travel)).T)
 
 
@@ -138,7 +138,7 @@ def _hybrid(robot: Robot, kinematics: HybridArm, links: dict[str, JointLink], pa
         for name, radius_mm in (("Z5", geometry.l2_mm - geometry.h_mm), ("Z6", geometry.l2_mm + geometry.h_mm))
     )
     names = [*names, "Z5", "Z6"]
-    slopes = np.zeros((len(names), len(robot.joints)))
+    slopes = np.zeros((len(names), len(robot.axes)))
     for body, name in enumerate(names):
         if name in robot.joint_names:
             joint = robot.index_of(name)

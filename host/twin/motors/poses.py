@@ -78,7 +78,7 @@ def carried_inertias(robot: Robot, arm: Arm, joints: FloatArray) -> FloatArray:
 
     The torque at the rotor of the first axis for an acceleration of that of the second, while the others stand.
     """
-    rad, count = rotors_of(robot, joints), len(robot.joints)
+    rad, count = rotors_of(robot, joints), len(robot.axes)
     still = np.zeros_like(rad)
     columns = [
         carried_torque_nm(arm, rad, still, still + np.eye(count)[axis], gravity_m_s2=0.0) for axis in range(count)
@@ -93,4 +93,4 @@ def rotors_of(robot: Robot, joints: FloatArray | Sequence[float]) -> FloatArray:
 
 def rad_per_unit(robot: Robot) -> FloatArray:
     """Return the rotors' angles in rad for a mm or a degree of their axes, shape (axes,)."""
-    return 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.joints])
+    return 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.axes])

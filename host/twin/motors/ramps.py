@@ -106,7 +106,7 @@ class Ramps:
     @classmethod
     def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup) -> Self:
         """Return what finds the ramps of a robot whose drivers are set like this."""
-        drives = tuple(drive_of(joint, settings.chip) for joint in robot.joints)
+        drives = tuple(drive_of(joint, settings.chip) for joint in robot.axes)
         current_a, standing_a = settings.current_a, settings.standing_part * settings.current_a
         return cls(
             robot,
@@ -118,8 +118,8 @@ class Ramps:
 
     def of_axis(self, axis: int) -> JointRamps:
         """Return the ramps of an axis."""
-        joint = self.robot.joints[axis]
-        homing, element = joint.homing, abs(self.robot.coupling.joints_of(axis)[axis])
+        joint = self.robot.axes[axis]
+        homing, element = joint.homing, abs(self.robot.coupling.own_element(axis))
         speed, acceleration = self.robot.axis_speeds_max[axis], self.robot.axis_accelerations_max[axis]
         return JointRamps(
             moving=JointRamp(float(acceleration), self._managed(axis, float(speed))),
@@ -137,17 +137,19 @@ class Ramps:
         most, loads = 2.0 * drive.most_nm / drive.motor.rotor_inertia_kgm2, self._loads(axis, speed)
         return {
             name: inf if load.within(most) else _highest(load.within, most, _CLOSE * scale) / scale
-            for name, load in zip(self.robot.joint_names, loads, strict=True)
+            for name, load in zip(self.robot.axis_names, loads, strict=True)
         }
 
     def _loads(self, axis: int, speed: float) -> list["_Load"]:
-        """Return what a ramp of an axis asks of each motor."""
+        """Return what a ramp of an axis asks of each motor; both motors of a joint turn at once."""
+        coupling = self.robot.coupling
+        turning = list(coupling.motors_of(coupling.joint_of(axis)))
         speeds = float(rad_per_unit(self.robot)[axis]) * speed * np.array([ALMOST_NONE, -ALMOST_NONE, 1.0, -1.0])
         rad = np.repeat(self.at.rad, speeds.size, axis=0)
         rates = np.zeros_like(rad)
-        rates[:, axis] = np.tile(speeds, len(self.at.rad))
+        rates[:, turning] = np.tile(speeds, len(self.at.rad))[:, np.newaxis]
         steady_nm = carried_torque_nm(self.at.arm, rad, rates, np.zeros_like(rates))
-        inertias = np.repeat(self.at.inertias_kgm2[:, :, axis], speeds.size, axis=0)
+        inertias = np.repeat(self.at.inertias_kgm2[:, :, turning].sum(axis=2), speeds.size, axis=0)
         turning_nm = self.curves[axis].at(rates[:, axis] / RAD_S_PER_RPM)
         return [
             _Load(
@@ -155,8 +157,8 @@ class Ramps:
                 steady_nm=steady_nm[:, motor],
                 inertia_kgm2=inertias[:, motor],
                 rad_s=rates[:, motor],
-                own=float(motor == axis),
-                available_nm=turning_nm if motor == axis else self.holding_nm[motor],
+                own=float(motor in turning),
+                available_nm=turning_nm if motor in turning else self.holding_nm[motor],
             )
             for motor, drive in enumerate(self.drives)
         ]
@@ -212,7 +214,7 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
     settings = driver_settings(robot.board, drivers or driver_profile(robot.board))
     curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings)
     ramps = Ramps.of(robot, at, curves, settings)
-    return tuple(ramps.of_axis(axis) for axis in range(len(robot.joints)))
+    return tuple(ramps.of_axis(axis) for axis in range(len(robot.axes)))
 
 
 @lru_cache(maxsize=256)
@@ -228,12 +230,12 @@ def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Ro
     Raises:
         InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
     """
-    ramps = dict(zip(robot.joint_names, ramps_of(robot, drivers), strict=True))
+    ramps = dict(zip(robot.axis_names, ramps_of(robot, drivers), strict=True))
     moving = _at_once({name: each.moving for name, each in ramps.items()})
     searching = {name: each.homing for name, each in ramps.items() if each.homing}
     homing = _at_once(searching) if searching else {}
     joints = (
-        _gentler(joint, robot.coupling.joints_of(axis)[axis], moving[joint.name], homing.get(joint.name))
+        _gentler(joint, robot.coupling.own_element(axis), moving[joint.name], homing.get(joint.name))
         for axis, joint in enumerate(robot.joints)
     )
     return replace(robot, joints=tuple(joints))
@@ -285,7 +287,7 @@ def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
     """
     return [
         steep_homing(joint.name, joint.unit, ramps.homing)
-        for joint, ramps in zip(robot.joints, ramps_of(robot, profile), strict=True)
+        for joint, ramps in zip(robot.axes, ramps_of(robot, profile), strict=True)
         if ramps.homing is not None and ramps.homing.too_steep
     ]
 

@@ -89,11 +89,11 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
     """Return what a plan needs, with the payload while it hangs at the tool."""
     robot, trajectory = driving.robot, comparison.expected.trajectory
     t_s = np.arange(0.0, trajectory.duration_s + _EVERY_S / 2, _EVERY_S).clip(max=trajectory.duration_s)
-    rad_per_unit = 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.joints])
+    rad_per_unit = 2.0 * pi / np.array([joint.transmission.travel_per_rev for joint in robot.axes])
     rad = robot.coupling.to_axes(trajectory.positions(t_s)) * rad_per_unit
     rad_s = robot.coupling.to_axes(trajectory.velocities(t_s)) * rad_per_unit
     rad_s2 = np.asarray(np.gradient(rad_s, _EVERY_S, axis=0))
-    drives = [drive_of(joint, driving.chip) for joint in robot.joints]
+    drives = [drive_of(joint, driving.chip) for joint in robot.axes]
     held = driving.payload.at(np.rint(driving.start_counts + t_s * COUNTS_PER_SECOND).astype(np.int64))
     needed = np.empty_like(rad)
     for arm, when in zip(driving.arms, (~held, held), strict=True):
@@ -105,7 +105,7 @@ def needs_of_plan(driving: Driving, comparison: Comparison) -> Needs:
 def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = None) -> tuple[PullOutCurve, ...]:
     """Return each axis' pull-out curve to beyond its highest speed; like motors with like drivers share theirs."""
     kinds = []
-    for joint, record in zip(driving.robot.joints, driving.drivers, strict=True):
+    for joint, record in zip(driving.robot.axes, driving.drivers, strict=True):
         supply = supply_of(driving.robot, driving.chip, record.phase_current_a, record.fast_decay, supply_v)
         kinds.append((drive_of(joint, driving.chip).motor, supply))
     curves = {}

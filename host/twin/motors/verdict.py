@@ -148,14 +148,14 @@ def _heat(joint: JointLoad) -> str:
 def motor_verdict(driving: Driving, torques: Torques, trace: RotorTrace, tool: ToolReached) -> MotorVerdict:
     """Judge a run by what its rotors did, and by the torques that its plan needs."""
     dynamics = driving.dynamics
-    loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.joints)))
+    loads = tuple(_joint_load(driving, torques, trace, axis) for axis in range(len(driving.robot.axes)))
     return MotorVerdict(
         dynamics.payload_kg, dynamics.supply_v, *trace.supply_span_v, tool, loads, driving.chip, trace.other_payloads_kg
     )
 
 
 def _joint_load(driving: Driving, torques: Torques, trace: RotorTrace, axis: int) -> JointLoad:
-    joint = driving.robot.joints[axis]
+    joint = driving.robot.axes[axis]
     assert joint.motor is not None
     motor = motor_of(joint.motor, joint.transmission.full_steps_per_rev)
     margins = torques.margins[:, axis]

@@ -69,8 +69,8 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
     report, evidence = read_report(folder), read_evidence(folder)
     recording = report.recording
     names = tuple(axis.name for axis in evidence.axes)
-    if names != robot.joint_names:
-        axes = f"its axes are {' '.join(names)}, those of {robot.name} {' '.join(robot.joint_names)}"
+    if names != robot.axis_names:
+        axes = f"its axes are {' '.join(names)}, those of {robot.name} {' '.join(robot.axis_names)}"
         raise InputError(f"{folder}: is a run of {report.run.robot}: {axes}")
     mark = None if recording is None else recording.mark
     live = report.passed is None
@@ -99,9 +99,9 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
 
 def _axes_per_board(table: Table, robot: Robot) -> Sequence[int]:
     if "boards" not in table:
-        return (len(robot.joints),)
+        return (len(robot.axes),)
     counts = [count for count in table.elements("boards") if isinstance(count, int)]
-    check_axes_per_board(counts, len(robot.joints))
+    check_axes_per_board(counts, len(robot.axes))
     return counts
 
 

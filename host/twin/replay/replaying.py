@@ -228,12 +228,12 @@ def replay(
         InputError: no frame of the recording is for the robot's nodes, or the drivers or a place of the shelf do not
             exist.
     """
-    node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.joints))
+    node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))
     senders = senders_of(bus.frames, node_ids)
     _check_nodes(bus, senders, robot, node_ids)
     machine = _machine(robot, power_up, kernel or fastest_kernel())
     run = UnplannedRun(machine, REPLAY_JOB)
-    decoder = Decoder(dict(zip(node_ids, robot.joint_names, strict=True)))
+    decoder = Decoder(dict(zip(node_ids, robot.axis_names, strict=True)))
     player = HostPlayer(machine.simulation)
     left_out = Counter(bus.left_out)
     others = _others(bus.frames, senders)

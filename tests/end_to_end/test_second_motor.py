@@ -1,0 +1,77 @@
+"""A gantry whose beam has a motor at each end, by its file alone: run, verify, slip, draw, replay."""
+
+import json
+from pathlib import Path
+
+import cantools
+import pytest
+
+from steptwin.host.cli.app import run
+from tests.end_to_end.command_line import run_json
+from tests.host.robots.gantries import gantry_text
+
+POINTS = "t,X,Y\n0,200,150\n2,150,100\n4,200,150\n"
+
+
+def slip(full_steps: int) -> str:
+    return f'name = "slip"\n[[fault]]\nat_s = 1.0\ndo = "slip"\njoint = "Y2"\nfull_steps = {full_steps}\n'
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[str, str]:
+    robot, points = tmp_path / "gantry.toml", tmp_path / "points.csv"
+    robot.write_text(gantry_text())
+    points.write_text(POINTS)
+    return str(robot), str(points)
+
+
+def test_a_run_and_its_folder(files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "out")
+    report = run_json(capsys, "run", *files, "--out", out)
+    assert report["passed"]
+    assert [axis["name"] for axis in report["axes"]] == ["X", "Y", "Y2"]
+    assert report["axes"][1] == {**report["axes"][2], "name": "Y"}
+    assert report["joints"] == {"names": ["X", "Y"], "start": [200.0, 150.0], "end": [200.0, 150.0]}
+    zeros = {"skew_max": 0.0, "skew_end": 0.0, "limit": 3.0}
+    assert report["skews"] == [{"first": "Y", "second": "Y2", "unit": "mm", **zeros}]
+    header = (tmp_path / "out" / "trajectory.csv").read_text().splitlines()[0]
+    assert header.startswith("t,X,Y,")
+    assert "Y2" not in header
+    assert run(["verify", out]) == 0
+    assert run(["replay", out]) == 0
+    assert run(["trace", out, "--format", "vcd", "--out", str(tmp_path / "trace.vcd")]) == 0
+    assert run(["plot", out]) == 0
+    for picture in ("joints", "error", "step-rates", "timing"):
+        assert (tmp_path / "out" / f"{picture}.png").exists()
+
+
+@pytest.mark.parametrize(("full_steps", "too_far"), [(12, False), (16, True), (-16, True)])
+def test_a_motor_that_loses_steps_skews_the_beam(
+    full_steps: int, too_far: bool, files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """12 full steps are 2.4 mm and 16 are 3.2 mm, both sides of the 3 mm allowed; the beam's middle is off by half."""
+    scenario = tmp_path / "slip.toml"
+    scenario.write_text(slip(full_steps))
+    report = run_json(capsys, "run", *files, "--faults", str(scenario))
+    assert not report["passed"]
+    (skew,) = report["skews"]
+    apart_mm = full_steps * 0.2
+    assert skew["skew_max"] == pytest.approx(abs(apart_mm), abs=1e-9)
+    assert skew["skew_end"] == pytest.approx(apart_mm, abs=1e-9)
+    assert report["joints"]["end"] == pytest.approx([200.0, 150.0 + apart_mm / 2])
+    reason = f"Y2: up to {abs(apart_mm):g} mm apart from Y (limit 3)"
+    assert (reason in report["reasons"]) == too_far
+    run(["run", *files, "--faults", str(scenario)])
+    assert f"Y2: up to {abs(apart_mm):.4f} mm apart from Y, at the end {apart_mm:+.4f} mm" in capsys.readouterr().out
+
+
+def test_the_database_has_the_second_motors_node(files: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["dbc", files[0]]) == 0
+    database = cantools.database.load_string(capsys.readouterr().out, "dbc")
+    assert isinstance(database, cantools.database.can.Database)
+    assert {node.name: node.comment for node in database.nodes}["Y2"] == "axis position = 1 Y"
+
+
+def test_check_says_what_the_second_motor_follows(files: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    document = run_json(capsys, "check", files[0])
+    assert json.dumps(document).count("axis Y2 = Y") == 1
