@@ -372,6 +372,16 @@ FAULT_RESET = wo(
 record(0x2020, "Homing")
 HOMING_TIMEOUT_MS = rw(0x2020_01, U32, "Timeout in {unit}; 0: none", 120_000, unit=MS)
 HOMING_ERROR = ro(0x2020_02, U8, "Why the last homing has failed")
+HOMING_SWITCH_NODE = rw(
+    0x2020_03,
+    U8,
+    "Next homing: node of the board at whose inputs its switches are; 0: the own",
+    write="Homing.check_switch_node",
+)
+HOMING_REVERSED = rw(
+    0x2020_04, U8, "Next homing: 1 if the axis moves down where the switches are passed upwards", 0, 0, 1
+)
+HOMING_PARTIAL = rw(0x2020_05, U8, "Next homing: 1 if the position stays unknown, since it needs another one", 0, 0, 1)
 
 # --- the emulator, which no real board has
 

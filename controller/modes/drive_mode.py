@@ -26,6 +26,11 @@ class DriveMode:
         return False
 
     @property
+    def switches_at(self) -> int:
+        """The axis of the board at whose inputs the mode's switches are; by default, its own."""
+        return self._context.axis
+
+    @property
     def due_us(self) -> int | None:
         """Time of the next call of `poll`; None if the mode waits for nothing."""
         return None

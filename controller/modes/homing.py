@@ -6,6 +6,10 @@ the axis stands behind the edge, the step where the edge was seen becomes the ho
 step. Methods 35 and 37 set the position of the standing axis to the home offset exactly: since a unit is finer than a
 step, the demand may then lie between two steps.
 
+Axes that move one joint together, as the two motors of a CoreXY or at the ends of a gantry's beam, are homed together:
+all start at one SYNC, and with 2020h:03 each watches the switches of the same axis, so that all see an edge in the same
+tick and each latches its own counter there. 2020h:03 to 05 hold for the next homing only.
+
 All ramps keep the homing acceleration, except a halt with the quick stop ramp (605Dh = 2). Soft limits do not apply,
 and limit switches are not faults while the mode itself moves the axis. An error stops the axis; the drive stays enabled
 and the position keeps its count. A falling bit 4 aborts. Halt (bit 8) interrupts; when it ends, the homing begins again
@@ -21,10 +25,10 @@ from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.interpolation import Interpolation
 from steptwin.controller.modes.profile import Limits
 from steptwin.controller.modes.profile_feed import ProfileFeed
-from steptwin.controller.modes.switch_search import Phase, SwitchSearch
+from steptwin.controller.modes.switch_search import Phase, Speeds, SwitchSearch
 from steptwin.controller.node.axis_context import AxisContext
-from steptwin.controller.node.supervision import Supervision
 from steptwin.protocol import od
+from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
 from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -44,17 +48,24 @@ class _State(Enum):
 class Homing(DriveMode):
     """Starts and ends homings, and sets the position reference; `SwitchSearch` makes the motion."""
 
-    def __init__(
-        self, context: AxisContext, feed: ProfileFeed, records: Interpolation, supervision: Supervision
-    ) -> None:
+    def __init__(self, context: AxisContext, feed: ProfileFeed, records: Interpolation) -> None:
         super().__init__(context)
         self._feed = feed
         self._records = records
-        self._supervision = supervision
         self._state = _State.IDLE
         self._search: SwitchSearch | None = None
         """The search in progress in SEARCHING."""
         self._deadline_us: int | None = None
+        self._switches_at: int | None = None
+        """The axis whose switches a homing together with others watches; None for a homing alone."""
+        self._reversed = self._partial = False
+        context.dictionary.bind(self)
+
+    def check_switch_node(self, node_id: int) -> None:
+        """Refuse a node that is not on this board."""
+        board = self._context.board
+        if node_id and not 0 <= node_id - board.first_node_id < len(board.inputs):
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     # --- commands
 
@@ -79,7 +90,17 @@ class Homing(DriveMode):
     def _start(self, *, halted: bool) -> None:
         self._clear_error()
         self._dictionary.set(od.HOMING_ERROR, HomingError.NONE)
+        self._take_options()
         self._state = _State.HALTED if halted else _State.WAITING
+
+    def _take_options(self) -> None:
+        """Take the objects that hold for one homing only."""
+        get = self._dictionary.get
+        node_id = get(od.HOMING_SWITCH_NODE)
+        self._switches_at = node_id - self._context.board.first_node_id if node_id else None
+        self._reversed, self._partial = bool(get(od.HOMING_REVERSED)), bool(get(od.HOMING_PARTIAL))
+        for address in (od.HOMING_SWITCH_NODE, od.HOMING_REVERSED, od.HOMING_PARTIAL):
+            self._dictionary.set(address, 0)
 
     def _stop(self, *, halted: bool) -> None:
         self._search = self._deadline_us = None
@@ -107,8 +128,9 @@ class Homing(DriveMode):
         timeout_ms = self._dictionary.get(od.HOMING_TIMEOUT_MS)
         self._deadline_us = self._context.now_us + 1000 * timeout_ms if timeout_ms else None
         self._state = _State.SEARCHING
-        inputs = self._supervision.inputs
-        self._search = SwitchSearch(self._context, self._feed, method, fast, slow, inputs)
+        inputs = self._context.board.inputs[self.switches_at]
+        sign = -1 if self._reversed else 1
+        self._search = SwitchSearch(self._context, self._feed, method, Speeds(fast, slow, sign), inputs)
         self._search.begin()
         self._conclude()
 
@@ -137,7 +159,10 @@ class Homing(DriveMode):
 
     def _attain(self) -> None:
         self._end(_State.DONE)
-        self._context.reference.set()
+        if self._partial:
+            self._context.reference.lose()
+        else:
+            self._context.reference.set()
 
     def _fail(self, error: HomingError) -> None:
         self._end(_State.FAILED)
@@ -190,6 +215,16 @@ class Homing(DriveMode):
     # --- status
 
     @property
+    def switches_at(self) -> int:
+        """The axis at whose inputs the switches are."""
+        return self._context.axis if self._switches_at is None else self._switches_at
+
+    @property
+    def coordinated(self) -> bool:
+        """True while a homing together with others moves the axis."""
+        return self._switches_at is not None and self._feed.active
+
+    @property
     def seeks_switches(self) -> bool:
         """True while the mode itself moves the axis."""
         return self._feed.active
@@ -202,4 +237,5 @@ class Homing(DriveMode):
         """Return bits 12, homing attained, until the reference is lost or a homing starts, and 13, homing error."""
         if self._state is _State.FAILED:
             return Status.HOMING_ERROR
-        return Status.HOMING_ATTAINED if self._state is _State.DONE and self._context.reference.known else 0
+        attained = self._state is _State.DONE and (self._partial or self._context.reference.known)
+        return Status.HOMING_ATTAINED if attained else 0

@@ -6,6 +6,7 @@ tick when the inputs show the edge; then the axis ramps down and stands a little
 """
 
 from enum import Enum, auto
+from typing import NamedTuple
 
 from steptwin.controller.modes.profile import Limits
 from steptwin.controller.modes.profile_feed import ProfileFeed
@@ -88,6 +89,14 @@ _LIMIT_SWITCHES = DigitalInput.NEGATIVE_LIMIT | DigitalInput.POSITIVE_LIMIT
 _LIMIT_AHEAD = {POSITIVE: DigitalInput.POSITIVE_LIMIT, NEGATIVE: DigitalInput.NEGATIVE_LIMIT}
 
 
+class Speeds(NamedTuple):
+    """The limits of fast and slow strokes, and how the axis moves when the switches are passed upwards: 1 or -1."""
+
+    fast: Limits
+    slow: Limits
+    sign: int
+
+
 class SwitchSearch:
     """One search, from standstill to standstill. Its owner reads `phase` after every call."""
 
@@ -96,8 +105,7 @@ class SwitchSearch:
         context: AxisContext,
         feed: ProfileFeed,
         method: HomingMethod,
-        fast: Limits,
-        slow: Limits,
+        speeds: Speeds,
         inputs: DigitalInput,
     ) -> None:
         self.phase = Phase.START
@@ -110,13 +118,14 @@ class SwitchSearch:
         self._method = method
         self._inputs = inputs
         self._strokes = {
-            Phase.SEARCH: (method.search_direction, fast),
-            Phase.LEAVE: (method.edge_direction, fast),
-            Phase.BACK: (-method.edge_direction, fast),
-            Phase.EDGE: (method.edge_direction, slow),
+            Phase.SEARCH: (method.search_direction, speeds.fast),
+            Phase.LEAVE: (method.edge_direction, speeds.fast),
+            Phase.BACK: (-method.edge_direction, speeds.fast),
+            Phase.EDGE: (method.edge_direction, speeds.slow),
         }
+        self._sign = speeds.sign
         self._direction = method.search_direction
-        """Direction of the stroke in progress or just ended."""
+        """Direction of the stroke in progress or just ended, as the switches are passed."""
 
     # --- events
 
@@ -207,7 +216,7 @@ class SwitchSearch:
         if self._inputs & self._limit_ahead:
             self._happens(self._end_of_way)
             return
-        self._feed.move_to(self._direction * I32_MAX, limits)
+        self._feed.move_to(self._sign * self._direction * I32_MAX, limits)
         if not self._motion.running:
             self._happens(SearchEvent.DEAD_END)
 

@@ -11,7 +11,7 @@ from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import ErrorCode
+from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
@@ -73,13 +73,16 @@ class Trip(Protocol):
 
 
 class BoardContext(NamedTuple):
-    """Motion, measurements, clocks and CAN driver of the board, and the way to request a fault reaction."""
+    """Motion, measurements, clocks, inputs and CAN driver of the board, and the way to request a fault reaction."""
 
     motion: BoardMotion
     measurements: BoardReadings
     sync_clock: SyncClock
     transmit: TransmitQueue
     trip: Trip
+    first_node_id: int
+    inputs: list[DigitalInput]
+    """Present input levels of all axes."""
 
 
 class AxisContext:

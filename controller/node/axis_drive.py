@@ -70,7 +70,7 @@ class AxisDrive:
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
             Mode.PROFILE_VELOCITY: self._profile_velocity,
-            Mode.HOMING: Homing(context, self.feed, self.interpolation, self.supervision),
+            Mode.HOMING: Homing(context, self.feed, self.interpolation),
             Mode.INTERPOLATED_POSITION: self.interpolation,
             Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
         }
@@ -300,8 +300,14 @@ class AxisDrive:
             self.supervision.check()
             if not self.mode.seeks_switches:
                 self.supervision.check_limits()
-        if self._enabled:
+        if self._enabled and self.mode.switches_at == self.axis:
             self.mode.inputs_changed(inputs)
+
+    def watch_other_switches(self) -> None:
+        """Let the mode look at the switches of the axis that it watches, if that is another one."""
+        watched = self.mode.switches_at
+        if self._enabled and watched != self.axis:
+            self.mode.inputs_changed(self._context.board.inputs[watched])
 
     def measured(self) -> None:
         """Look at new readings of the board's analogue inputs."""

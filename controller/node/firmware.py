@@ -86,7 +86,10 @@ class Firmware:
         """The axes that request the fault reaction, and their errors."""
         self.transmit = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
-        board = BoardContext(self.motion, self._measurements, SyncClock(), self.transmit, self._trip)
+        self._inputs = [DigitalInput(0)] * axis_count
+        board = BoardContext(
+            self.motion, self._measurements, SyncClock(), self.transmit, self._trip, first_node_id, self._inputs
+        )
         self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""
@@ -176,9 +179,11 @@ class Firmware:
 
     def set_inputs(self, inputs: Sequence[DigitalInput], now_counts: int) -> None:
         """Set the input levels of all axes, as of the servo tick that begins now."""
+        self._inputs[:] = inputs
         for node, levels in zip(self.nodes, inputs, strict=True):
             with node.drive_at(now_counts // COUNTS_PER_US) as drive:
                 drive.set_inputs(levels)
+                drive.watch_other_switches()
             self._fetch_from(node, now_counts)
         self._end_call(now_counts)
 

@@ -19,7 +19,7 @@ from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, HomingError, Mode, State, Status
-from steptwin.protocol.frame import COB_SYNC
+from steptwin.protocol.frame import COB_SYNC, FIRST_NODE_ID
 
 _TEXTS: Final[dict[int, str]] = {
     HomingError.NOT_FOUND: "the switch was not found on the whole way",
@@ -44,10 +44,29 @@ class HomingSettings:
     """Position of the edge."""
     timeout_ms: int
     """Longest duration; 0 sets no limit."""
+    switch_axis: int | None = None
+    """The axis at whose inputs the switches are, for a homing of several axes together; None for one alone."""
+    reversed: bool = False
+    """True if the axis moves down where the switches are passed upwards."""
+    partial: bool = False
+    """True if the position stays unknown afterwards, because it needs another homing."""
 
     def objects(self) -> list[tuple[int, int]]:
-        """Return the entries that hold these settings, as (address, value)."""
+        """Return the entries that hold these settings, as (address, value).
+
+        Those that a homing together needs hold for the next homing only.
+        """
+        together = (
+            []
+            if self.switch_axis is None
+            else [
+                (od.HOMING_SWITCH_NODE, FIRST_NODE_ID + self.switch_axis),
+                (od.HOMING_REVERSED, self.reversed),
+                (od.HOMING_PARTIAL, self.partial),
+            ]
+        )
         return [
+            *together,
             (od.HOMING_METHOD, self.method),
             (od.HOMING_SEARCH_SPEED, self.search_units_per_s),
             (od.HOMING_ZERO_SPEED, self.zero_units_per_s),
@@ -121,7 +140,8 @@ def run_homings(
 ) -> None:
     """Home some enabled axes at the same time and wait until all are homed; if one fails, stop the others.
 
-    `one_homed` is called whenever one of the axes is homed. The axes of pairs set off in the same servo tick.
+    `one_homed` is called whenever one of the axes is homed. Axes that are homed together, as their settings say, set
+    off in the same servo tick.
 
     Raises:
         DeviceFaultError: a homing failed, an axis of a pair went too far beyond the other, or a drive is in fault or
@@ -135,13 +155,12 @@ def run_homings(
             axis.write(address, value)
     axes = [axis for axis, _ in homings]
     old_reports = [axis.drive_status for axis in axes]
-    paired = [axis for pair in pairs for axis in pair.axes]
-    for axis in axes:
-        if axis not in paired:
+    for axis, settings in homings:
+        if settings.switch_axis is None:
             axis.write(od.CONTROLWORD, ENABLE_OPERATION | Control.START)
-    for axis in paired:
-        axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
-    if paired:
+        else:
+            axis.send_latched_controlword(ENABLE_OPERATION | Control.START)
+    if any(settings.switch_axis is not None for _, settings in homings):
         link.network.send_message(COB_SYNC, b"")
     try:
         _await_all(link, homings, old_reports, one_homed, pairs)

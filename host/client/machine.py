@@ -154,21 +154,22 @@ class Machine:
         progress: Progress = lambda _: None,
         *,
         together: bool = False,
+        sets: Sequence[Sequence[int]] = (),
         pairs: Sequence[HomingPair] = (),
     ) -> None:
         """Home the enabled axes by their switches, one after the other or all together; None leaves an axis alone.
 
-        The two axes of a pair set off at one SYNC and are watched together. Afterwards an axis stands a little beyond
-        its home, whose position is `offset_units`. `progress` is called with the part of the axes that is homed. Raises
-        as `axis_homing.run_homings`; after an error no further axis is homed.
+        The axes of a set are homed at the same time in any case; how far the two of a pair go is watched. Afterwards an
+        axis stands a little beyond its home, whose position is `offset_units`. `progress` is called with the part of
+        the axes that is homed. Raises as `axis_homing.run_homings`; after an error no further axis is homed.
         """
         homings = {
             i: AxisHoming(axis, how) for i, (axis, how) in enumerate(zip(self.axes, settings, strict=True)) if how
         }
-        second = {pair.second: pair.first for pair in pairs}
+        first_of = {axis: axes[0] for axes in sets for axis in axes}
         groups: dict[int, list[AxisHoming]] = {}
         for i, homing in homings.items():
-            groups.setdefault(0 if together else second.get(i, i), []).append(homing)
+            groups.setdefault(0 if together else first_of.get(i, i), []).append(homing)
         homed = count(1)
         for first, group in groups.items():
             watched = [PairWatch(self.axes, pair) for pair in pairs if together or pair.first == first]

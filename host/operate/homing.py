@@ -1,6 +1,7 @@
 """Home a live machine by its switches, or declare where it stands."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
 from math import ceil, floor
 
@@ -10,7 +11,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.moving import check_goal, move_within, units_at
 from steptwin.host.operate.recovering import AxisState, axis_states
 from steptwin.host.operate.session import Session
-from steptwin.host.robots.joint import Joint
+from steptwin.host.robots.joint import Joint, Transmission
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming
 from steptwin.protocol.homing_methods import HOMING_METHODS
@@ -21,39 +22,41 @@ _LATENCY_S = 0.05
 """Bound of the delay before a stop begins: the profile segment in execution lasts up to 31 ms."""
 
 
-def homing_settings(joint: Joint, per_unit: float = 1.0, by_others: float = 0.0) -> HomingSettings | None:
-    """Return the homing settings of a joint's axis; None if the robot's file has no homing for the joint.
+def homing_settings(
+    joint: Joint, per_unit: float = 1.0, by_others: float = 0.0, drive: Transmission | None = None
+) -> HomingSettings | None:
+    """Return the homing settings of an axis that moves a joint; None if the robot's file has no homing for the joint.
 
     For a coupled axis, `per_unit` is its way for one unit of the joint's, and `by_others` the part of its position that
-    the other joints make where they stand.
+    the other joints make where they stand. `drive` is its transmission if it is not the joint's own axis.
     """
     homing = joint.homing
     if homing is None:
         return None
-    units = per_unit * joint.transmission.wire_units_per_unit
+    transmission = drive or joint.transmission
+    units = abs(per_unit) * transmission.wire_units_per_unit
     return HomingSettings(
         method=homing.method,
         search_units_per_s=floor(homing.search_speed * units),
         zero_units_per_s=max(1, floor(homing.zero_speed * units)),
         acceleration_units_per_s2=floor(homing.acceleration * units),
-        offset_units=_offset_units(joint, homing.method, per_unit, by_others),
+        offset_units=_offset_units(joint, transmission, per_unit, by_others),
         timeout_ms=ceil(1000 * _TIMEOUT_MARGIN * _longest_s(joint, homing)),
     )
 
 
-def _offset_units(joint: Joint, number: int, per_unit: float, by_others: float) -> int:
+def _offset_units(joint: Joint, transmission: Transmission, per_unit: float, by_others: float) -> int:
     """Return the axis' position of the step where the edge is seen; the joint's is 0 if home is where it stands.
 
     A switch is closed on the step at its edge: it is seen to close there, and to open one step farther.
     """
-    method = HOMING_METHODS[number]
+    method = HOMING_METHODS[joint.homing.method] if joint.homing else None
     edge = joint.switches.edge(method) if method else None
     if method is None or edge is None:
-        return joint.transmission.to_units(by_others)
-    step_units = UNITS_PER_FULL_STEP // joint.transmission.microsteps
-    return joint.transmission.to_units(per_unit * edge + by_others) + (
-        0 if method.closes else method.edge_direction * step_units
-    )
+        return transmission.to_units(by_others)
+    step_units = UNITS_PER_FULL_STEP // transmission.microsteps
+    direction = method.edge_direction if per_unit > 0 else -method.edge_direction
+    return transmission.to_units(per_unit * edge + by_others) + (0 if method.closes else direction * step_units)
 
 
 def _longest_s(joint: Joint, homing: JointHoming) -> float:
@@ -96,7 +99,8 @@ def home_robot(
         for level in robot.coupling.homing_levels(len(robot.joints)):
             own = [joint for joint in level if joint in chosen]
             part = partial(_part_of_all, progress, homed / len(chosen), len(own) / len(chosen))
-            machine.home_axes(_level_settings(session, own), part, together=together, pairs=_pairs(robot, own))
+            settings, sets = _level_settings(session, own, chosen), _sets(robot, own)
+            machine.home_axes(settings, part, together=together, sets=sets, pairs=_pairs(robot, own))
             homed += len(own)
         if not stay:
             goal = [home if axis in chosen else None for axis, home in enumerate(robot.home)]
@@ -119,30 +123,48 @@ def check_homing(robot: Robot, names: Collection[str]) -> set[int]:
 
 def _needed(robot: Robot, chosen: set[int]) -> set[str]:
     """Return the axes that stay but must know their positions, because those of other axes' homes depend on them."""
-    joints = {other for joint in chosen for other in robot.coupling.joints_of(joint)}
-    axes = {axis for joint in joints - chosen for axis in robot.coupling.axes_of(joint)}
-    return {robot.axis_names[axis] for axis in axes if robot.coupling.joint_of(axis) not in chosen}
+    coupling = robot.coupling
+    joints = {other for joint in chosen for axis in coupling.homing_axes(joint) for other in coupling.joints_of(axis)}
+    return {
+        robot.axis_names[axis]
+        for joint in joints - chosen
+        for axis in coupling.axes_of(joint)
+        if coupling.joint_of(axis) not in chosen - coupling.mutual(joint)
+    }
 
 
 def _part_of_all(progress: Progress, before: float, weight: float, part: float) -> None:
     progress(before + weight * part)
 
 
-def _level_settings(session: Session, level: list[int]) -> tuple[HomingSettings | None, ...]:
+def _level_settings(session: Session, level: list[int], chosen: set[int]) -> tuple[HomingSettings | None, ...]:
     """Return the settings of the axes to home now, from where the joints of the earlier levels stand; None for others.
 
-    The motors of one joint move alone, so the joint of a later level turns along while its own motor stands.
+    The motors of a joint move alone, and with them those of joints that depend on it as it depends on them; the joint
+    of a later level turns along while its own motor stands. Of joints that depend on each other none is known before
+    the last of those chosen is homed.
     """
     robot, coupling = session.robot, session.robot.coupling
     coupled = any(map(coupling.couples, level))
     positions = session.positions(session.machine.positions_units()) if coupled else []
     settings: list[HomingSettings | None] = [None] * len(robot.axes)
     for own in level:
-        others = {joint: element for joint, element in coupling.joints_of(own).items() if joint != own}
-        by_others = sum(element * positions[joint] for joint, element in others.items())
-        for axis in coupling.motors_of(own):
-            settings[axis] = homing_settings(robot.axes[axis], coupling.own_element(axis), by_others)
+        axes, partial_home = coupling.homing_axes(own), max(coupling.mutual(own) & chosen) != own
+        for axis, way in axes.items():
+            others = {joint: element for joint, element in coupling.joints_of(axis).items() if joint != own}
+            by_others = sum(element * positions[joint] for joint, element in others.items())
+            alike = robot.joints[own] if coupling.joint_of(axis) != own else robot.axes[axis]
+            made = homing_settings(alike, way, by_others, robot.axes[axis].transmission)
+            if made and len(axes) > 1:
+                switch = axis if coupling.joint_of(axis) == own else own
+                made = replace(made, switch_axis=switch, reversed=way < 0, partial=partial_home)
+            settings[axis] = made
     return tuple(settings)
+
+
+def _sets(robot: Robot, joints: list[int]) -> list[list[int]]:
+    """Return the axes of each of these joints' homings that move together."""
+    return [axes for joint in joints if len(axes := list(robot.coupling.homing_axes(joint))) > 1]
 
 
 def _pairs(robot: Robot, joints: list[int]) -> list[HomingPair]:

@@ -151,15 +151,40 @@ class Coupling:
     def homing_levels(self, joints: int) -> list[list[int]]:
         """Return which of this number of joints can be homed together, one group after the other.
 
-        Where an axis' home is depends on the other joints of its row, so these are homed before. Joints that need each
-        other are in no group.
+        Where an axis' home is depends on the other joints of its row, so these are homed before. Of joints that need
+        each other, as those of a CoreXY, each is a group of its own, in their order.
         """
         levels: list[list[int]] = []
         waiting = set(range(joints))
-        while level := [axis for axis in sorted(waiting) if waiting & self.joints_of(axis).keys() == {axis}]:
-            levels.append(level)
-            waiting -= set(level)
+        while waiting:
+            level = [joint for joint in sorted(waiting) if waiting & self.joints_of(joint).keys() == {joint}]
+            free = (
+                self.mutual(joint) for joint in sorted(waiting) if waiting & self._reach(joint) <= self.mutual(joint)
+            )
+            levels += [level] if level else [[joint] for joint in sorted(next(free))]
+            waiting -= {joint for level in levels for joint in level}
         return levels
+
+    def _reach(self, joint: int) -> set[int]:
+        """Return the joints on which the position of a joint's axis depends, also through the axes of others."""
+        found, ahead = set[int](), [joint]
+        while ahead:
+            found.add(here := ahead.pop())
+            ahead += self.joints_of(here).keys() - found
+        return found
+
+    def mutual(self, joint: int) -> set[int]:
+        """Return the joints that depend on a joint as it depends on them, itself among them."""
+        return {other for other in self._reach(joint) if joint in self._reach(other)}
+
+    def homing_axes(self, joint: int) -> dict[int, float]:
+        """Return the axes that move when a joint is homed, each with its way for a way of 1 of the joint.
+
+        These are its motors, and those of the joints that depend on it as it depends on them: they stand still then.
+        Joints that depend on it, but it not on them, turn along.
+        """
+        mutual = self.mutual(joint)
+        return {axis: way for axis, way in self.axes_moved_by(joint).items() if self.joint_of(axis) in mutual}
 
 
 def _check_condition(matrix: FloatArray) -> None:

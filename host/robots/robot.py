@@ -218,22 +218,24 @@ class Robot:
 
     def _check_homing(self, axis: int, homing: JointHoming) -> None:
         joint, coupling = self.joints[axis], self.coupling
-        if not any(axis in level for level in coupling.homing_levels(len(self.joints))):
-            others = " and ".join(self.joints[other].name for other in coupling.joints_of(axis) if other != axis)
+        mutual = coupling.mutual(axis)
+        if len(mutual) > 1 and (doubled := [self.joints[other] for other in mutual if self.joints[other].second_motor]):
             raise InputError(
-                f"joints.{joint.name}.homing: where the axis' home is depends on {others}, and the other way round;"
-                " leave the homing out and declare where the joints stand (`steptwin home --here`)"
+                f"joints.{joint.name}.homing: joints that depend on each other cannot be homed where one has a second"
+                f" motor, as {doubled[0].name} has; leave the homing out and declare where the joints stand"
+                " (`steptwin home --here`)"
             )
-        element = coupling.joints_of(axis)[axis]
-        for key, value, limit in (
-            ("search_speed", homing.search_speed, self.axis_speeds_max[axis]),
-            ("acceleration", homing.acceleration, self.axis_accelerations_max[axis]),
-        ):
-            if element * value > limit:
-                raise InputError(
-                    f"joints.{joint.name}.homing.{key}: {value:g} moves the axis at {element * value:g},"
-                    f" above its limit of {limit:g}; {at_most(limit / element)} is right"
-                )
+        for moved, element in coupling.homing_axes(axis).items():
+            for key, value, limit in (
+                ("search_speed", homing.search_speed, self.axis_speeds_max[moved]),
+                ("acceleration", homing.acceleration, self.axis_accelerations_max[moved]),
+            ):
+                if abs(element) * value > limit:
+                    which = "the axis" if moved == axis else f"{self.axis_names[moved]}'s axis"
+                    raise InputError(
+                        f"joints.{joint.name}.homing.{key}: {value:g} moves {which} at {abs(element) * value:g},"
+                        f" above its limit of {limit:g}; {at_most(limit / abs(element))} is right"
+                    )
 
     @property
     def joint_names(self) -> tuple[str, ...]:

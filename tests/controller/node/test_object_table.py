@@ -46,6 +46,7 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x2017, 1): (AbortCode.VALUE_TOO_LOW, DONE),  # 0 reads as "free" and claims nothing
     (0x2017, 2): (DONE, STATE),  # no program is in charge: 0
     (0x2018, 3): (DONE, STATE),  # no fault yet: 0
+    (0x2020, 3): (DONE, RANGE),  # 255 is no node of the board
     (0x605A, 0): (DONE, DONE),
     **dict(pdo_rules()),
 }

@@ -60,5 +60,15 @@ def gantry_text(second: str = SECOND) -> str:
     return "\n".join((_GANTRY, *slides, second))
 
 
+COREXY: Final = "\n[coupling]\nX = { X = 1.0, Y = 1.0 }\nY = { X = -1.0, Y = 1.0 }\n"
+"""Two belts: both motors move both slides."""
+
+
+def belts_text(coupling: str = COREXY) -> str:
+    """Return the file of a machine with one motor for each slide, both of which move both slides by belts."""
+    fast = "axis_speed_max = 200.0\naxis_acceleration_max = 1000.0\nspeed_max"
+    return gantry_text("").replace("speed_max", fast) + coupling
+
+
 def gantry_robot(second: str = SECOND) -> Robot:
     return parse_robot(gantry_text(second), "gantry.toml")

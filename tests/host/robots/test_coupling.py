@@ -87,8 +87,12 @@ def test_rounding_of_a_row_depends_on_no_other_row() -> None:
         ("th1 = { th2 = 2.0 }\nth2 = { th1 = 2.0 }", r"coupling: th1: the joint alone .* by 1, .* by -0.333333; "),
         ("th2 = { th1 = 3000.0 }", r"coupling: the matrix has the condition number 9e\+06, "),
         (
-            "th1 = { th2 = 0.5 }\nth2 = { th1 = 0.5 }",
-            r"joints.th1.homing: where the axis' home is depends on th2, and the other way round; leave the homing out",
+            'th1 = { th2 = 0.5 }\nth2 = { th1 = 0.5 }\n[joints.th1.second_motor]\nname = "s"\nskew_max = 1.0',
+            r"joints.th1.homing: joints that depend on each other cannot be homed where one has a second motor, as th1",
+        ),
+        (
+            "th1 = { th2 = 1.0 }\nth2 = { th1 = -4.5 }",
+            r"joints.th1.homing.search_speed: 45 moves th2's axis at 202.5, above its limit of 180; 40 is right$",
         ),
         (
             "th1 = { th1 = 5.0 }",
@@ -136,9 +140,20 @@ def test_both_sides_of_the_wire() -> None:
         ({}, [[0, 1, 2]]),
         ({"b": {"a": 1.0}}, [[0, 2], [1]]),
         ({"a": {"b": 1.0}, "b": {"c": 1.0}}, [[2], [1], [0]]),
-        ({"a": {"b": 0.5}, "b": {"a": 0.5}}, [[2]]),
-        ({"a": {"b": 0.5}, "b": {"a": 0.5}, "c": {"a": 1.0}}, []),
+        ({"a": {"b": 0.5}, "b": {"a": 0.5}}, [[2], [0], [1]]),
+        ({"a": {"b": 0.5}, "b": {"a": 0.5}, "c": {"a": 1.0}}, [[0], [1], [2]]),
+        ({"a": {"b": 0.5}, "b": {"c": 0.5}, "c": {"a": 0.5}}, [[0], [1], [2]]),
+        ({"b": {"c": 0.5, "a": 1.0}, "c": {"b": 0.5}}, [[0], [1], [2]]),
     ],
 )
 def test_homing_levels(rows: dict[str, dict[str, float]], levels: list[list[int]]) -> None:
     assert Coupling.of(NAMES, rows).homing_levels(3) == levels
+
+
+def test_axes_that_home_a_joint() -> None:
+    """Both of a CoreXY, each as far as the joint goes; of a belt about the shoulder the elbow's motor stands."""
+    belts = Coupling.of(NAMES, {"a": {"a": 1.0, "b": 1.0}, "b": {"a": -1.0, "b": 1.0}, "c": {"a": 1.0}})
+    assert [belts.mutual(joint) for joint in range(3)] == [{0, 1}, {0, 1}, {2}]
+    assert [belts.homing_axes(joint) for joint in range(3)] == [{0: 1.0, 1: -1.0}, {0: 1.0, 1: 1.0}, {2: 1.0}]
+    assert Coupling.of(NAMES, {"b": {"a": 1.0}}).homing_axes(0) == {0: 1.0}
+    assert Coupling().with_second_motors(3, (1,)).homing_axes(1) == {1: 1.0, 3: 1.0}
