@@ -121,6 +121,8 @@ class Joint:
     """The body that the joint moves, for the same model; None: unknown."""
     second_motor: SecondMotor | None = None
     """The second motor of the joint; None: one motor drives it alone."""
+    current_a: float | None = None
+    """Phase current of the joint's own driver at full torque; None: that of the board's settings."""
 
     def __post_init__(self) -> None:
         check_all(

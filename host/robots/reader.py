@@ -437,6 +437,7 @@ _TURN: Final = {Unit.MM: "travel_per_turn", Unit.DEG: "ratio"}
 _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
     "axis_speed_max": Table.number,
     "axis_acceleration_max": Table.number,
+    "current_a": Table.number,
 }
 _LINK_OPTIONAL: Final[dict[str, Reading]] = {
     **dict.fromkeys(("centre_mm", "inertia_kgm2"), _point),

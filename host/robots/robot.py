@@ -1,7 +1,7 @@
 """A robot as data: its joints, the board that drives them, its dimensions and named positions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any, Final
@@ -94,6 +94,7 @@ class Robot:
             self._check_payload,
             self._check_supply,
             *(partial(self._check_microsteps, joint) for joint in self.joints),
+            *(partial(self._check_current, joint) for joint in self.joints),
             *(partial(self._check_axis, axis) for axis in range(len(self.joints))),
         )
 
@@ -175,6 +176,15 @@ class Robot:
             self.board.profile.mode(joint.transmission.microsteps)
         except ValueError as error:
             raise InputError(f"joints.{joint.name}.microsteps: {error}") from error
+
+    def _check_current(self, joint: Joint) -> None:
+        """Check that the drivers have a joint's own current."""
+        with prefixed(f"joints.{joint.name}."):
+            self.board_at(joint)
+
+    def board_at(self, joint: Joint) -> BoardSettings:
+        """Return the board's settings at a joint: with the current of the joint's own driver, if it has one."""
+        return self.board if joint.current_a is None else replace(self.board, current_a=joint.current_a)
 
     def _check_place(self, key: str, place: Mapping[str, float]) -> None:
         if not place:

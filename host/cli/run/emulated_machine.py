@@ -37,6 +37,6 @@ def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
 
     check_standing(robot, machine)
     scenario = machine.scenario_for(robot)
-    if keys := settings_left_out(robot.board, machine.driver_profile):
+    if keys := settings_left_out(robot, machine.driver_profile):
         warn(f"--driver-profile {machine.driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
     return replace(machine, scenario=scenario)

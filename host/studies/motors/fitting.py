@@ -17,7 +17,7 @@ from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torq
 from steptwin.emulator.motors.rotors import Drive
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.drivers import driver_profile, driver_settings
+from steptwin.host.twin.machine.drivers import driver_profile, driver_settings, phase_currents_a
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
 from steptwin.host.twin.motors.ramps import ALMOST_NONE, JointRamp, Ramps
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve
@@ -129,17 +129,17 @@ def fits_of(
     Raises:
         InputError: the robot's file does not describe its motors and masses.
     """
-    at, settings = ArmAtPoses.of(robot), driver_settings(robot.board, driver_profile(robot.board))
+    at, profile = ArmAtPoses.of(robot), driver_profile(robot.board)
+    settings, currents_a = driver_settings(robot.board, profile), phase_currents_a(robot, profile)
     if current_a is not None:
-        settings = replace(settings, current_a=current_a)
-    own_a = settings.current_a
+        currents_a = (current_a,) * len(robot.axes)
     demands = _demands(robot, at)
     fastest = max(float(np.abs(demands.rad_s).max()), float((robot.axis_speeds_max * rad_per_unit(robot)).max()))
     curves = Curves(robot, max(fastest / RAD_S_PER_RPM, TABLE_RPM[-1]), settings)
-    ramps = Ramps.of(robot, at, curves, settings)
+    ramps = Ramps.of(robot, at, curves, settings, currents_a)
     fits = []
     for axis, joint in enumerate(robot.joints):
-        drive, own_ramps = ramps.drives[axis], ramps.of_axis(axis)
+        drive, own_ramps, own_a = ramps.drives[axis], ramps.of_axis(axis), currents_a[axis]
         carried = at.inertias_kgm2[:, axis, list(robot.coupling.motors_of(axis))].sum(axis=1)
         widest = int(np.argmax(carried))
         inertia = float(carried[widest])

@@ -92,6 +92,11 @@ def driver_settings(board: BoardSettings, profile: DriverProfile) -> DriverSetup
     )
 
 
+def phase_currents_a(robot: Robot, profile: DriverProfile) -> tuple[float, ...]:
+    """Return the phase current at full torque of each axis' driver, set as `driver_settings` has it."""
+    return tuple(driver_settings(robot.board_at(joint), profile).current_a for joint in robot.axes)
+
+
 def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping[str, int]) -> list[int]:
     """Return the microsteps for which each joint's driver is fitted: the file's, or those set `otherwise` by switches.
 
@@ -114,12 +119,14 @@ def switched_microsteps(robot: Robot, profile: DriverProfile, otherwise: Mapping
     return list(chosen.values())
 
 
-def settings_left_out(board: BoardSettings, instead: str | None) -> tuple[str, ...]:
+def settings_left_out(robot: Robot, instead: str | None) -> tuple[str, ...]:
     """Return the keys of the robot file's driver settings that do not apply because `instead` names other drivers.
 
     Raises:
         InputError: the drivers do not exist.
     """
+    board = robot.board
     if driver_profile(board, instead) == driver_profile(board):
         return ()
-    return tuple(key for key in DRIVER_SETTINGS if getattr(board, key) is not None)
+    own = (f"{joint.name}.current_a" for joint in robot.joints if joint.current_a is not None)
+    return (*(key for key in DRIVER_SETTINGS if getattr(board, key) is not None), *own)

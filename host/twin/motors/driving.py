@@ -68,12 +68,9 @@ class DriverRecord:
             fast=_fast_decay(axis, counts) if setup.by_pins else np.full(counts.size, setup.fast_decay_part),
         )
 
-    def at_current(self, current_a: float) -> Self:
-        """Return the record with another amplitude at full torque; torque settings below it shrink in proportion."""
-        if self.phase_current_a == 0.0:
-            return self
-        scale = current_a / self.phase_current_a
-        return replace(self, a_amp=scale * self.a_amp, b_amp=scale * self.b_amp)
+    def scaled(self, factor: float) -> Self:
+        """Return the record with all currents in proportion."""
+        return replace(self, a_amp=factor * self.a_amp, b_amp=factor * self.b_amp)
 
     def stretched(self, factor: float, from_counts: int) -> Self:
         """Return the record where everything after an instant takes `factor` times as long."""
@@ -250,13 +247,16 @@ class Driving:
         return (counts - self.start_counts) / COUNTS_PER_SECOND
 
     def at_current(self, current_a: float) -> Self:
-        """Return the same with another phase current at full torque.
+        """Return the same with another phase current at full torque; drivers that have less keep their part of it.
 
         Raises:
             InputError: the drivers do not carry that current.
         """
         check_current(current_a, self.chip)
-        return replace(self, drivers=tuple(driver.at_current(current_a) for driver in self.drivers))
+        if self.phase_current_a == 0.0:
+            return self
+        factor = current_a / self.phase_current_a
+        return replace(self, drivers=tuple(driver.scaled(factor) for driver in self.drivers))
 
     def with_payload(self, payload_kg: float) -> Self:
         """Return the same with another mass at the tool."""

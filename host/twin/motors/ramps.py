@@ -5,7 +5,7 @@ twice what the ramp adds, must be within the pull-out torque. In a homing that a
 board does not know it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nextafter
@@ -21,7 +21,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driver_settings
+from steptwin.host.twin.machine.drivers import DriverSetup, driver_profile, driver_settings, phase_currents_a
 from steptwin.host.twin.motors.drives import drive_of
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve
@@ -104,16 +104,19 @@ class Ramps:
     holding_nm: tuple[float, ...]
 
     @classmethod
-    def of(cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup) -> Self:
-        """Return what finds the ramps of a robot whose drivers are set like this."""
+    def of(
+        cls, robot: Robot, at: ArmAtPoses, curves: Curves, settings: DriverSetup, currents_a: Sequence[float]
+    ) -> Self:
+        """Return what finds the ramps of a robot whose drivers are set like this, with a phase current of each axis."""
         drives = tuple(drive_of(joint, settings.chip) for joint in robot.axes)
-        current_a, standing_a = settings.current_a, settings.standing_part * settings.current_a
+        driven = [(drive.motor, current_a) for drive, current_a in zip(drives, currents_a, strict=True)]
+        part = settings.standing_part
         return cls(
             robot,
             at,
             drives,
-            tuple(curves.of(drive.motor, current_a) for drive in drives),
-            tuple(float(curves.of(drive.motor, standing_a).torque_nm[0]) for drive in drives),
+            tuple(curves.of(motor, current_a) for motor, current_a in driven),
+            tuple(float(curves.of(motor, part * current_a).torque_nm[0]) for motor, current_a in driven),
         )
 
     def of_axis(self, axis: int) -> JointRamps:
@@ -211,9 +214,10 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
         InputError: the robot's file does not describe its motors and masses.
     """
     at, fastest = ArmAtPoses.of(robot), robot.axis_speeds_max * rad_per_unit(robot)
-    settings = driver_settings(robot.board, drivers or driver_profile(robot.board))
+    profile = drivers or driver_profile(robot.board)
+    settings = driver_settings(robot.board, profile)
     curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings)
-    ramps = Ramps.of(robot, at, curves, settings)
+    ramps = Ramps.of(robot, at, curves, settings, phase_currents_a(robot, profile))
     return tuple(ramps.of_axis(axis) for axis in range(len(robot.axes)))
 
 
