@@ -52,6 +52,11 @@ class Driver:
         return self._stage.held_pulses if self._stage else 0
 
     @property
+    def held_steps(self) -> int:
+        """These pulses, each signed by DIR at its beginning."""
+        return self._stage.held_steps if self._stage else 0
+
+    @property
     def microsteps(self) -> int:
         """Microsteps that the module's switches select, also before the power is up, or else the chip's pins."""
         switches = self.module.switches

@@ -198,6 +198,12 @@ class InputStage:
         return self._rises.size
 
     @property
+    def held_steps(self) -> int:
+        """These pulses, each signed by DIR at its beginning."""
+        meant = levels_at(self._rises, self._dir_counts, self._dir_levels, self._dir_before)
+        return 2 * int(meant.sum(dtype=np.int64)) - meant.size
+
+    @property
     def waiting(self) -> bool:
         """True while edges are on their way to the chip, even if no more come in."""
         idle_to_come = self._switchboard is not None and self._switchboard.waiting

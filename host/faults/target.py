@@ -90,8 +90,12 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
 
 
 def _lag_full_steps(board: Board, axis: int) -> float:
+    """Return what the firmware has counted less what the driver has; pulses that a module still holds back count."""
     motion = board.firmware.motion
-    return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - board.position_full_steps(axis)
+    position = board.position_full_steps(axis)  # the driver processes its pulses before it is asked for the held ones
+    driver = board.drivers.drivers[axis]
+    position += driver.held_steps / driver.microsteps
+    return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - position
 
 
 class Places:

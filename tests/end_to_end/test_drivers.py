@@ -17,6 +17,8 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.machine.boards import board_configs
+from steptwin.host.twin.machine.drivers import phase_currents_a, settings_left_out
+from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import refusal, run_json
 
 QUICK = {"duration_s": "2", "ramp_s": "0.5"}
@@ -215,3 +217,20 @@ class TestModulesSwitches:
         self, command: str, setting: str, line: str, capsys: pytest.CaptureFixture[str]
     ) -> None:
         assert refusal(capsys, *command.split(), "--dip-microsteps", setting) == line
+
+
+def test_a_joint_s_driver_has_its_own_current(fast_kernel: Kernel) -> None:
+    """The others have the board's; other drivers on the board have their usual one, and the command says so."""
+    robot = load_robot("teaching-scara")
+    own = dataclasses.replace(
+        robot,
+        joints=(dataclasses.replace(robot.joints[0], current_a=0.9), *robot.joints[1:]),
+        board=dataclasses.replace(robot.board, current_a=1.2),
+    )
+    assert phase_currents_a(own, own.board.profile) == (0.9, 1.2, 1.2, 1.2)
+    outcome = executed(own, "carry", fast_kernel)
+    most_ma = [int(np.abs(axis.phases.a_ma).max()) for axis in outcome.comparison.evidence.axes]
+    assert most_ma == [900, 1200, 1200, 1200]
+    assert phase_currents_a(own, PROFILES["3a-module"]) == (1.5,) * 4
+    left_out = settings_left_out(load_robot("ar4-mk3"), "tb6600")
+    assert left_out == tuple(f"J{number}.current_a" for number in range(1, 7))

@@ -134,9 +134,12 @@ class TestPulses:
         driver = driven(SLOW_BLUE)
         first = driver.feed(pins([1_000_000], [20_000], UP, until=1_020_000 + 100 * US))
         assert (driver.held_pulses, driver.waiting, first[0].size) == (1, True, 0)
+        assert driver.held_steps == 1
         counts, sixteenths = driver.feed(pins(until=1_020_000 + 150 * US + 1))
         assert (counts.tolist(), sixteenths.tolist()) == ([1_020_000], [16])
-        assert (driver.held_pulses, driver.waiting) == (0, False)
+        assert (driver.held_pulses, driver.held_steps, driver.waiting) == (0, 0, False)
+        driver.feed(pins([2_000_000], [20_000], [(1_900_000, 0)], until=2_020_000 + 100 * US))
+        assert driver.held_steps == -1
 
     def test_steps_are_told_by_their_pulses_at_the_terminals(self) -> None:
         module = Module(CHIP, clk=Coupler(20_000, 20_000))

@@ -269,6 +269,12 @@ class TestMistakesInAFile:
                 id="3.1 A",
             ),
             pytest.param(
+                "microsteps = 8",
+                "microsteps = 8\ncurrent_a = 3.1",
+                "joints.sx.current_a: 3.1 A is not above 0 and up to 3 A",
+                id="3.1 A at a joint",
+            ),
+            pytest.param(
                 "osc_pf = 330",
                 'driver_profile = "3a-module"\nidle_percent = 30',
                 "board.idle_percent: 30 % is not one of 3a-module's 20, 50 %: the nearest are 20 % and 50 %",

@@ -47,11 +47,25 @@ def test_the_evening_runs(evening: Campaign) -> None:
         assert (row.breaches, all(row.struck)) == ((), True), row
 
 
+def test_the_campaign_of_the_ar4_runs(tmp_path: Path) -> None:
+    """One run of each scenario of docs/machines.md, its motors turned by what the drivers did."""
+    page = (Path(__file__).parents[4] / "docs" / "machines.md").read_text(encoding="utf-8")
+    text = page.partition("<!-- campaign -->\n```toml\n")[2].partition("```")[0]
+    campaign = campaign_of(text.replace("runs = 200", "runs = 200\nrecover = false"), tmp_path)
+    trials = {}
+    for trial in sorted((draw(campaign, seed) for seed in range(30)), key=lambda trial: -trial.trajectory.duration_s):
+        trials[trial.scenario] = trial
+    assert len(trials) == len(campaign.scenarios) == 4
+    for trial in trials.values():
+        row = run_seed(campaign, trial.seed)
+        assert (trial.setup.robot.name, row.breaches, all(row.struck)) == ("ar4-mk3", (), True), row
+
+
 @pytest.fixture(scope="module")
 def nightly() -> Campaign:
     campaign, files = read_campaign(sources_of_file("nightly"))
     assert (campaign.runs, files) == (10_000, set())
-    assert len(campaign.robots) == 5
+    assert len(campaign.robots) == 6
     return campaign
 
 
