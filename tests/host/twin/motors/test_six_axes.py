@@ -55,7 +55,7 @@ MASSES_KG: Final = np.array([*(link.mass_kg for link in links()), PAYLOAD_KG])
 
 
 def steps_deg() -> FloatArray:
-    return np.rad2deg(STEP_RAD) * np.eye(6)
+    return np.asarray(np.rad2deg(STEP_RAD) * np.eye(6))
 
 
 def weights_nm(joints_deg: FloatArray) -> FloatArray:
