@@ -2,7 +2,7 @@
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.links.bus_link import Connection
-from steptwin.host.client.pausing import send_pause, send_resume
+from steptwin.host.client.pausing import check_speed, send_pause, send_resume
 from steptwin.host.client.stopping import UNSURE, send_quick_stop
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.figures import BoardFigures
@@ -112,6 +112,24 @@ class Desk(DeskState):
             raise RefusedError("resume: the machine is held by an emergency stop")
         send_resume(self._executing("resume"))
         self.events.info("resumed")
+
+    def change_speed(self, client: str, percent: int, shown: int | None) -> None:
+        """Let the trajectory that runs be slower or faster, in percent of its planned speed; return at once.
+
+        Raise RefusedError as `resume`, or if no motion may have this speed. What the motion's own limits do not allow
+        is told in `events`.
+        """
+        self.operators.require(client)
+        self.require_shown("speed", shown)
+        assert shown is not None
+        if self.snapshot.emergency_stopped:
+            raise RefusedError("speed: the machine is held by an emergency stop")
+        try:
+            check_speed(percent)
+        except InputError as error:
+            raise RefusedError(told(error)) from error
+        self._executing("make slower or faster")
+        self.speed.ask(percent, shown)
 
     def _executing(self, what: str) -> list[AxisClient]:
         """Return the axes that execute a trajectory, at rest or not; raise RefusedError if there is none."""

@@ -168,6 +168,7 @@ class Publisher:
             operator=None,
             bus_load_percent=state.bus_load_percent,
             queue_fill=_queue_fill(session, drives),
+            speed_percent=state.speed.percent,
             late_ms=state.late_ms,
             stood_percent=state.stood_percent,
         )

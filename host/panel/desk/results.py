@@ -2,8 +2,9 @@
 
 A position is reported without a time of the motion, and a pause or a computer that is too slow delays it by any amount.
 But the axis also reports which record it executes, and both frames have the time when they were on the bus. The
-motion never gets ahead of that clock, so the motion's time of each position lies between two bounds. They are some
-20 ms apart, through pauses as well: one record of 10 ms, and the time for which a report may wait for the bus.
+motion never gets ahead of that clock, or of the clock at the highest speed that it was given on the way, so the
+motion's time of each position lies between two bounds. They are some 20 ms apart, through pauses as well: one record of
+10 ms, and the time for which a report may wait for the bus.
 """
 
 import time
@@ -23,6 +24,7 @@ from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
 from steptwin.host.operate.session import Session
+from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.frame import COB_TPDO
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
@@ -95,16 +97,17 @@ class Placed:
     error_steps: FloatArray
 
 
-def placed(outcome: LiveOutcome, reports: tuple[AxisReports, ...]) -> tuple[Placed, ...]:
-    """Return where each axis was during the last repetition of a run."""
+def placed(outcome: LiveOutcome, reports: tuple[AxisReports, ...], *, faster: bool = False) -> tuple[Placed, ...]:
+    """Return where each axis was during the last repetition of a run, which may have run `faster` than planned."""
+    rate_max = _RATE_MAX * (highest_speed(outcome.plan).percent / 100 if faster else 1)
     return tuple(
-        _placed(outcome.plan, axis, reported, end.end_units)
+        _placed(outcome.plan, axis, reported, end.end_units, rate_max)
         for axis, (reported, end) in enumerate(zip(reports, outcome.axes, strict=True))
     )
 
 
-def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int) -> Placed:
-    lower_s, upper_s = time_bounds(plan, reports)
+def _placed(plan: Plan, axis: int, reports: AxisReports, end_units: int, rate_max: float) -> Placed:
+    lower_s, upper_s = time_bounds(plan, reports, rate_max)
     last_s = plan.times_ms[-1:] / 1000
     lower_s, upper_s = np.append(lower_s, last_s), np.append(upper_s, last_s)
     units = np.append(_columns(reports.places)[1], end_units)
@@ -126,7 +129,7 @@ def _planned(plan: Plan, axis: int) -> CubicHermiteSpline:
     return CubicHermiteSpline(plan.times_ms / 1000, plan.points_units[:, axis], velocities)
 
 
-def time_bounds(plan: Plan, reports: AxisReports) -> tuple[FloatArray, FloatArray]:
+def time_bounds(plan: Plan, reports: AxisReports, rate_max: float = _RATE_MAX) -> tuple[FloatArray, FloatArray]:
     """Return the least and the greatest time of the motion, in seconds, when each position can have been taken."""
     begins_s = plan.times_ms / 1000
     place_s, _ = _columns(reports.places)
@@ -136,7 +139,7 @@ def time_bounds(plan: Plan, reports: AxisReports) -> tuple[FloatArray, FloatArra
     lower_s = np.concatenate((np.zeros(place_s.size), begins_s[executed]))
     upper_s = np.concatenate((np.full(place_s.size, begins_s[-1]), begins_s[executed + 1] + _QUEUED_S))
     order = np.argsort(at_s, kind="stable")
-    clock_s = _RATE_MAX * (at_s[order] - at_s[order][:1])
+    clock_s = rate_max * (at_s[order] - at_s[order][:1])
     lower_s, upper_s = lower_s[order], upper_s[order]
     upper_s = np.minimum.accumulate(upper_s - clock_s) + clock_s  # not ahead of the clock since an earlier report
     upper_s = np.minimum.accumulate(upper_s[::-1])[::-1]  # nor beyond where a later one still was
@@ -186,6 +189,8 @@ class RunResults:
     def __init__(self) -> None:
         self._collected: tuple[AxisReports, ...] = ()
         """What each axis has reported since `begin`; nothing while none runs."""
+        self._faster = False
+        """True once the run that goes on was seen to be faster than planned."""
         self._numbers = count(1)
         self._results: deque[Result] = deque(maxlen=RESULTS_MAX)
         self._lock = Lock()
@@ -207,6 +212,11 @@ class RunResults:
     def begin(self, axes: int) -> None:
         """Collect reports from now on, and forget what was collected before."""
         self._collected = tuple(AxisReports() for _ in range(axes))
+        self._faster = False
+
+    def note_faster(self) -> None:
+        """Note that the run that goes on is faster than planned."""
+        self._faster = True
 
     def end(self, name: str, outcome: LiveOutcome | None, why: str | None) -> None:
         """Keep a run that has ended, with its outcome or with the reason why it has none; collect no more."""
@@ -218,7 +228,7 @@ class RunResults:
             passed=outcome.passed if outcome else None,
             why=why,
             outcome=outcome,
-            placed=placed(outcome, reports) if outcome and reports else (),
+            placed=placed(outcome, reports, faster=self._faster) if outcome and reports else (),
         )
         with self._lock:
             self._results.append(result)

@@ -14,6 +14,7 @@ from steptwin.host.panel.desk.reports import SILENT_S, Reports
 from steptwin.host.panel.desk.requests import Operators, Order
 from steptwin.host.panel.desk.results import Result, RunResults
 from steptwin.host.panel.desk.settings import MachineSettings, Setting
+from steptwin.host.panel.desk.speeds import RunSpeed
 from steptwin.host.panel.desk.stops import ShownStates, StopRequests
 from steptwin.host.panel.desk.words import RefusedError, busy
 from steptwin.host.robots.robot import Robot
@@ -103,6 +104,7 @@ class Snapshot:
         late_ms: how late a served board is at the 99th percentile; None if it does not tell.
         stood_percent: part of the last five seconds for which a served board's clock has stood since the computer was
             too slow; None if it does not tell.
+        speed_percent: speed of the trajectory that runs, in percent of the planned one; 0 in a pause, None without one.
     """
 
     number: int = -1
@@ -123,6 +125,7 @@ class Snapshot:
     queue_fill: float | None = None
     late_ms: float | None = None
     stood_percent: float | None = None
+    speed_percent: float | None = None
 
     @property
     def drives(self) -> tuple[JointView, ...]:
@@ -148,6 +151,7 @@ class DeskState:
         shown: the states from which commands may be asked for.
         presses: the jog button that is held.
         stops: the stop that is asked for.
+        speed: the speed of the trajectory that runs.
         session: the session while the machine is connected.
         reports: what the axes report, while the machine is connected.
         latest: the newest snapshot that was published.
@@ -169,6 +173,7 @@ class DeskState:
         self.shown = ShownStates()
         self.presses = Presses(self.events.error)
         self.stops = StopRequests()
+        self.speed = RunSpeed(self.events, self.shown, self.runs.note_faster)
         self.session: Session | None = None
         self.reports: Reports | None = None
         self.latest = Snapshot()
@@ -220,7 +225,13 @@ class DeskState:
     def disconnected(self, why: str) -> None:
         """Show that the machine is not connected, and why; the rest stays as last known."""
         self.latest = replace(
-            self.latest, time_s=time.monotonic(), connected=False, why_not=why, activity=None, queue_fill=None
+            self.latest,
+            time_s=time.monotonic(),
+            connected=False,
+            why_not=why,
+            activity=None,
+            queue_fill=None,
+            speed_percent=None,
         )
 
     # --- what waits for the worker, and what it does
@@ -254,7 +265,8 @@ class DeskState:
             return press
 
     def drop(self) -> None:
-        """Drop a command that waits; one that is carried out goes on."""
+        """Drop a command that waits, and a speed; one that is carried out goes on."""
+        self.speed.drop()
         with self._lock:
             if self._order is not None:
                 self._order = None

@@ -106,8 +106,13 @@ class ConnectedMachine:
         state = self._state
         state.reports, state.session = self.publisher.reports, self.session
         state.shown.void("the machine was connected again")
-        self._link.publish = self.publisher.publish
+        self._link.publish = self._follow
         state.events.info(f"connected: {title}")
+
+    def _follow(self) -> None:
+        """Publish, and tend the speed of a trajectory, in every wait."""
+        self.publisher.publish()
+        self._state.speed.tend(self.session.machine)
 
     def turn(self) -> None:
         """Stop if that is asked for; then carry out a command, or jog, or wait.

@@ -226,6 +226,7 @@ class Hub:
                 snapshot.emergency_stopped,
                 snapshot.pose is None,
                 round(snapshot.stood_percent or 0.0),
+                None if snapshot.speed_percent is None else round(snapshot.speed_percent),
             ),
             tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.drives),
             activity and (activity.name, activity.paused, activity.pausable, round(100 * (activity.fraction or 0))),

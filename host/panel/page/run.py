@@ -13,6 +13,7 @@ from steptwin.host.panel.desk.commands import RunMotion
 from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.desk.words import AS_SLOW_AS_NEEDED, MOVE_TO_START
 from steptwin.host.panel.page.elements import (
+    Chip,
     Form,
     FormField,
     act,
@@ -37,7 +38,7 @@ from steptwin.host.panel.page.motions import (
     plan_job,
 )
 from steptwin.host.panel.page.scene import ArmScene, links_at
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import SHOWN, Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
 from steptwin.host.planning.jobs.options import OptionField, OptionRange
 from steptwin.host.planning.peaks import Quantity
@@ -101,6 +102,8 @@ def _size_words(size_bytes: int) -> str:
 
 _FILE: Final = "a file of yours"
 _PACES: Final = {"1": "as planned", "2": "half speed", "4": "quarter speed", "auto": AS_SLOW_AS_NEEDED}
+_SPEEDS_PERCENT: Final = (10, 25, 50, 75, 100, 125, 150)
+"""Speeds of a motion that runs, in percent of the planned one."""
 _REPETITIONS_MAX: Final = 1000
 
 
@@ -160,6 +163,11 @@ class RunTab:
         with line("tight"):
             ui.label("Speed").classes("muted")
             self._pace = choice("speed of the run", _PACES, "1", lambda _: self._outdate())
+        with line("tight"):
+            ui.label("On the way").classes("muted")
+            self._speeds = [self._speed_button(percent) for percent in _SPEEDS_PERCENT]
+            self._speed = Chip()
+            self._speed.element.classes("said")
         self._summary = ui.label().classes("muted")
         self._options = stack()
         self._upload = Upload(self._other_file, visitor.tell)
@@ -173,8 +181,21 @@ class RunTab:
         self._choose()
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Let a motion be run while the machine does nothing; the head shows the progress."""
+        """Let a motion be run while the machine does nothing, and its speed be changed while it runs."""
         self._start.set_enabled(self._shown is not None and snapshot.activity is None)
+        on_the_way = snapshot.activity is not None and snapshot.activity.pausable
+        for button in self._speeds:
+            button.set_enabled(on_the_way)
+        self._speed.show(speed_words(snapshot.speed_percent) if on_the_way else "")
+
+    def _speed_button(self, percent: int) -> ui.button:
+        """Return the button that lets the motion which runs have a speed, in percent of the planned one."""
+
+        def change() -> None:
+            visitor = self._visitor
+            visitor.attempt(lambda: visitor.desk.change_speed(visitor.tab, percent, SHOWN.get()))
+
+        return plain(f"{percent} %", change, label=f"{percent} % of the planned speed", moves=True)
 
     def shown(self) -> "Shown":
         """Return what the tab shows now, for the same tab when it is loaded again."""
@@ -320,6 +341,13 @@ def _form_field(option: OptionField) -> FormField:
 
 def _text(value: Any) -> str:
     return f"{value:.12g}" if isinstance(value, int | float) else str(value)
+
+
+def speed_words(percent: float | None) -> str:
+    """Return the present speed of a motion in words."""
+    if percent is None:
+        return ""
+    return f"runs at {percent:.0f} %" if percent else "rests"
 
 
 def show_figures(plan: Plan) -> None:

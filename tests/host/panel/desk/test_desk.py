@@ -33,6 +33,7 @@ from steptwin.host.panel.desk.desk import Desk
 from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, JointJog, ToolJog
 from steptwin.host.panel.desk.requests import Command
 from steptwin.host.panel.desk.words import RefusedError
+from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.positions import ToolPosition
@@ -198,6 +199,43 @@ def test_a_drive_that_is_off_tells_that_the_emergency_stop_is_pressed(shared: Ri
     shared.served.operate(EmergencyStop(pressed=False))
     await_true(lambda: not any(joint.hindrance for joint in desk.snapshot.joints), "pulled out")
     shared.do(Enable())
+
+
+@in_time
+def test_the_operator_changes_the_speed_of_a_run(shared: Rig) -> None:
+    """Slower and faster, with the present speed in the snapshot; what comes too late or from another is refused."""
+    desk = shared.desk
+    assert desk.snapshot.speed_percent is None
+    with pytest.raises(RefusedError, match=r"^nothing to make slower or faster: no trajectory runs$"):
+        desk.change_speed(ANN, 50, desk.snapshot.number)
+    shared.ask(demo(desk))
+    await_true(lambda: desk.snapshot.speed_percent == 100, "run")
+    with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
+        desk.change_speed(BOB, 50, desk.snapshot.number)
+    with pytest.raises(RefusedError, match=r"^speed: the page had not shown the machine yet"):
+        desk.change_speed(ANN, 50, None)
+    for percent, says in ((9, "is not from 10 to 150 %; 10 % passes"), (151, "is not from 10 to 150 %; 150 % passes")):
+        with pytest.raises(RefusedError, match=says):
+            desk.change_speed(ANN, percent, desk.snapshot.number)
+    desk.change_speed(ANN, 50, desk.snapshot.number)
+    await_true(lambda: desk.snapshot.speed_percent == 50, "slower")
+    desk.pause("Bob")
+    await_true(lambda: desk.snapshot.speed_percent == 0, "paused")
+    desk.resume(ANN, desk.snapshot.number)
+    highest = highest_speed(demo(desk).plan).percent
+    desk.change_speed(ANN, highest, desk.snapshot.number)
+    await_true(lambda: desk.snapshot.speed_percent == highest, "as fast as it may be")
+    if highest < 150:
+        desk.change_speed(ANN, 150, desk.snapshot.number)
+        says = f"speed: speed 150 %: this motion can be made at most {highest} % as fast as planned, by its limits"
+        await_true(lambda: any(event.text.startswith(says) for event in desk.events.since()), "refused")
+    shared.idle()
+    assert any(event.text == "speed: 50 % of the planned one" for event in desk.events.since())
+    done = desk.results[-1]
+    assert (done.name, done.passed, done.why) == ("demo", True, None)
+    for axis in done.placed:
+        assert np.abs(axis.error_steps).max() < 0.6  # as a run at one speed
+    await_true(lambda: desk.snapshot.speed_percent is None, "over")
 
 
 @in_time

@@ -81,6 +81,10 @@ class ScriptedDesk(Desk):
         self.require_shown("resume", shown)
         self.calls.append(("resume", client))
 
+    def change_speed(self, client: str, percent: int, shown: int | None) -> None:
+        self.require_shown("speed", shown)
+        self.calls.append(("speed", client, percent))
+
     def pause(self, by: str = "a client") -> None:
         self.calls.append(("pause", by))
 

@@ -296,6 +296,35 @@ def test_the_head_follows_the_activity(on_page: OnPage) -> None:
     on_page(body)
 
 
+def test_the_run_tab_changes_the_speed_on_the_way(on_page: OnPage) -> None:
+    """While a trajectory runs, from the state that the event names; the present speed stands beside."""
+
+    async def body(rig: Rig) -> None:
+        button = "50 % of the planned speed"
+        assert not rig.find(button).enabled
+        assert "data-moves" in rig.find(button).props
+        rig.desk.show(activity=Activity("spiral", 0.42, paused=False, pausable=True), speed_percent=100.0)
+        await rig.look()
+        assert rig.shows("runs at 100 %")
+        SHOWN.set(7)
+        await rig.click(button)
+        await rig.click("150 % of the planned speed")
+        assert [call for call in rig.desk.calls if call[0] == "speed"] == [
+            ("speed", rig.user.tab_id, 50),
+            ("speed", rig.user.tab_id, 150),
+        ]
+        assert rig.desk.asked_from == [7, 7]
+        rig.desk.show(speed_percent=50.0)
+        await rig.look()
+        assert rig.shows("runs at 50 %")
+        rig.desk.show(activity=Activity("home", 0.5, paused=False, pausable=False), speed_percent=None)
+        await rig.look()
+        assert not rig.find(button).enabled
+        assert not rig.shows("runs at")
+
+    on_page(body)
+
+
 def by_socket(event: str, *message: Any) -> Any:
     """Let a message come by a socket that is no page's."""
     return core.sio.handlers["/"][event]("a socket", *message)
