@@ -37,6 +37,12 @@ def check(
     campaign: motions and scenarios, with the number of runs that are to have them. A file with something wrong ends
     with exit code 2.
     """
+    from steptwin.host.planning.trajectory_file import is_trajectory_file
+
+    if is_trajectory_file(file):
+        raise InputError(
+            f"{file}: is a trajectory: `steptwin run ROBOT {file}` says what is wrong before anything moves"
+        )
     with prefixed(f"{file}: "):
         text = read_text(file, CAMPAIGN_BYTES_MAX)
         if not _OF_A_CAMPAIGN.search(text):

@@ -196,7 +196,7 @@ def _motion(
     if job.endswith(SUFFIX):
         return _program(robot, job, options)
     if Path(job).is_file():
-        raise InputError(f"{job}: a trajectory file ends in {' or '.join(SUFFIXES)}")
+        raise InputError(f"{job}: a trajectory file ends in {', '.join(SUFFIXES)}")
     here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
     if here and job not in job_names(robot):
         raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")

@@ -58,8 +58,8 @@ def run(
     words: list[str] | None = argument(
         "ROBOT JOB|FILE [BOX]",
         "The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
-        " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON in the"
-        " shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
+        " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON or YAML in"
+        " the shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
     ),
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.

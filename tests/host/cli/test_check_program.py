@@ -123,3 +123,10 @@ def test_the_table_shows_the_passes_of_a_repetition(program: Path, capsys: pytes
     assert heads.split()[:3] == ["step", "pass", "what"]
     assert [line.split()[:3] for line in lines] == [["1.1", "1", "pause"], ["1.1", "2", "pause"], ["2", "-", "pause"]]
     assert [step["pass"] for step in run_json(capsys, "check", str(program))["steps"]] == [[1], [2], []]
+
+
+@pytest.mark.parametrize("name", ["mine.csv", "mine.yaml"])
+def test_a_trajectory_is_for_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert refusal(capsys, "check", name) == (
+        f"{name}: is a trajectory: `steptwin run ROBOT {name}` says what is wrong before anything moves"
+    )

@@ -165,7 +165,16 @@ def test_the_longest(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "is_file"),
-    [("a.csv", True), ("dir/a.JSON", True), ("carry", False), ("a.csv.gz", False), ("csv", False), ("a.toml", False)],
+    [
+        ("a.csv", True),
+        ("dir/a.JSON", True),
+        ("a.yml", True),
+        ("a.YAML", True),
+        ("carry", False),
+        ("a.csv.gz", False),
+        ("csv", False),
+        ("a.toml", False),
+    ],
 )
 def test_which_names_are_files(name: str, is_file: bool) -> None:
     assert is_trajectory_file(name) is is_file
