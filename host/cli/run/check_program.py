@@ -67,7 +67,8 @@ def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> 
 
 def _print_steps(steps: "Sequence[StepRow]") -> None:
     """Print a row for each step; the column of passes only if a step is made several times."""
-    passes: Columns = {"pass": lambda row: row.place.pass_text or "-"}
+    word = next((row.place.pass_word for row in steps if row.place.passes), "pass")
+    passes: Columns = {word: lambda row: row.place.pass_text or "-"}
     texts: Columns = {
         "step": "{0.place.number}",
         **(passes if any(row.place.passes for row in steps) else {}),

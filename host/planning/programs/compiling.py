@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from math import nan
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.flowing import BranchesOnWay, switching_words
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.names import check_names
+from steptwin.host.planning.programs.pallets import Pallet
 from steptwin.host.planning.programs.program import (
     STEPS_MAX,
     Place,
@@ -33,6 +35,7 @@ from steptwin.host.planning.programs.program import (
 from steptwin.host.planning.programs.program_file import Complaints
 from steptwin.host.planning.programs.steps import GoStep, JointsBy, Step, ToolBy
 from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 _SINGULARITIES: Final = ("shoulder", "elbow", "wrist")
@@ -129,7 +132,13 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
         check_own_robot(program, robot)
         own_robot = robot
     checked = check_names(program, own_robot, found)
-    walk = _Walk(robot, Moves(robot, {name: at for name, at in checked.positions.items() if at is not None}))
+    positions = {name: at for name, at in checked.positions.items() if at is not None}
+    pallets = {name: pallet for name, pallet in checked.pallets.items() if pallet is not None}
+    walk = _Walk(robot, Moves(robot, positions, pallets=pallets))
+    for name, pallet in pallets.items():
+        with found.collecting(f"pallets.{name}: "):
+            if own_robot is not None:
+                check_cells(robot, pallet)
     with found.collecting():
         if own_robot is not None:
             walk.make(checked)
@@ -143,6 +152,31 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
     else:
         found.messages.extend(compiled.fast_steps())
     return compiled
+
+
+_NAMED_CELLS: Final = 4
+"""Number of cells that a message names; it counts the others."""
+
+
+def check_cells(robot: Robot, pallet: Pallet) -> None:
+    """Raise InputError, with the cells, unless each cell of a pallet is reached on some branch.
+
+    Cells that leave out a coordinate depend on where the robot comes from; their steps are judged alone.
+    """
+    kinematics = make_kinematics(robot)
+    task = kinematics.task
+    unknown_pose = (nan,) * task.width
+    poses = np.array([task.changed(unknown_pose, cell.coordinates, cell.orientation) for cell in pallet.cells])
+    known = poses[:, :3] if kinematics.attitude_follows else poses
+    if np.isnan(known).any():
+        return
+    branches = kinematics.inverse(poses)
+    far = np.flatnonzero(~np.logical_or.reduce([branch.reachable for branch in branches])).tolist()
+    if far:
+        names = ", ".join(pallet.labels[i] for i in far[:_NAMED_CELLS])
+        more = f" and {len(far) - _NAMED_CELLS} more" if len(far) > _NAMED_CELLS else ""
+        reason = branches[0].reason(far[0])
+        raise InputError(f"{len(far)} of {len(poses)} cells are out of reach, {names}{more}: {reason}")
 
 
 def _more_words(count: int) -> str:
@@ -211,7 +245,7 @@ class _Walk:
         check_all(*(partial(checks.check_within, *each) for each in zip(self._robot.joints, joints, strict=True)))
 
     def _take(self, written: Written) -> None:
-        place, step = written
+        place, step, self._moves.cells = written
         if isinstance(step, WrongStep):
             self._end_flow()
             if step.moves:

@@ -29,10 +29,11 @@ from steptwin.host.planning.paths import (
 from steptwin.host.planning.peaks import highest, sampled, speed_peaks
 from steptwin.host.planning.programs.flowing import FlowingLegs, LegTime, check_none_gathered, switch_on_way
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, StepPace, ToolPace
-from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.pallets import STATION_FRAME, Cells, Pallet
+from steptwin.host.planning.programs.positions import Beside, JointPosition, Position, Target, ToolPosition
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots.kinematics import Branch, make_kinematics
-from steptwin.host.robots.poses import POSITION, SCARA, Pose, Turning
+from steptwin.host.robots.poses import PLACE, POSITION, SCARA, Pose, Turning
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.nearest_pose import passing_text
 
@@ -81,10 +82,19 @@ def check_steps(robot: Robot, distances: Mapping[str, float]) -> None:
 class Moves:
     """Moves from a robot's position on, with the program's named positions; `composer` holds the motions so far."""
 
-    def __init__(self, robot: Robot, positions: Mapping[str, Position], joints: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        positions: Mapping[str, Position],
+        joints: FloatArray | None = None,
+        pallets: Mapping[str, Pallet] | None = None,
+    ) -> None:
         """Begin at joints of shape (joints,), or at the robot's home position."""
         self._robot = robot
         self._positions = positions
+        self._pallets = pallets or {}
+        self.cells: Cells = {}
+        """The present cell of each pallet whose cells are visited."""
         self._kinematics = make_kinematics(robot)
         self._task = self._kinematics.task
         self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
@@ -99,7 +109,9 @@ class Moves:
 
     def from_here(self) -> "Moves":
         """Return new moves, without any yet, that begin where these have come to."""
-        return Moves(self._robot, self._positions, self.composer.joints)
+        moves = Moves(self._robot, self._positions, self.composer.joints, self._pallets)
+        moves.cells = self.cells
+        return moves
 
     # --- positions
 
@@ -126,7 +138,9 @@ class Moves:
 
     def says_everything(self, target: Target) -> bool:
         """Return whether a position leaves no joint or coordinate as it is; the branch may be left as it is."""
-        match self._position(target):
+        match self._found(target):
+            case None:
+                return False
             case JointPosition(joints):
                 return set(joints) == set(self._robot.joint_names)
             case ToolPosition(coordinates, orientation=orientation):
@@ -137,7 +151,9 @@ class Moves:
 
     def says_branch(self, target: Target) -> bool:
         """Return whether a position is on one branch, wherever the robot stands."""
-        match self._position(target):
+        match self._found(target):
+            case None:
+                return False
             case JointPosition():
                 return True
             case ToolPosition(branch=branch):
@@ -316,11 +332,38 @@ class Moves:
     # --- the robot
 
     def _position(self, target: Target) -> Position:
+        if isinstance(target, Beside):
+            return self._beside(target)
         if not isinstance(target, str):
             return target
         if target not in self._positions:
             raise unknown("position", target, self._positions)
         return self._positions[target]
+
+    def _found(self, target: Target) -> Position | None:
+        """Return a position; None if there is none."""
+        with suppress(InputError):
+            return self._position(target)
+        return None
+
+    def _beside(self, target: Beside) -> ToolPosition:
+        """Return a position beside a named one or beside the present cell, along the axes of the cell's frame."""
+        if target.is_cell:
+            pallet, number = self._pallets[target.of], self.cells.get(target.of)
+            if number is None:
+                raise InputError(f'cell: {target.of!r} has no present cell: put the step into `each = "{target.of}"`')
+            base: Position = pallet.cells[number]
+            frame = pallet.frame
+        else:
+            base, frame = self._position(target.of), STATION_FRAME
+        if isinstance(base, JointPosition):
+            raise InputError(f"at: {target.of!r} is a position of the joints; an offset is beside one of the tool")
+        way_mm = frame.turned(np.array([target.offset.get(name, 0.0) for name in PLACE]))
+        moved = dict(zip(PLACE, way_mm.tolist(), strict=True)) | {"phi": target.offset.get("phi", 0.0)}
+        here = self._task.figures(np.array(self._here())).tolist()
+        now = dict(zip(self._task.coordinates, here, strict=True))
+        changed = {name: base.coordinates.get(name, now.get(name, 0.0)) + way for name, way in moved.items() if way}
+        return ToolPosition({**base.coordinates, **changed}, base.branch, base.orientation)
 
     def _pose(self, joints: FloatArray) -> Pose:
         if not self._task.width:

@@ -14,8 +14,9 @@ from steptwin.host.common.findings import Findings, UnreadError
 from steptwin.host.planning.motions.composer import require_input, require_output
 from steptwin.host.planning.programs.moves import check_steps
 from steptwin.host.planning.programs.paces import ToolPace
-from steptwin.host.planning.programs.positions import JointPosition, Position, Target, ToolPosition
-from steptwin.host.planning.programs.program import AnyStep, Call, Program, Repeat, WrongStep
+from steptwin.host.planning.programs.positions import Beside, JointPosition, Position, Target, ToolPosition
+from steptwin.host.planning.programs.program import AnyStep, Call, Each, Program, Repeat, WrongStep, visited
+from steptwin.host.planning.programs.steps import Step
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -34,12 +35,24 @@ class Names:
     robot: Robot | None
 
     def target(self, target: Target) -> None:
-        """Check a position, or the name of one."""
-        if not isinstance(target, str):
+        """Check a position, one beside another, or the name of one."""
+        if isinstance(target, Beside):
+            if target.is_cell:
+                self.pallet(target.of)
+            else:
+                self.target(target.of)
+        elif not isinstance(target, str):
             self.position(target)
         elif self.program.positions.get(target) is None:
             if target not in self.program.positions and self.program.has_all_names:
                 raise unknown("position", target, self.program.positions)
+            raise UnreadError
+
+    def pallet(self, name: str) -> None:
+        """Check the name of a pallet."""
+        if self.program.pallets.get(name) is None:
+            if name not in self.program.pallets and self.program.has_all_names:
+                raise unknown("pallet", name, self.program.pallets)
             raise UnreadError
 
     def targets(self, *targets: Target) -> None:
@@ -156,18 +169,30 @@ class _Checking:
 
     def _step(self, step: AnyStep, place: str, callers: tuple[str, ...]) -> AnyStep:
         match step:
-            case WrongStep():
-                return step
             case Repeat(times, inner):
                 return Repeat(times, self._steps(inner, f"{place}.", callers))
+            case Each():
+                return self._each(step, place, callers)
             case Call(name):
                 with self._findings.collecting(f"{place}: "):
                     return step if self._can_call(name, callers) else WrongStep(moves=True)
-            case _:
-                with self._findings.collecting(f"{place} ({step}): "):
-                    step.check(self._names)
-                    return step
-                return WrongStep(moves=step.pace is not None)
+            case WrongStep():
+                return step
+        return self._single(step, place) if not isinstance(step, Call) else WrongStep(moves=True)
+
+    def _single(self, step: Step, place: str) -> AnyStep:
+        with self._findings.collecting(f"{place} ({step}): "):
+            step.check(self._names)
+            return step
+        return WrongStep(moves=step.pace is not None)
+
+    def _each(self, each: Each, place: str, callers: tuple[str, ...]) -> AnyStep:
+        checked = replace(each, steps=self._steps(each.steps, f"{place}.", callers))
+        with self._findings.collecting(f"{place}: "):
+            for name in each.pallets:
+                self._names.pallet(name)
+            visited(self._program, checked)
+            return checked
         return WrongStep(moves=True)
 
     def _can_call(self, name: str, callers: tuple[str, ...]) -> bool:

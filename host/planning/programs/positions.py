@@ -53,8 +53,25 @@ class ToolPosition:
 
 
 Position = JointPosition | ToolPosition
-Target = Position | str
-"""A position, or the name of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """A position beside another one: the named one, or the present cell of a pallet.
+
+    Attributes:
+        of: name of the position or the pallet.
+        offset: way to it in mm, and turn by phi in degrees, by coordinate; along a cell's frame, or the station's axes.
+        is_cell: True for a pallet.
+    """
+
+    of: str
+    offset: Mapping[str, float]
+    is_cell: bool
+
+
+Target = Position | Beside | str
+"""A position, one beside another, or the name of one."""
 
 
 def read_target(table: Table, key: str) -> Target:
@@ -64,7 +81,23 @@ def read_target(table: Table, key: str) -> Target:
     if key not in table:
         raise InputError(f"{key}: is missing")
     with prefixed(f"{key}: "):
-        return read_position(Table(table.values[key], "name or table"))
+        target = Table(table.values[key], "name or table")
+        return _read_beside(target) if "cell" in target or "at" in target else read_position(target)
+
+
+_OFFSETS: Final = ("x", "y", "z", "phi")
+
+
+def _read_beside(table: Table) -> Beside:
+    """Return a cell of a pallet, or a position beside a named one, from `{ cell = "box", offset = { z = 40.0 } }`."""
+    is_cell, offset = "cell" in table, dict[str, float]()
+    key = "cell" if is_cell else "at"
+    table.check_keys((key, "offset"))
+    if "offset" in table:
+        with table.section("offset") as ways:
+            ways.check_keys(_OFFSETS)
+            offset = {name: ways.number(name) for name in ways}
+    return Beside(table.text(key, empty=False), offset, is_cell)
 
 
 def read_position(table: Table) -> Position:

@@ -1,13 +1,14 @@
 """A program: named positions, named sequences of steps, the steps themselves, and the robot that it names."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import is_file
+from steptwin.host.planning.programs.pallets import Cells, Pallet, cell_numbers
 from steptwin.host.planning.programs.positions import Position, Target
 from steptwin.host.planning.programs.steps import Step
 from steptwin.host.robots import SUFFIX, load_robot, load_robot_file, robot_names
@@ -22,6 +23,21 @@ class Repeat:
     """Steps that are made several times."""
 
     times: int
+    steps: tuple["AnyStep", ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Each:
+    """Steps that are made for each cell of a pallet, or of several with as many cells at once.
+
+    Attributes:
+        pallets: names of the pallets.
+        cells: the cells to visit, such as `3..7`; None for all.
+        steps: the steps.
+    """
+
+    pallets: tuple[str, ...]
+    cells: str | None
     steps: tuple["AnyStep", ...]
 
 
@@ -43,7 +59,7 @@ class WrongStep:
     moves: bool
 
 
-AnyStep = Step | Repeat | Call | WrongStep
+AnyStep = Step | Repeat | Each | Call | WrongStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +74,7 @@ class Program:
         positions_for: name of the robot for which the file's positions were saved; None if there is none.
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
+        pallets: pallets by name; None for one that is wrong.
         leaves_open: slots of the robot's shelf whose drawers it leaves out.
         folder: folder from which the paths in it count.
         starts: False if the position where it begins is wrong.
@@ -71,6 +88,7 @@ class Program:
     positions_for: str | None
     sequences: Mapping[str, tuple[AnyStep, ...]]
     steps: tuple[AnyStep, ...]
+    pallets: Mapping[str, Pallet | None] = field(default_factory=dict)
     leaves_open: tuple[str, ...] = ()
     folder: Path = Path()
     starts: bool = True
@@ -82,34 +100,41 @@ class Place(NamedTuple):
 
     Attributes:
         number: number of the step, behind those of the repetitions and calls it is in, as in `3.2`.
-        passes: the pass of each of these repetitions, from 1 on; those that are made once do not count.
+        passes: the pass of each of these repetitions, from 1 on, or the cell of a pallet; those that are made once do
+            not count.
     """
 
     number: str
-    passes: tuple[int, ...] = ()
+    passes: tuple[int | str, ...] = ()
 
     def __str__(self) -> str:
-        return f"step {self.number}" + (f", pass {self.pass_text}" if self.passes else "")
+        return f"step {self.number}" + (f", {self.pass_word} {self.pass_text}" if self.passes else "")
+
+    @property
+    def pass_word(self) -> str:
+        """What a pass is called."""
+        return "cell" if any(isinstance(each, str) for each in self.passes) else "pass"
 
     @property
     def pass_text(self) -> str:
-        """The passes as a text, such as `2` or, for a repetition in a repetition, `2.1`."""
+        """The passes as a text, such as `2` or, for a repetition in a repetition, `2.1`; `2,1,1` for a cell."""
         return ".".join(map(str, self.passes))
 
 
 class Written(NamedTuple):
-    """A step that is made at a place of the program."""
+    """A step that is made at a place of the program, at cells of pallets."""
 
     place: Place
     step: Step | WrongStep
+    cells: Cells
 
 
 def written_out(program: Program) -> Iterator[Written]:
     """Yield the steps of a program whose names have been checked, so that no sequence calls itself."""
-    return _written(program, program.steps, Place(""))
+    return _written(program, program.steps, Place(""), {})
 
 
-def _written(program: Program, steps: tuple[AnyStep, ...], above: Place) -> Iterator[Written]:
+def _written(program: Program, steps: tuple[AnyStep, ...], above: Place, cells: Cells) -> Iterator[Written]:
     for index, step in enumerate(steps, 1):
         place = above._replace(number=f"{above.number}{index}")
         inner = above._replace(number=f"{place.number}.")
@@ -117,11 +142,31 @@ def _written(program: Program, steps: tuple[AnyStep, ...], above: Place) -> Iter
             case Repeat(times, repeated):
                 for number in range(1, times + 1):
                     passes = (*above.passes, number) if times > 1 else above.passes
-                    yield from _written(program, repeated, inner._replace(passes=passes))
+                    yield from _written(program, repeated, inner._replace(passes=passes), cells)
+            case Each(pallets, _, repeated):
+                first = visited(program, step)
+                for number in first:
+                    pallet = program.pallets[pallets[0]]
+                    passes = (*above.passes, pallet.labels[number] if pallet else "")
+                    now = {**cells, **dict.fromkeys(pallets, number)}
+                    yield from _written(program, repeated, inner._replace(passes=passes), now)
             case Call(name):
-                yield from _written(program, program.sequences[name], inner)
+                yield from _written(program, program.sequences[name], inner, cells)
             case _:
-                yield Written(place, step)
+                yield Written(place, step, cells)
+
+
+def visited(program: Program, each: Each) -> range:
+    """Return the numbers of the cells that `each` visits; raise InputError for cells or pallets that do not fit.
+
+    The pallets must be there.
+    """
+    counts = {name: len(pallet.cells) for name in each.pallets if (pallet := program.pallets[name])}
+    if len(set(counts.values())) > 1:
+        words = " and ".join(f"{name} has {count}" for name, count in counts.items())
+        raise InputError(f"each: pallets that are visited at once have as many cells: {words}")
+    count = min(counts.values(), default=0)
+    return range(count) if each.cells is None else cell_numbers(each.cells, each.pallets[0], count)
 
 
 def load_own_robot(program: Program) -> Robot:

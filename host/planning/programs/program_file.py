@@ -4,9 +4,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from reprlib import repr as short
-from typing import Final
+from typing import Final, TypeVar
 
-from steptwin.host.common.bad_input import nearest, prefixed
+from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
 from steptwin.host.common.findings import Findings
@@ -24,6 +24,7 @@ from steptwin.host.planning.programs.paces import (
     ProgramLaw,
     ToolPace,
 )
+from steptwin.host.planning.programs.pallets import Pallet, WorkFrame, read_pallet
 from steptwin.host.planning.programs.positions import (
     JointPosition,
     Position,
@@ -32,7 +33,7 @@ from steptwin.host.planning.programs.positions import (
     read_position,
     read_target,
 )
-from steptwin.host.planning.programs.program import STEPS_MAX, AnyStep, Call, Place, Program, Repeat, WrongStep
+from steptwin.host.planning.programs.program import STEPS_MAX, AnyStep, Call, Each, Place, Program, Repeat, WrongStep
 from steptwin.host.planning.programs.steps import Step
 
 
@@ -71,7 +72,8 @@ def pass_words(first: Place, wrong: int, judged: int) -> str:
     """Return the passes where a step is wrong: `, in every pass`, the first one, or nothing without repetition."""
     if not first.passes:
         return ""
-    return ", in every pass" if judged > 1 and wrong == judged else f", in pass {first.pass_text}"
+    word = first.pass_word
+    return f", in every {word}" if judged > 1 and wrong == judged else f", in {word} {first.pass_text}"
 
 
 SUFFIX: Final = ".toml"
@@ -80,15 +82,8 @@ Usual = Mapping[str, object]
 """Keys that each step has that moves, unless it says otherwise."""
 
 _PROGRAM_KEYS: Final = (
-    "title",
-    "robot",
-    "law",
-    "start",
-    "leaves_open",
-    "positions_file",
-    "positions",
-    "sequences",
-    "step",
+    *("title", "robot", "law", "start", "leaves_open", "positions_file"),
+    *("frames", "positions", "pallets", "sequences", "step"),
 )
 _REPEAT_MAX: Final = 10_000
 _FULL_TURN_DEG: Final = 360.0
@@ -123,8 +118,10 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         if "law" in table:
             usual["law"] = table.choice("law", ProgramLaw).value
     names = Findings()
-    positions = _positions(table, findings, names)
+    frames = _frames(table, findings, names)
+    positions = _positions(table, frames, findings, names)
     saved_for = _add_saved(positions, table, folder, names)
+    pallets = _pallets(table, frames, positions, findings, names)
     sequences = _sequences(table, findings, names, usual)
     findings.messages.extend(names.messages)
     program = Program(
@@ -135,15 +132,14 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         positions_for=saved_for,
         sequences=sequences,
         steps=_steps(_list(table, "step", findings), "step ", findings, usual),
+        pallets=pallets,
         leaves_open=_leaves_open(table, findings),
         folder=folder,
         starts=starts,
         has_all_names=not names.messages,
     )
     with findings.collecting():
-        table.check_keys(
-            ("title", "robot", "law", "start", "leaves_open", "positions_file", "positions", "sequences", "step")
-        )
+        table.check_keys(_PROGRAM_KEYS)
     with findings.collecting():
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
@@ -162,17 +158,57 @@ def _leaves_open(table: Table, findings: Findings) -> tuple[str, ...]:
     return tuple(slots)
 
 
-def _positions(table: Table, findings: Findings, names: Findings) -> dict[str, Position | None]:
-    """Return the positions by name, None for one that is wrong; without the names these are added to `names`."""
-    positions: dict[str, Position | None] = {}
+def _frames(table: Table, findings: Findings, names: Findings) -> dict[str, WorkFrame | None]:
+    """Return the frames by name, None for one that is wrong."""
+    return _named(table, "frames", WorkFrame.read, findings, names)
+
+
+def _pallets(
+    table: Table,
+    frames: Mapping[str, WorkFrame | None],
+    positions: Mapping[str, Position | None],
+    findings: Findings,
+    names: Findings,
+) -> dict[str, Pallet | None]:
+    """Return the pallets by name, None for one that is wrong."""
+    return _named(table, "pallets", lambda own: read_pallet(own, frames, positions), findings, names)
+
+
+Named = TypeVar("Named")
+
+
+def _named(
+    table: Table, key: str, read: Callable[[Table], Named], findings: Findings, names: Findings
+) -> dict[str, Named | None]:
+    """Return what a table of tables names, None for what is wrong; without the names these are added to `names`."""
+    found: dict[str, Named | None] = {}
     with names.collecting():
-        if "positions" in table:
-            with table.section("positions") as named:
+        if key in table:
+            with table.section(key) as named:
                 for name in named:
-                    positions[name] = None
-                    with findings.collecting(f"positions.{name}: "):
-                        positions[name] = read_position(Table(named.values[name], "table"))
-    return positions
+                    found[name] = None
+                    with findings.collecting(f"{key}.{name}: "):
+                        found[name] = read(Table(named.values[name], "table"))
+    return found
+
+
+def _positions(
+    table: Table, frames: Mapping[str, WorkFrame | None], findings: Findings, names: Findings
+) -> dict[str, Position | None]:
+    """Return the positions by name, None for one that is wrong."""
+
+    def read(own: Table) -> Position:
+        if "frame" not in own:
+            return read_position(own)
+        frame = frames.get(own.text("frame", empty=False))
+        if frame is None:
+            raise unknown("frame:", own.text("frame"), frames)
+        position = read_position(Table({key: own.values[key] for key in own if key != "frame"}, "table"))
+        if not isinstance(position, ToolPosition):
+            raise InputError("frame: beside joints; a position in a frame is the tool's")
+        return frame.placed(position)
+
+    return _named(table, "positions", read, findings, names)
 
 
 def _add_saved(positions: dict[str, Position | None], table: Table, folder: Path, findings: Findings) -> str | None:
@@ -238,17 +274,22 @@ def _steps(elements: Iterable[object], place: str, findings: Findings, usual: Us
 
 
 def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep:
-    verbs = [key for key in table if key in _VERBS or key == "repeat"]
+    verbs = [key for key in table if key in _VERBS or key in _REPEATING]
     if len(verbs) != 1:
         meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
         if meant and not verbs:
             raise InputError(meant[0])
         given = " and ".join(verbs) or "none"
-        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, 'repeat'))}, not {given}")
+        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, *_REPEATING))}, not {given}")
     verb = verbs[0]
     if verb == "repeat":
         table.check_keys(("repeat", "steps"))
         return _repeat(table, place, findings, usual)
+    if verb == "each":
+        table.check_keys(("each", "cells", "steps"))
+        names = [table.text("each")] if isinstance(table.values["each"], str) else _texts(table, "each")
+        cells = table.text("cells") if "cells" in table else None
+        return Each(tuple(names), cells, _steps(_some(table, "steps"), place, findings, usual))
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
     if "duration_s" not in table:
@@ -258,8 +299,16 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
 
 def _meant(key: str) -> str | None:
     """Return the verb that an unknown key may stand for: other programs' words for it, or the nearest name."""
-    near = nearest(key, (*_VERBS, "repeat"))
+    near = nearest(key, (*_VERBS, *_REPEATING))
     return _OTHER_WORDS.get(key) or (near[0] if near else None)
+
+
+def _texts(table: Table, key: str) -> list[str]:
+    """Return a list of texts that has at least one."""
+    values = table.elements(key)
+    if not values or not all(isinstance(value, str) for value in values):
+        raise InputError(f"{key}: is the name of a pallet, or a list of names")
+    return [str(value) for value in values]
 
 
 def _repeat(table: Table, place: str, findings: Findings, usual: Usual) -> Repeat:
@@ -339,6 +388,9 @@ def _call(table: Table) -> AnyStep:
 
 _JOINT_PACE: Final = ("law", "speed_percent", "duration_s", "blend_mm")
 _TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s", "law", "blend_mm", "outputs")
+
+_REPEATING: Final = ("repeat", "each")
+"""The verbs of steps that hold other steps."""
 
 _STANDING: Final = ("output", "wait", "pause")
 """The verbs of steps that let the robot stand."""

@@ -11,7 +11,7 @@ from steptwin.host.planning.motions.composer import check_timeout
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import JointPace, StepPace, ToolPace
-from steptwin.host.planning.programs.positions import JointPosition, Target, ToolPosition
+from steptwin.host.planning.programs.positions import Beside, JointPosition, Target, ToolPosition
 
 if TYPE_CHECKING:
     from steptwin.host.planning.programs.names import Names
@@ -291,6 +291,8 @@ def _words(target: Target) -> str:
             return _numbers(joints)
         case ToolPosition(branch=branch):
             return target.words + (f" ({branch})" if branch else "")
+        case Beside(of, offset, is_cell):
+            return f"{'cell of ' if is_cell else ''}{of}" + (f" and {_numbers(offset)}" if offset else "")
         case name:
             return name
 
