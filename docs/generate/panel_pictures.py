@@ -10,18 +10,47 @@ from typing import Final
 
 from PIL import Image
 
-from tests.host.panel.page.browser import Browser, open_browser, panel_of
+from steptwin.host.robots import load_robot
+from tests.host.panel.page.browser import NOT_SEEN, Browser, open_browser, panel_of
 
 FOLDER: Final = Path(__file__).parent.parent / "pictures" / "panel"
 _SIZE: Final = (1440, 1000)
 _PHONE: Final = (412, 915)
+_Q0: Final = "return document.querySelector('[data-live=q0]').textContent"
+"""The first joint's position, as the page shows it."""
 _COLOURS: Final = 128
 """Enough for the page, and a third of the bytes."""
 
 
 def main() -> None:
-    """Take a picture of every view, two of them dark, one on a phone."""
+    """Take a picture of every view, two of them dark, one on a phone, and two of a six-axis arm."""
     FOLDER.mkdir(parents=True, exist_ok=True)
+    _small_arm()
+    _six_axis_arm()
+
+
+def _six_axis_arm() -> None:
+    """Let the AR4 stand at home, known without homing, and show its frames and a pose."""
+    home = " ".join(f"{position:g}" for position in load_robot("ar4-mk3").home)
+    with (
+        TemporaryDirectory() as folder,
+        panel_of("ar4-mk3", Path(folder), "--stand-at", home) as url,
+        open_browser(_SIZE) as browser,
+    ):
+        browser.open(url)
+        browser.tab("Move")
+        browser.click("Home position")
+        browser.click_until("Declare as position", lambda: browser.run(_Q0) != "unknown")
+        browser.click("Tool pose")
+        browser.click("Fill in present position")
+        _picture(browser, "six-axes-move")
+        browser.tab("Jog")
+        browser.click("Frames")
+        browser.click("its own")
+        _picture(browser, "six-axes-jog")
+
+
+def _small_arm() -> None:
     with TemporaryDirectory() as folder, panel_of("lab-scara", Path(folder)) as url, open_browser(_SIZE) as browser:
         browser.open(url)
         browser.home()
@@ -48,6 +77,7 @@ def main() -> None:
 
 def _picture(browser: Browser, name: str) -> None:
     time.sleep(1.0)  # the 3D view and the plots draw a little later
+    browser.until(lambda: browser.activity() != NOT_SEEN)  # on a busy computer the page is grey now and then
     path = FOLDER / f"{name}.png"
     browser.picture(path)
     with Image.open(path) as picture:

@@ -58,7 +58,7 @@ def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
 
 
 def write_machine_pictures() -> None:
-    """Draw the tool's path in the example of each arm of docs/machines.md."""
+    """Draw the example of each arm of docs/machines.md in space."""
     for robot in map(load_robot, MACHINES):
         if robot.kinematics != "chain":
             continue
@@ -66,7 +66,7 @@ def write_machine_pictures() -> None:
         program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
         outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
         path = DOCS / picture(robot.name, "example", "path")
-        write_picture(path, partial(PICTURES["tool-path"], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
+        write_picture(path, partial(PICTURES["in-space"], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
 
 
 _KIND: Final = "calibration-scara"

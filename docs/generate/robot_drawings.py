@@ -1,7 +1,6 @@
 """Draw each kind of mechanism with its dimensions and joints: the arm from above and from the side."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +14,7 @@ from docs.generate.commands import DOCS, GeneratedPage
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.in_space import draw_arm_in_space
-from steptwin.host.robots import read_robot
+from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import dimensions, meaning
 from steptwin.host.robots.kinematics.hybrid import GUIDE_PART
 from steptwin.host.robots.kinematics.kinds import KINDS
@@ -29,37 +28,6 @@ _SHOULDER_DEG, _ELBOW_DEG, _TOOL_DEG = 28.0, 42.0, -60.0
 _L1, _L2, _TOOL = 200.0, 150.0, 55.0
 
 
-@dataclass(frozen=True, slots=True)
-class ScaraNames:
-    """The names of a SCARA's dimensions and joints; an empty name is not drawn.
-
-    Attributes:
-        links: first and second link.
-        joints: shoulder, elbow and tool.
-        lift: the lift's joint, and whether it is first in the chain and counts upwards.
-        base: height of the first link; likewise the second link's offset, the tool's drop and its distance aside.
-        heading: direction of the arm with all joints at 0.
-        slides: horizontal and vertical slide.
-        drop_sign: put before the drop's name if the file's value is negative downwards.
-    """
-
-    links: tuple[str, str]
-    joints: tuple[str, str, str]
-    lift: tuple[str, bool, bool]
-    base: str = ""
-    offset: str = ""
-    drop: str = ""
-    tool: str = ""
-    heading: str = ""
-    slides: tuple[str, str] | None = None
-
-
-_SCARA: Final = ScaraNames(
-    ("l1_mm", "l2_mm"), ("th1", "th2", "th4"), ("d3", False, False), "base_mm", "offset_mm", "drop_mm", "tool_mm",
-    "heading_deg",
-)  # fmt: skip
-
-
 def drawing(kind: str) -> Path:
     """Return the file of a kind's drawing."""
     return DOCS / "pictures" / f"kind-{kind}.png"
@@ -71,83 +39,66 @@ def write_robot_drawings() -> None:
         write_picture(drawing(kind), draw)
 
 
-def _scara(title: str, *variants: ScaraNames) -> Figure:
-    figure = Figure(figsize=(5.0 + 4.2 * len(variants), 4.4), layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", weight="bold")
-    axes = figure.subplots(1, 1 + len(variants), width_ratios=(1.15, *[1.0] * len(variants)))
-    _from_above(axes[0], variants[0])
-    for side, names in zip(axes[1:], variants, strict=True):
-        _from_the_side(side, names)
+def _scara() -> Figure:
+    figure = Figure(figsize=(13.4, 4.4), layout="constrained")
+    figure.suptitle("scara", x=0.01, ha="left", weight="bold")
+    above, last, first = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
+    _from_above(above)
+    _from_the_side(last, lift_first=False)
+    _from_the_side(first, lift_first=True)
     return figure
 
 
-def _from_above(axes: Axes, names: ScaraNames) -> None:
-    heading_deg = 14.0 if names.heading else 0.0
+def _from_above(axes: Axes) -> None:
+    heading_deg = 14.0
     first_deg = heading_deg + _SHOULDER_DEG
     second_deg = first_deg + _ELBOW_DEG
+    tool_deg = second_deg + _TOOL_DEG
     shoulder = np.zeros(2)
     elbow = shoulder + _L1 * _unit(first_deg)
     wrist = elbow + _L2 * _unit(second_deg)
+    tip = wrist + _TOOL * _unit(tool_deg)
     axes.plot(*np.array([shoulder, elbow, wrist]).T, marker="o", markersize=11, **_LINK)
-    _beside(axes, shoulder, elbow, names.links[0])
-    _beside(axes, elbow, wrist, names.links[1])
+    _beside(axes, shoulder, elbow, "l1_mm")
+    _beside(axes, elbow, wrist, "l2_mm")
     _line(axes, shoulder, shoulder + 110 * _unit(heading_deg))
-    if names.heading:
-        _angle(axes, shoulder, (0.0, heading_deg), 190.0, names.heading, _DIMENSION)
-    _angle(axes, shoulder, (heading_deg, first_deg), 90.0, names.joints[0])
+    _angle(axes, shoulder, (0.0, heading_deg), 190.0, "heading_deg", _DIMENSION)
+    _angle(axes, shoulder, (heading_deg, first_deg), 90.0, "th1")
     _line(axes, elbow, elbow + 100 * _unit(first_deg))
-    _angle(axes, elbow, (first_deg, second_deg), 75.0, names.joints[1])
-    if names.joints[2]:
-        tool_deg = second_deg + _TOOL_DEG
-        _line(axes, wrist, wrist + 80 * _unit(second_deg))
-        _angle(axes, wrist, (tool_deg, second_deg), 62.0, names.joints[2])
-        tip = wrist + _TOOL * _unit(tool_deg)
-        axes.annotate("", _at(tip), _at(wrist), arrowprops={"arrowstyle": "-|>", "color": "#3b4a5a", "linewidth": 2})
-        if names.tool:
-            axes.text(*_at((wrist + tip) / 2 + np.array([4.0, -8.0])), names.tool, color=_DIMENSION, va="top")
+    _angle(axes, elbow, (first_deg, second_deg), 75.0, "th2")
+    _line(axes, wrist, wrist + 80 * _unit(second_deg))
+    _angle(axes, wrist, (tool_deg, second_deg), 62.0, "th4")
+    axes.annotate("", _at(tip), _at(wrist), arrowprops={"arrowstyle": "-|>", "color": "#3b4a5a", "linewidth": 2})
+    axes.text(*_at((wrist + tip) / 2 + np.array([4.0, -8.0])), "tool_mm", color=_DIMENSION, va="top")
     for name, direction in (("x", np.array([1.0, 0.0])), ("y", np.array([0.0, 1.0]))):
         axes.annotate("", _at(300 * direction), (0, 0), arrowprops={"arrowstyle": "->", "color": "0.6"})
         axes.text(*_at(310 * direction), name, color="0.4", ha="center", va="center")
-    if names.slides:
-        axes.annotate("", (120, -55), (0, -55), arrowprops={"arrowstyle": "-|>", "color": _JOINT, "linewidth": 2})
-        axes.text(60, -75, f"{names.slides[0]}: the whole arm along x", color=_JOINT, ha="left", va="top")
     _finish(axes, "from above", (-60, 360), (-110, 400))
 
 
-def _from_the_side(axes: Axes, names: ScaraNames) -> None:
-    lift, first, up = names.lift
-    slid = 70.0 if names.slides else 0.0
-    base = slid + (90.0 if names.base else 0.0)
-    arm = base + (80.0 if first else 0.0)
-    second = arm + (45.0 if names.offset else 0.0)
-    tip = second - 95.0
-    aside = _TOOL if names.tool else 0.0
-    wrist = _L1 + _L2
+def _from_the_side(axes: Axes, *, lift_first: bool) -> None:
+    base = 90.0
+    arm = base + (80.0 if lift_first else 0.0)
+    second = arm + 45.0
+    tip, wrist = second - 95.0, _L1 + _L2
     axes.axhline(0.0, color="0.6", linewidth=1, zorder=0)
-    axes.text(wrist + aside + 105, 4, "z = 0", color="0.4", ha="right")
+    axes.text(wrist + _TOOL + 105, 4, "z = 0", color="0.4", ha="right")
     axes.plot([0, 0], [min(0.0, arm - 60.0), arm], color="#9aa5b1", linewidth=12, zorder=1)
     axes.plot([0, _L1, _L1, wrist], [arm, arm, second, second], marker="o", markersize=9, **_LINK)
-    axes.plot([wrist, wrist, wrist + aside], [second, tip, tip], color="#3b4a5a", linewidth=3)
-    axes.plot([wrist + aside], [tip], marker="v", color="#3b4a5a", markersize=8)
-    _between(axes, (0, second + 30), (_L1, second + 30), names.links[0])
-    _between(axes, (_L1, second + 30), (wrist, second + 30), names.links[1])
-    if names.base:
-        _between(axes, (-30, slid), (-30, base), names.base, left=True)
-    if names.offset:
-        _between(axes, (_L1 - 20, arm), (_L1 - 20, second), names.offset, left=True)
-    if names.drop:
-        _between(axes, (wrist + aside + 22, tip), (wrist + aside + 22, second), names.drop)
-    if names.tool:
-        _between(axes, (wrist, tip - 40), (wrist + aside, tip - 40), names.tool)
-    if names.slides:
-        _moves(axes, (-30, 0), (-30, slid), names.slides[1])
-    if first:
-        _moves(axes, (-30, base), (-30, arm), lift)
-    elif lift:
-        ends = ((wrist - 26, tip), (wrist - 26, second - 12))
-        _moves(axes, *(ends if up else ends[::-1]), lift)
-    where = "lift first" if first else "lift last" if lift else "no lift"
-    _finish(axes, f"from the side, stretched, {where}", (-120, wrist + aside + 110), (-140, 290))
+    axes.plot([wrist, wrist, wrist + _TOOL], [second, tip, tip], color="#3b4a5a", linewidth=3)
+    axes.plot([wrist + _TOOL], [tip], marker="v", color="#3b4a5a", markersize=8)
+    _between(axes, (0, second + 30), (_L1, second + 30), "l1_mm")
+    _between(axes, (_L1, second + 30), (wrist, second + 30), "l2_mm")
+    _between(axes, (-30, 0), (-30, base), "base_mm", left=True)
+    _between(axes, (_L1 - 20, arm), (_L1 - 20, second), "offset_mm", left=True)
+    _between(axes, (wrist + _TOOL + 22, tip), (wrist + _TOOL + 22, second), "drop_mm")
+    _between(axes, (wrist, tip - 40), (wrist + _TOOL, tip - 40), "tool_mm")
+    if lift_first:
+        _moves(axes, (-30, base), (-30, arm), "d1")
+    else:
+        _moves(axes, (wrist - 26, second - 12), (wrist - 26, tip), "d3")
+    where = "lift first" if lift_first else "lift last"
+    _finish(axes, f"from the side, stretched, {where}", (-120, wrist + _TOOL + 110), (-140, 290))
 
 
 def _moves(axes: Axes, start: tuple[float, float], end: tuple[float, float], name: str) -> None:
@@ -159,9 +110,14 @@ def _moves(axes: Axes, start: tuple[float, float], end: tuple[float, float], nam
 
 
 def _in_space(kind: str) -> Figure:
-    """Draw a new robot of a kind whose robots differ in more than their lengths."""
+    """Draw a new robot of a kind with the lengths and joints of its DH table."""
     robot = read_robot(robot_text(kind, kind, *with_settings(kind, {"axes": "XYZC"} if kind == "cartesian" else {})))
     return draw_arm_in_space(robot, tuple(0.6 * joint.lower + 0.4 * joint.upper for joint in robot.joints))
+
+
+def _of_paper(kind: str) -> Figure:
+    """Draw the paper's own robot of a kind, at its home, with its lengths and joints."""
+    return draw_arm_in_space(load_robot(kind))
 
 
 def _hybrid() -> Figure:
@@ -255,40 +211,14 @@ def _finish(axes: Axes, title: str, x: tuple[float, float], y: tuple[float, floa
 
 
 _DRAWINGS: Final[dict[str, Callable[[], Figure]]] = {
-    "scara": partial(
-        _scara,
-        "scara",
-        _SCARA,
-        ScaraNames(
-            _SCARA.links, ("th2", "th3", "th4"), ("d1", True, True), "base_mm", "offset_mm", "drop_mm", "tool_mm"
-        ),
-    ),
-    "teaching-scara": partial(
-        _scara,
-        "teaching-scara",
-        ScaraNames(("l1_mm", "l2_mm"), ("th1", "th2", "th4"), ("d3", False, False), drop="- d4_mm"),
-    ),
-    "lab-scara": partial(
-        _scara,
-        "lab-scara: the arm heads for +y, so x here is the machine's y",
-        ScaraNames(("a2_mm", "a3_mm"), ("th2", "th3", "th4"), ("d1", True, True), drop="d5_mm"),
-    ),
-    "calibration-scara": partial(
-        _scara,
-        "calibration-scara",
-        ScaraNames(("L1_mm", "L2_mm"), ("th1", "th2", "th4"), ("d3", False, False), base="d1_mm"),
-    ),
-    "warehouse-scara": partial(
-        _scara,
-        "warehouse-scara",
-        ScaraNames(
-            ("L2_mm", "L3_mm"), ("th1", "th2", "th3"), ("L1", True, True), drop="L4_mm", tool="L5_mm",
-            slides=("sx", "sz"),
-        ),
-    ),
+    "scara": _scara,
     "hybrid-arm": _hybrid,
+    **{
+        kind: partial(_of_paper, kind)
+        for kind in ("teaching-scara", "lab-scara", "calibration-scara", "warehouse-scara")
+    },
     **{kind: partial(_in_space, kind) for kind in ("cartesian", "axes", "chain")},
-}  # fmt: skip
+}
 
 
 def _kind(name: str) -> str:

@@ -155,9 +155,9 @@ class HardwareTab:
 
     def _tables(self) -> tuple[tuple[str, str, str], ...]:
         """Return heading and columns of each table; drivers that the board sets have Protect pins."""
-        profile = self._visitor.desk.robot.board.profile
-        lines = "fault lines at the board" if profile.switched else "Protect pins"
-        drivers = f"Drivers ({profile.name}): {lines}"
+        board = self._visitor.desk.robot.board
+        lines = "fault lines at the board" if board.profile.switched else "Protect pins"
+        drivers = f"Drivers ({board.driver_profile or board.profile.chip.name}): {lines}"
         return (
             ("", "the machine", "is"),
             (drivers, "joint", "line"),

@@ -1,6 +1,7 @@
 """The table of the joints, the tool's pose, and the buttons for the machine as a whole."""
 
 from functools import partial
+from typing import Final
 
 from nicegui import ui
 
@@ -73,6 +74,10 @@ def _output_row(visitor: Visitor, name: str) -> Chip:
 _ON, _OFF = state_words(State.OPERATION_ENABLED), state_words(State.SWITCH_ON_DISABLED)
 
 
+_TURNS: Final = ("roll", "pitch", "yaw")
+"""Coordinates that nothing but a tool has; with the place they fill the line."""
+
+
 class Joints:
     """The table of the joints with the tool's pose under it."""
 
@@ -101,7 +106,8 @@ class Joints:
             with ui.element("div").classes("pose"):
                 for i, (name, unit) in enumerate(make_kinematics(visitor.desk.robot).task.coordinates.items()):
                     with ui.element("div"):
-                        ui.label(f"tool {name}, {unit}").classes("muted small")
+                        of_tool = "" if name in _TURNS else "tool "
+                        ui.label(f"{of_tool}{name}, {unit}".rstrip(", ")).classes("muted small")
                         live(f"pose{i}", "value")
 
     def refresh(self, snapshot: Snapshot) -> None:

@@ -175,17 +175,19 @@ class SceneCard:
     def __init__(self, robot: Robot, drawing: Drawing) -> None:
         self._drawing = drawing
         self._drawn: tuple[int, int] | None = None
+        has_tool = make_kinematics(robot).task.width > 0
         with card(classes="flush place-scene"):
             with line("tight scene-bar"):
                 camera_buttons(lambda: self.scene)
-                plain("Path", lambda: self.scene.look("path"), label="look at the path")
                 mark_switches(lambda: self.scene)
-                plain("Clear trace", drawing.clear_trace)
+                if has_tool:
+                    plain("Path", lambda: self.scene.look("path"), label="look at the path")
+                    plain("Clear trace", drawing.clear_trace)
                 drawing_switch(lambda: self.scene)
             with ui.element("div").classes("scene-place"):
                 self.scene: ArmScene = ArmScene(robot)
                 with line("scene-legend"):
-                    for colour, text in _LEGEND:
+                    for colour, text in _LEGEND if has_tool else _LEGEND[-1:]:
                         legend(colour, text)
 
     def refresh(self, _snapshot: Snapshot) -> None:
