@@ -1,8 +1,9 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
-A word prints only some of them: `kinematics` those of poses and joints, `panel` those of the operator's panel, `motors`
-those of motors after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a
-campaign's workers, and `live` those of a live board, with a stream of a minute and a million frames.
+A word prints only some of them: `kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
+`panel` those of the operator's panel, `motors` those of motors after a run, `live-motors [PAIRS]` those of motors that
+turn with a live board, `workers` that of a campaign's workers, and `live` those of a live board, with a stream of a
+minute and a million frames.
 """
 
 import os
@@ -15,6 +16,7 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
+from steptwin.bench.arm_programs import programs_tables
 from steptwin.bench.arm_speed import arms_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.hardware_speed import driver_table, rotor_table
@@ -24,13 +26,14 @@ from steptwin.bench.live_lateness import live_motors_table
 from steptwin.bench.live_throughput import live_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.timing import cyclic_table, timing_table
-from steptwin.controller.motion.backend import KERNELS
+from steptwin.controller.motion.backend import KERNELS, Kernel
 from steptwin.host.cli.run.bench import print_figures
 from steptwin.host.studies.step_methods.motions import all_motions
 from steptwin.host.studies.step_methods.table import measured
 
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "kinematics": lambda: [kinematics_table(), arms_table()],
+    "programs": lambda: programs_tables(_kernels()),
     "panel": panel_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
@@ -47,9 +50,14 @@ def main() -> None:
         console.print(table)
 
 
+def _kernels() -> list[Kernel]:
+    """Return the kernel in every form that is installed, the fastest one last."""
+    return [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
+
+
 def _all() -> Iterator[Table | str]:
-    """Measure everything, the kernel in every form that is installed."""
-    kernels = [KERNELS["python"]()] + ([KERNELS["numba"]()] if find_spec("numba") else [])
+    """Measure everything."""
+    kernels = _kernels()
     fastest = kernels[-1]
     processor = platform.processor() or platform.machine()
     yield f"{processor}, {os.cpu_count()} cores, Python {platform.python_version()}"
@@ -65,6 +73,7 @@ def _all() -> Iterator[Table | str]:
     yield waveform_table()
     yield kinematics_table()
     yield arms_table()
+    yield from programs_tables(kernels)
     yield rotor_table()
     if find_spec("distributed"):
         yield workers_table()

@@ -95,7 +95,7 @@ def measure(kernel: Kernel) -> DrawerPullFigure:
         if repeat:  # run 0 warms up
             emulation.append(outcome.report.run.wall_s)
             verification.append(time.perf_counter() - started)
-            bare.append(_bare_bus_s(outcome.bus_log))
+            bare.append(bare_bus_s(outcome.bus_log))
     report = outcome.report
     moving = [axis for axis in report.axes if axis.pulses]
     return DrawerPullFigure(
@@ -110,7 +110,7 @@ def measure(kernel: Kernel) -> DrawerPullFigure:
     )
 
 
-def _bare_bus_s(log: list[tuple[int, Frame]]) -> float:
+def bare_bus_s(log: list[tuple[int, Frame]], clock_s: Callable[[], float] = time.perf_counter) -> float:
     """Return the time that plain Python takes to deliver the frames of a bus log, and to keep a log of them."""
     heard: list[bytes] = []
 
@@ -120,12 +120,12 @@ def _bare_bus_s(log: list[tuple[int, Frame]]) -> float:
     receivers = {frame.cob_id: receive for _, frame in log}
     sent = [(counts, frame.cob_id, bytes(frame.data)) for counts, frame in log]
     delivered: list[tuple[int, Frame]] = []
-    started = time.perf_counter()
+    started = clock_s()
     for counts, cob_id, data in sent:
         frame = Frame(cob_id, data)
         receivers[cob_id](frame, counts)
         delivered.append((counts, frame))
-    bare_s = time.perf_counter() - started
+    bare_s = clock_s() - started
     assert delivered == log
     assert len(heard) == len(log)
     return bare_s

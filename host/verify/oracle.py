@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray, Int8Array
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import Trajectory, states
 
 IndexArray = NDArray[np.intp]
 
@@ -248,8 +248,7 @@ def _samples(
     trajectory: Trajectory, steps_per_unit: FloatArray, grid_s: FloatArray
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield for each axis the times and positions in steps, on the grid and at the turning points between."""
-    position_steps = trajectory.positions(grid_s) * steps_per_unit
-    velocity_hz = trajectory.velocities(grid_s) * steps_per_unit
+    position_steps, velocity_hz = (values * steps_per_unit for values in states(trajectory, grid_s))
     _check_finite(trajectory, grid_s, position_steps)
     cell, axis = _turning_cells(velocity_hz)
 
