@@ -1,9 +1,9 @@
 """Print the tables of all benchmarks: `python -m steptwin.bench`, or `make bench`.
 
 A word prints only some of them: `kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
-`panel` those of the operator's panel, `motors` those of motors after a run, `live-motors [PAIRS]` those of motors that
-turn with a live board, `workers` that of a campaign's workers, and `live` those of a live board, with a stream of a
-minute and a million frames.
+`fastest` those of motions as fast as the limits allow, `panel` those of the operator's panel, `motors` those of motors
+after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
+and `live` those of a live board, with a stream of a minute and a million frames.
 """
 
 import os
@@ -19,6 +19,7 @@ from rich.table import Table
 from steptwin.bench.arm_programs import programs_tables
 from steptwin.bench.arm_speed import arms_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
+from steptwin.bench.fastest_motions import corners_text, motions_table
 from steptwin.bench.hardware_speed import driver_table, rotor_table
 from steptwin.bench.host_speed import kinematics_table, waveform_table
 from steptwin.bench.kernel_speed import kernel_table, scaling_tables
@@ -34,6 +35,7 @@ from steptwin.host.studies.step_methods.table import measured
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "kinematics": lambda: [kinematics_table(), arms_table()],
     "programs": lambda: programs_tables(_kernels()),
+    "fastest": lambda: [motions_table(), corners_text()],
     "panel": panel_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
@@ -74,6 +76,7 @@ def _all() -> Iterator[Table | str]:
     yield kinematics_table()
     yield arms_table()
     yield from programs_tables(kernels)
+    yield motions_table()
     yield rotor_table()
     if find_spec("distributed"):
         yield workers_table()

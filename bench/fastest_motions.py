@@ -1,0 +1,131 @@
+"""Measure motions as fast as the limits allow, beside the optimum of their path, and the corners that they pass."""
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from time import process_time
+from typing import Final
+
+import numpy as np
+from rich.table import Table
+
+from steptwin.bench.bench_table import bench_table
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.fastest.chain import timed_chains
+from steptwin.host.planning.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
+from steptwin.host.planning.fastest.executed import timed
+from steptwin.host.planning.fastest.followed import FollowedPath
+from steptwin.host.planning.fastest.pieces import Pace
+from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.planning.motions.composer import Composer
+from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.paths import Arc, StraightLine, ToolPath
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+
+ROBOT: Final = load_robot("teaching-scara")
+PICK: Final = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])
+"""A pick and place: up, over, down."""
+CORNERS: Final = 10_000
+
+
+def motions_table() -> Table:
+    """Measure a pick and place, stopped and rounded, and a path of glue of lines and tangential arcs."""
+    return bench_table(
+        "As fast as the limits allow: teaching-scara, processor time of one core",
+        "motion|averaged s|lasts s|x optimum of its path|at the tool's speed %|planned in ms|ms for 10 s",
+        (*_picks(), *_glues()),
+    )
+
+
+def corners_text() -> str:
+    """Measure how far random corners of lines are passed from where the formula says."""
+    random = np.random.default_rng(1)
+    start = np.array([20.0, 105.0, 30.0, 0.0])
+    kinematics = make_kinematics(ROBOT)
+    pose = kinematics.forward(start[np.newaxis])[0]
+    branch, worst = present_branch(ROBOT, start), 0.0
+    for _ in range(CORNERS):
+        ways = random.uniform(-1.0, 1.0, (2, 3)) * [16.0, 16.0, 6.0]
+        ways *= np.maximum(1.0, 8.0 / np.linalg.norm(ways, axis=1))[:, np.newaxis]
+        r_mm = random.uniform(0.2, 0.9) * np.linalg.norm(ways, axis=1).min()
+        places = np.vstack([pose[:3], pose[:3] + np.cumsum(ways, axis=0)])
+        legs, joints = list[MotionLeg](), start
+        for begin, end in pairwise(places):
+            path = StraightLine((*begin.tolist(), float(pose[3])), (*end.tolist(), float(pose[3])))
+            legs.append(ToolLeg(FollowedPath.along(ROBOT, path, branch, joints), Pace()))
+            joints = legs[-1].followed.end  # type: ignore[attr-defined]
+        turn = np.linalg.norm(np.diff(ways / np.linalg.norm(ways, axis=1)[:, np.newaxis], axis=0))
+        worst = max(worst, abs(flowing(ROBOT, legs, [r_mm]).corners[0].passes_mm - 3 / 16 * r_mm * turn))
+    return f"{CORNERS} random corners of lines pass where the formula says, to {worst:.4f} mm (promised: 0.01 mm)"
+
+
+def _picks() -> Iterator[str]:
+    composer = Composer(ROBOT, PICK[0])
+    for goal in PICK[1:]:
+        composer.go(goal)
+    yield f"pick, S-curves at 80 %, stops|0.1|{composer.now_s:.3f}|-|-|-|-"
+    legs = [JointLeg(ROBOT, start, goal, Pace()) for start, goal in pairwise(PICK)]
+    stops_s = sum(timed_chains(ROBOT, [leg], [])[0].duration_ms for leg in legs) / 1000
+    yield f"pick, stops|0.05|{stops_s:.3f}|-|-|-|-"
+    for r_mm, average_s in ((20.0, 0.02), (20.0, 0.05), (10.0, 0.02), (10.0, 0.05), (2.0, 0.05)):
+        yield _row(f"pick, corners of {r_mm:g} mm", legs, [r_mm, r_mm], average_s)
+
+
+def _glues() -> Iterator[str]:
+    for speed_mm_s, average_s in ((60.0, 0.02), (60.0, 0.05), (120.0, 0.05), (250.0, 0.05)):
+        legs = _glue(Pace(100.0, speed_mm_s))
+        yield _row(f"glue of 223 mm at {speed_mm_s:g} mm/s", legs, [0.0] * (len(legs) - 1), average_s, speed_mm_s)
+
+
+def _glue(pace: Pace) -> list[ToolLeg]:
+    start = np.array([20.0, 80.0, 30.0, 0.0])
+    branch, joints, legs = present_branch(ROBOT, start), start, list[ToolLeg]()
+    here = tuple(make_kinematics(ROBOT).forward(start[np.newaxis])[0].tolist())
+
+    def add(path: ToolPath) -> tuple[float, ...]:
+        nonlocal joints
+        legs.append(ToolLeg(FollowedPath.along(ROBOT, path, branch, joints), pace))
+        joints = legs[-1].followed.end
+        return tuple(path.poses(np.array([path.length_mm]))[0].tolist())
+
+    here = add(StraightLine(here, (here[0] - 60.0, *here[1:])))
+    here = add(Arc.around(here, (here[0], here[1] - 20.0), 90.0, turned=False))
+    here = add(StraightLine(here, (here[0], here[1] - 40.0, *here[2:])))
+    here = add(Arc.around(here, (here[0] + 20.0, here[1]), 90.0, turned=False))
+    add(StraightLine(here, (here[0] + 60.0, *here[1:])))
+    return legs
+
+
+def _row(
+    name: str, legs: list[JointLeg] | list[ToolLeg], radii_mm: list[float], average_s: float, speed_mm_s: float = 0.0
+) -> str:
+    begin_s = process_time()
+    path = flowing(ROBOT, legs, radii_mm).path
+    found = timed(ROBOT, path, average_s)
+    took_s = process_time() - begin_s
+    rates = path.rates()
+    lasts_s = found.law.duration_s
+    optimum_s = _duration_s(rates.s, fastest_squares(rates.s, path.limits().rows(ROBOT, rates)))
+    share = f"{_share_at(found.law.at, path.at, lasts_s, speed_mm_s):.1f}" if speed_mm_s else "-"
+    return (
+        f"{name}|{average_s:g}|{lasts_s:.3f}|{lasts_s / optimum_s:.3f}|{share}|{1000 * took_s:.0f}"
+        f"|{1000 * took_s * 10.0 / lasts_s:.0f}"
+    )
+
+
+def _duration_s(s: FloatArray, squares: FloatArray) -> float:
+    """Return how long a motion takes with the squares of its speeds at places, both of shape (n,)."""
+    roots, steps = np.sqrt(squares), np.diff(s)
+    moved = steps > 0
+    return float((2.0 * steps[moved] / (roots[:-1] + roots[1:])[moved]).sum())
+
+
+_Law = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+_Path = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+
+
+def _share_at(law: _Law, path: _Path, lasts_s: float, speed_mm_s: float) -> float:
+    """Return the percentage of the time at which the tool's speed is within 1.7 % of the wanted one."""
+    s, rate = law(np.arange(0.0, lasts_s, 0.001))
+    speeds = path(s)[2][:, 0] * rate
+    return float(100.0 * np.mean(np.abs(speeds - speed_mm_s) < 0.017 * speed_mm_s))
