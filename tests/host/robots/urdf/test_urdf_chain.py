@@ -1,6 +1,7 @@
 """Chains of URDFs: their poses against products of rotations written out here, angles, limits and what is told."""
 
-from math import pi
+import re
+from math import atan2, degrees, pi
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,22 @@ def test_a_quaternion_is_a_turn_as_well(tmp_path: Path) -> None:
     half = 0.5**0.5
     text = urdf(joint("J1", "a", "b", f'<origin xyz="1 0 0" quat_xyzw="0 0 {half} {half}"/>'), links="ab")
     assert "rpy_deg = [0.0, 0.0, 90.0]" in robot_of(tmp_path, text).text
+
+
+def test_a_rounded_quaternion_is_made_a_turn(tmp_path: Path) -> None:
+    """Its length is 1.00072: the turn about x by 2 atan(0.36 / 0.9337) is what it says."""
+    text = urdf(joint("J1", "a", "b", '<origin quat_xyzw="0.36 0 0 0.9337"/>'), links="ab")
+    (roll,) = re.findall(r"J1 = { rpy_deg = \[(.*?), 0.0, 0.0\]", robot_of(tmp_path, text).text)
+    assert float(roll) == pytest.approx(2 * degrees(atan2(0.36, 0.9337)), abs=1e-9)
+
+
+def test_fixed_frames_before_the_first_joint_are_the_base(tmp_path: Path) -> None:
+    fixed = joint("F", "a", "b", '<origin xyz="0.1 0 0.2"/>', "fixed")
+    geometry = robot_of(tmp_path, urdf(fixed, joint("J1", "b", "c", '<origin xyz="0 0 0.3"/>'), links="abc")).geometry
+    assert geometry["base"] == {"xyz_mm": [100.0, 0.0, 200.0]}
+    chain = geometry["chain"]
+    assert isinstance(chain, dict)
+    assert chain["J1"]["xyz_mm"] == [0.0, 0.0, 300.0]
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,7 @@ def test_a_leaf_to_which_nothing_moves_is_no_tool() -> None:
     odom = joint("O", "a", "e", kind="fixed")
     assert [each.name for each in read_urdf(urdf(TWO, odom, links="abce")).way(None, None)] == ["J1", "J2"]
     assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("There are d")
+    assert [each.name for each in read_urdf(urdf(odom, links="ae")).way(None, None)] == ["O"]
 
 
 @pytest.mark.parametrize(
