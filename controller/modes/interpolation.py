@@ -119,11 +119,11 @@ class Interpolation(DriveMode):
     # --- the rate of the group's time
 
     def wanted_rate(self) -> int:
-        """Return the rate at which the group runs while it is not halted; full rate while no axis interpolates."""
+        """Return the rate of the group's time while it is not halted, in Q16; full rate while no axis interpolates."""
         return self._group.wanted_q16 if self._group.members else FULL_RATE_Q16
 
     def present_rate(self) -> int:
-        """Return the present rate of the group's time, which may be on its way to another."""
+        """Return the present rate of the group's time, likewise in Q16; it may be on its way to another."""
         return self._group.rate_q16(self._context.board.motion.tick)
 
     def want_rate(self, rate_q16: int) -> None:

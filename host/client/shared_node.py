@@ -43,7 +43,7 @@ _NO_OBJECT: Final = bytes(3)
 
 
 class Whose(Enum):
-    """Whom an answer is to."""
+    """The program whose request an answer belongs to."""
 
     OWN = auto()
     OTHERS = auto()

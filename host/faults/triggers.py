@@ -152,7 +152,7 @@ class TimeWatch(Watch):
             self._at_counts = start_counts + counts_of(self._from_start_s)
 
     def missing(self) -> str:
-        """Return that it has not come."""
+        """Return that no motion began, or an empty text."""
         return "no motion began" if self._at_counts is None else ""
 
 
@@ -216,7 +216,7 @@ class PositionWatch(Watch):
         return rises or falls
 
     def missing(self) -> str:
-        """Return where the joint was instead."""
+        """Return in words from where to where the joint was seen instead."""
         low, high = self._seen
         return f"{self._trigger.joint} was seen from {low:.3f} to {high:.3f}"
 
@@ -237,7 +237,7 @@ class FrameWatch(Watch):
         return self._heard >= self._trigger.n
 
     def missing(self) -> str:
-        """Return how many there were."""
+        """Return in words how many of the frames there were."""
         return f"there were {self._heard} such frames"
 
 
@@ -256,7 +256,7 @@ class StateWatch(Watch):
         return present is self._state
 
     def missing(self) -> str:
-        """Return the states that it was in."""
+        """Return in words which states the drive was in instead."""
         return f"it was in {', '.join(state.name.replace('_', ' ') for state in self._seen)}"
 
 

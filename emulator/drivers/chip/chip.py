@@ -191,7 +191,10 @@ class DriverChip:
         self._follower: OutputFollower | None = None
 
     def follow_outputs(self) -> OutputFollower:
-        """Return what follows the outputs from power-up on, for a motor that turns with them; before the first edge."""
+        """Return a follower that tells a motor each change at the outputs since power-up.
+
+        It has to be asked for before the first edge, since it sees none of those before.
+        """
         self._follower = OutputFollower(self._wiring, self._origin, self._protection)
         return self._follower
 

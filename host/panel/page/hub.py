@@ -95,7 +95,7 @@ class Page:
         return next(view for view in self.views if isinstance(view, RunTab))
 
     def arrive(self, before: "Page | None") -> None:
-        """Show a browser that has connected the past; operate the machine if nobody does.
+        """Show the past to a browser that has connected, and let it operate the machine if no other one does.
 
         `before` is the page that the same tab has just shown; None without one.
         """

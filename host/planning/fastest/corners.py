@@ -350,7 +350,7 @@ class ToolRounding:
         return np.column_stack([columns, self.task.carried(of_rotation_vector(after * self.rates[1]), first)])
 
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
-        """Return the poses' derivatives, of shape (n, task.rates)."""
+        """Return the poses' derivatives by the length s, of shape (n, task.rates), in mm/mm and deg/mm."""
         columns = np.asarray(self.curve(s_mm, 1))
         if self.task.is_flat:
             return columns

@@ -207,8 +207,10 @@ class EmbeddedBoard:
         ]
 
     def held_positions(self) -> list[float]:
-        """Return where each driver holds its rotor, in the steps of `motor_positions`: that, and by how many whole
-        electrical cycles a rotor that turns with the board has slipped; its load angle does not count.
+        """Return the position where each driver holds its rotor, in steps from the joint's zero as `motor_positions`.
+
+        A rotor that turns with the board and has slipped stands whole electrical cycles away from its driver's count.
+        The load angle does not count.
         """
         positions = []
         for steps, rotor, joint in zip(self.motor_positions(), self.rotor_positions(), self.robot.axes, strict=True):

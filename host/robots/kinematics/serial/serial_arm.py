@@ -86,7 +86,7 @@ class SerialArm:
 
     @property
     def slides(self) -> tuple[tuple[int, int], ...]:
-        """None: a joint that is held is none that shifts the whole arm along its base."""
+        """No joint: one that is held does not shift the whole arm along its base."""
         return ()
 
     @property
