@@ -14,7 +14,7 @@ from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, write_robot_drawings
 from docs.generate.robots_page import PAGE, render_robots, write_papers
 from steptwin.controller.motion.backend import fastest_kernel
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 
 
 def main() -> None:

@@ -32,7 +32,7 @@ from steptwin.host.robots.shelf import Shelf
 from steptwin.host.studies.calibration import identify_errors, simulate_measurements
 from steptwin.host.studies.calibration.residuals import draw_residuals
 from steptwin.host.studies.papers.drawing import small_png
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.execution import execute
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))

@@ -11,7 +11,7 @@ from steptwin.host.studies.papers import PAPERS, evaluated
 from steptwin.host.studies.papers.drawing import draw_pictures
 from steptwin.host.studies.papers.paper_folder import write_page
 from steptwin.host.studies.papers.paper_page import errata_table, page_name, render_page, table
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.verify.report import AxisReport, Report
 

@@ -17,9 +17,8 @@ from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.drivers.chip import OutputFollower
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_module import Module
-from steptwin.emulator.faults.harm import BoardOperation
+from steptwin.emulator.faults.harm import AxisSurroundings, BoardOperation, Surroundings
 from steptwin.emulator.faults.wiring import Condition, Wire
-from steptwin.emulator.world.surroundings import AxisSurroundings, Surroundings
 from steptwin.emulator.world.switches import Switch, Travel
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput

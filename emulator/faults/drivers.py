@@ -9,7 +9,7 @@ from steptwin.protocol.od import MICROSTEPS_CHOICES
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.world.surroundings import Surroundings
+    from steptwin.emulator.faults.harm import Surroundings
 
 OSC_MIN_PF: Final = 64
 """Smallest capacitor at OSC, in whole pF, with which the chip's oscillator keeps to its limit."""

@@ -11,10 +11,11 @@ from enum import Enum, auto
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
+from steptwin.protocol.cia402 import DigitalInput
+
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
     from steptwin.emulator.simulation import Simulation
-    from steptwin.emulator.world.surroundings import Surroundings
 
 
 class KeyKind(Enum):
@@ -207,3 +208,35 @@ class AxisOperation(BoardOperation):
     """An operation at the connector of one axis."""
 
     axis: int = field(metadata=keyed(JOINT))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSurroundings:
+    """What one axis' connector is like.
+
+    Attributes:
+        levels: inputs that are active; for a closed switch its bit is set.
+        stuck: switches that are held at their level wherever the axis stands.
+        protect_held: True while the driver's Protect pin is held low from outside.
+        shorted: True while the motor is short-circuited.
+    """
+
+    levels: DigitalInput
+    stuck: DigitalInput
+    protect_held: bool
+    shorted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What is the same for all axes of a board, and each axis.
+
+    Attributes:
+        payload_kg: mass of the payload; 0 if no motors turn with the boards.
+    """
+
+    emergency_stop: bool
+    supply_10mv: int
+    temperature_decidegc: int
+    axes: tuple[AxisSurroundings, ...]
+    payload_kg: float = 0.0

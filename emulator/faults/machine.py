@@ -9,8 +9,8 @@ from steptwin.protocol.cia402 import GENERAL_INPUTS, DigitalInput
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
+    from steptwin.emulator.faults.harm import Surroundings
     from steptwin.emulator.simulation import Simulation
-    from steptwin.emulator.world.surroundings import Surroundings
 
 PER_V: Final = 100
 PER_DEGC: Final = 10

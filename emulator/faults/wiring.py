@@ -11,7 +11,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
 if TYPE_CHECKING:
     from steptwin.emulator.board.board import Board
-    from steptwin.emulator.world.surroundings import Surroundings
+    from steptwin.emulator.faults.harm import Surroundings
 
 NOISE_RATE_MAX_HZ: Final = 1_000_000
 

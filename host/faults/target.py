@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.faults.bus import FrameLoss
 from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor
-from steptwin.emulator.faults.harm import Harm, Operation
+from steptwin.emulator.faults.harm import Harm, Operation, Surroundings
 from steptwin.emulator.faults.machine import Payload
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot

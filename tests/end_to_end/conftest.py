@@ -3,7 +3,7 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 
 
 @pytest.fixture(scope="session")

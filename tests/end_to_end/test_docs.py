@@ -27,7 +27,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.host.studies.papers import PAPERS, evaluated
 from steptwin.host.studies.papers.paper_page import render_page as render_paper
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 from tests.end_to_end.pages import ROOT
 
 TEXT = PAGE.read_text(encoding="utf-8")

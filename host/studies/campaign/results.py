@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import growing_file, made_folder
 from steptwin.host.studies.campaign.campaign import RUNS_MAX
-from steptwin.host.studies.campaign.row import Row
-from steptwin.host.studies.campaign.row_file import read_table, rows_of, write_rows
+from steptwin.host.studies.campaign.row import Row, read_table, rows_of, write_rows
 
 if TYPE_CHECKING:
     import pyarrow as pa

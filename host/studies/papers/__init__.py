@@ -10,7 +10,7 @@ from steptwin.host.studies.papers.lab import LabStudy
 from steptwin.host.studies.papers.paper import Paper
 from steptwin.host.studies.papers.paper_file import load_paper
 from steptwin.host.studies.papers.paper_folder import paper_files, write_paper
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 from steptwin.host.studies.papers.teaching import TeachingStudy
 from steptwin.host.studies.papers.warehouse import WarehouseStudy
 

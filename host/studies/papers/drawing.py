@@ -17,7 +17,7 @@ from steptwin.host.robots.workspace import monte_carlo, scan
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper
 from steptwin.host.studies.papers.paper import Curve, Panel, Picture, PictureKind
 from steptwin.host.studies.papers.paper_page import picture_name
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 
 ROW_INCHES: Final = 2.6
 TRUE_TO_SCALE_INCHES: Final = 4.2

@@ -6,8 +6,7 @@ from math import isfinite
 from typing import Any
 
 from steptwin.host.studies.papers.paper import Basis, Computed, Erratum, Formula, Item, Paper, Rows, Value
-from steptwin.host.studies.papers.runs import Runs
-from steptwin.host.studies.papers.study import Study
+from steptwin.host.studies.papers.study import Runs, Study
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from steptwin.host.common.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from steptwin.host.studies.papers.runs import Runs
-    from steptwin.host.studies.papers.study import Study
+    from steptwin.host.studies.papers.study import Runs, Study
 
 Look = Callable[[Any], Any]
 """A function of a study that returns a number, the rows of a table, a picture's panels or a figure."""

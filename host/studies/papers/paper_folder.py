@@ -14,7 +14,7 @@ from steptwin.host.common.whole_file import whole_file
 from steptwin.host.studies.papers.evaluation import EvaluatedPaper
 from steptwin.host.studies.papers.paper import Paper
 from steptwin.host.studies.papers.paper_page import anchor, html_name, page_name, picture_name, render_page
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.studies.papers.study import Runs
 
 _STYLE: Final = """\
 body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }

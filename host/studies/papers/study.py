@@ -1,13 +1,17 @@
 """What the items of every paper share; each value is computed when an item first asks for it, by name."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.errand import Errand
+from steptwin.host.planning.jobs import job_carries, make_job
+from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
@@ -15,12 +19,36 @@ from steptwin.host.robots.kinematics.base import link_frames, tool_frames
 from steptwin.host.robots.kinematics.dh import Convention
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.papers.paper import Curve, Panel, Rows
-from steptwin.host.studies.papers.runs import Runs
+from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
+from steptwin.host.twin.machine.kernels import Kernel, fastest_kernel
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class Runs:
+    """The outcome of each robot and job; a job runs when its outcome is first asked for."""
+
+    def __init__(self, kernel: Kernel | None = None) -> None:
+        self._kernel = kernel
+        self._outcomes: dict[tuple[str, str, frozenset[tuple[str, str]]], Outcome] = {}
+
+    def outcome(self, robot_name: str, job: str, options: Mapping[str, str] = MappingProxyType({})) -> Outcome:
+        """Return the outcome of one job; raise what `make_job`, `plan` and `execute` raise."""
+        key = robot_name, job, frozenset(options.items())
+        if key not in self._outcomes:
+            robot = load_robot(robot_name)
+            carries = job_carries(robot, job, options)
+            errand = Errand.alone(carries) if carries else None
+            self._kernel = self._kernel or fastest_kernel()
+            self._outcomes[key] = execute(plan(robot, make_job(robot, job, options)), job, self._kernel, errand=errand)
+        return self._outcomes[key]
+
+    def made(self) -> Iterator[Outcome]:
+        """Yield the outcomes that have been asked for, of jobs with default options."""
+        yield from (outcome for (_, _, options), outcome in self._outcomes.items() if not options)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,11 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
-from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.harm import Harm, Surroundings
 from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.live.lateness import Lateness
 from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
-from steptwin.emulator.world.surroundings import Surroundings
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.faults.reporting import played_document
 from steptwin.host.record.bus_log import BusLog, log_line

@@ -27,15 +27,13 @@ from steptwin.host.record.recorded_bus import RecordedBus, RecordedFrame, Sender
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.recording_report import UnplannedRun
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
-from steptwin.host.twin.replay.edge_comparison import (
-    first_difference_of_edges,
-    first_difference_of_steps,
-    greatest_shift_us,
-)
-from steptwin.host.twin.replay.frame_comparison import (
+from steptwin.host.twin.replay.differences import (
     Difference,
     first_difference_by_wall_clock,
+    first_difference_of_edges,
+    first_difference_of_steps,
     first_difference_on_the_board_clock,
+    greatest_shift_us,
 )
 from steptwin.host.twin.replay.power_up import MachineAtPowerUp, StoredMachine
 from steptwin.protocol.frame import COB_SDO_REQUEST, COB_SDO_RESPONSE, FIRST_NODE_ID, NODE_ID_MAX, Frame

@@ -18,7 +18,7 @@ from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.planner import plan
 from steptwin.host.record.folder import ContradictionError, read_edges, read_run
 from steptwin.host.record.folder.edges_file import write_edges
-from steptwin.host.record.folder.motion import CUBICS_OFF_STEPS, read_motion, write_motion
+from steptwin.host.record.folder.motion import read_motion, write_motion
 from steptwin.host.robots import load_robot
 from steptwin.host.verify import Evidence
 from tests.host.record.folder.stored import EVIDENCE, FINE, arrays_of, assert_same
@@ -81,7 +81,7 @@ class TestTheMotion:
         assert again.switchings == made.trajectory.switchings
         t_s = np.linspace(0.0, again.duration_s, 20_001)
         off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
-        assert off.max() <= CUBICS_OFF_STEPS
+        assert off.max() <= 1e-4
         assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + len(made.times_ms)
 
     def test_has_a_row_for_every_millisecond_if_points_are_too_far_apart(self, tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ class TestTheMotion:
         t_s = np.linspace(0.0, 0.4, 4001)
         again = read_motion(tmp_path, robot, ())
         off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
-        assert off.max() <= CUBICS_OFF_STEPS
+        assert off.max() <= 1e-4
 
 
 class TestTheColumnsBesideTheMotion:

@@ -18,7 +18,7 @@ from steptwin.host.faults.target import AxisMoment, Moment
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign import Campaign, Ended, draw, read_campaign, run_seed, sources_of_file
 from steptwin.host.studies.campaign.invariants import INVARIANTS
-from steptwin.host.studies.campaign.row_file import schema
+from steptwin.host.studies.campaign.row import schema
 from steptwin.host.studies.campaign.values import drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, RampSource
 from steptwin.protocol.cia402 import DigitalInput, State

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from steptwin.host.studies.campaign import Breach, Ended, Results, Row
-from steptwin.host.studies.campaign.row_file import schema
+from steptwin.host.studies.campaign.row import schema
 from tests.end_to_end.command_line import refusal, run_json
 from tests.host.complaints import complaint_of
 from tests.host.studies.campaign.campaigns import SMALL
