@@ -133,8 +133,7 @@ def board_configs(
     start_substeps = [steps * substeps // joint.transmission.microsteps for joint, steps in stands_at]
     microsteps = switched_microsteps(robot, profile, dip_microsteps or {})
     modules = tuple(
-        fitted_module(robot.board_at(joint), profile, each)
-        for joint, each in zip(robot.axes, microsteps, strict=True)
+        fitted_module(robot.board_at(joint), profile, each) for joint, each in zip(robot.axes, microsteps, strict=True)
     )
     configs: list[BoardConfig] = []
     for axes, crystal_ppm in zip(axes_per_board, crystals_ppm or [0] * len(axes_per_board), strict=True):

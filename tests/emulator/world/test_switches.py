@@ -112,3 +112,22 @@ def test_an_axis_without_switches_has_no_way_to_one() -> None:
 def test_impossible_switches_are_refused(arguments: tuple[int, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Switch(*arguments)  # type: ignore[arg-type]
+
+
+def test_a_switch_that_sticks_keeps_its_level_until_it_is_free_again() -> None:
+    """Closed, then open, then free, while the axis stands where the home switch is closed."""
+    axis = AxisSwitches([Switch(0, HOME, 0, 10)], 5)
+    for closed, levels in ((True, HOME), (False, DigitalInput(0)), (None, HOME)):
+        axis.stick(HOME, closed=closed)
+        assert axis.levels == levels
+    axis.move(-20)
+    for closed, levels in ((True, HOME), (False, DigitalInput(0)), (None, DigitalInput(0))):
+        axis.stick(HOME, closed=closed)
+        assert axis.levels == levels
+
+
+def test_a_wire_that_is_cut_looks_as_it_does_until_it_is_mended() -> None:
+    axis = AxisSwitches([Switch(0, HOME, 0, 10)], 5)
+    for closed, levels in ((False, DigitalInput(0)), (True, HOME), (False, DigitalInput(0)), (None, HOME)):
+        axis.cut(HOME, closed=closed)
+        assert axis.levels == levels

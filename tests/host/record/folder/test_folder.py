@@ -98,6 +98,16 @@ class TestTheMotion:
         off = np.abs(again.positions(t_s) - made.trajectory.positions(t_s)) * robot.steps_per_unit
         assert off.max() <= 1e-4
 
+    @pytest.mark.parametrize(("bump_deg", "rows"), [(7.0e-6, 1 + 41), (7.1e-6, 1 + 401)])
+    def test_points_suffice_up_to_a_ten_thousandth_of_a_step(self, bump_deg: float, rows: int, tmp_path: Path) -> None:
+        """A bump of 1e-6 degrees puts the cubics 1.418e-5 steps away from the motion."""
+        robot = load_robot("teaching-scara")
+        positions = np.zeros((5, 4))
+        positions[2, 0] = bump_deg
+        spline = Sampled.c2_spline(robot.joint_names, np.array([0.0, 0.2, 0.203, 0.206, 0.4]), positions)
+        write_motion(tmp_path / "trajectory.csv", plan(robot, spline))
+        assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == rows
+
 
 class TestTheColumnsBesideTheMotion:
     """They are those of the cubics between the points, whatever reads them."""
