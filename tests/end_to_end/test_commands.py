@@ -23,9 +23,10 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
         "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
         "ar4-mk3": ["J1", "J2", "J3", "J4", "J5", "J6"],
         "parol6": ["J1", "J2", "J3", "J4", "J5", "J6"],
+        "thor": ["J1", "J2", "J3", "J4", "J5", "J6"],
     }
     machines = [robot["name"] for robot in document["robots"] if not robot["paper"]]
-    assert machines == list(names)[-len(machines) :] == ["ar4-mk3", "parol6"]
+    assert machines == list(names)[-len(machines) :] == ["ar4-mk3", "parol6", "thor"]
     assert run(["robots"]) == 0
     shown = capsys.readouterr().out
     assert "\nwarehouse-scara: Jiang Aimin, Guo Liang, Tan Xiangquan: Development" in shown

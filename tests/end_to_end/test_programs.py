@@ -32,6 +32,7 @@ VERBS = {
     "hybrid-arm": {"repeat", "call", "go"},
     "ar4-mk3": {"go", "line", "call", "pause", "by"},
     "parol6": {"go", "line", "call", "pause", "by"},
+    "thor": {"go", "line", "call", "pause", "by"},
 }
 """Steps that each robot's example shows."""
 BLOCKS = [text for language, text in blocks_of(read_page("docs/programs.md")) if language == "toml"]

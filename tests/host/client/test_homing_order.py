@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.host.operate.homing import home_robot
+from steptwin.host.operate.session import Session
+from steptwin.host.operate.status import read_status
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from tests.host.client.test_homing import how, machine_of, reported_steps
 
 AR4 = load_robot("ar4-mk3")
@@ -56,3 +60,21 @@ def test_the_parol6_finds_its_switches(fast_kernel: Kernel, start: tuple[float, 
     assert reported_steps(PAROL6, machine) == reached
     apart_deg = np.divide(np.subtract(reached, PAROL6_STEPS), PAROL6.steps_per_unit)
     assert np.all(np.abs(apart_deg) < 0.7)  # it brakes behind the edge
+
+
+THOR = load_robot("thor")
+
+
+def test_thor_homes_its_coupled_wrist_and_both_shoulder_motors(fast_kernel: Kernel) -> None:
+    """From where it stands askew: all seven axes end where they say that they are, to a step."""
+    board = BoardUnderTest(THOR, stand_at=[20.0, -10.0, -70.0, 15.0, -30.0, -25.0], kernel=fast_kernel)
+    session = Session(board, THOR)
+    home_robot(session)
+    status = read_status(session)
+    assert [axis.name for axis in status.axes] == [*THOR.joint_names, "J2b"]
+    assert all(axis.position_known for axis in status.axes)
+    told = [axis.position for axis in status.axes[:6]]
+    steps_deg = 2.0 / np.array(THOR.steps_per_unit[:6])
+    assert np.all(np.abs(np.subtract(told, THOR.home)) <= steps_deg)
+    really = THOR.coupling.to_joints(np.divide(board.motor_positions(), THOR.steps_per_unit))
+    assert np.all(np.abs(really - THOR.home) <= steps_deg)

@@ -13,7 +13,7 @@ from tests.host.robots.kinematics.serial.arms import arm, kinematics_of, random_
 
 SAME_RAD = 1e-5
 """Largest difference of a joint by which two solutions are the same: near a singularity both are that far off."""
-OTHER = {"ar4-mk3": 0, "parol6": 2, "Thor": 0, "Dummy": 0}
+OTHER = {"ar4-mk3": 0, "parol6": 2, "thor": 0, "Dummy": 0}
 """Poses of which EAIK gives a least-squares solution instead: those of the PAROL6's elbow at the edge of its reach."""
 
 hp = pytest.importorskip("eaik.IK_HP", reason="EAIK is not installed: no other inverse to compare the branches with")

@@ -57,9 +57,23 @@ def test_against_the_toolbox(name: str, rows: tuple[tuple[float, ...], ...], mod
     assert angle_deg(ours[:, 3:], of_matrix(theirs[:, :3, :3])).max() < 1e-12
 
 
-def test_thor_stretched_straight_up() -> None:
-    pose = kinematics_of(arm("Thor")).forward(np.zeros((1, 6)))[0]
-    assert pose == pytest.approx([0.0, 0.0, 569.5, 0.0, 0.0, 0.0, 1.0])
+@pytest.mark.parametrize(("name", "height_mm"), [("Thor", 569.5), ("thor", 612.5)])
+def test_thor_stretched_straight_up(name: str, height_mm: float) -> None:
+    """Up to its flange, and up to the base of its gripper."""
+    pose = kinematics_of(arm(name)).forward(np.zeros((1, 6)))[0]
+    assert pose == pytest.approx([0.0, 0.0, height_mm, 0.0, 0.0, 0.0, 1.0])
+
+
+def test_thors_wrist_is_moved_as_its_maker_moves_it() -> None:
+    """thor_interface.cpp: motors at art5 + 2 art6 and -art5 + 2 art6, in degrees, with art5 = -J5."""
+    robot = load_robot("thor")
+    joints = random_joints(robot, 20)
+    axes = robot.coupling.to_axes(joints)
+    art5, art6 = -joints[:, 4], joints[:, 5]
+    assert robot.axis_names == ("J1", "J2", "J3", "J4", "J5", "J6", "J2b")
+    assert axes[:, 5] == pytest.approx(art5 + 2.0 * art6)
+    assert axes[:, 4] == pytest.approx(-art5 + 2.0 * art6)
+    assert axes[:, 6] == pytest.approx(joints[:, 1])
 
 
 def test_frames_at_both_ends() -> None:

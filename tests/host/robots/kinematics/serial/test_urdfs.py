@@ -1,7 +1,8 @@
 """The makers' published URDFs, multiplied out here by scipy's rotations, beside the robot files that StepTwin brings.
 
 Sources: annin_ar4_description/urdf/ar_macro.xacro of ycheng517/ar4_ros_driver at ff1c63f with config/mk3.yaml;
-parol6/urdf_model/urdf/PAROL6.urdf of PCrnjak/PAROL6-python-API at 829c2c7. Lengths there are in m.
+parol6/urdf_model/urdf/PAROL6.urdf of PCrnjak/PAROL6-python-API at 829c2c7; thor.urdf.xacro of AngelLM/Thor-ROS
+at e11a56b. Lengths there are in m.
 """
 
 from collections.abc import Sequence
@@ -36,6 +37,14 @@ PAROL6: Final[tuple[Joint, ...]] = (
     ((-0.0435, 0.17635, 0), (1.5707963267949, 0, 0), _Z),
     ((0, 0, 0), (-1.5707963267949, 0, 0), _Z),
     ((0, 0.037, 0), (1.5707963267949, 0, 0), _Z),
+)
+THOR: Final[tuple[Joint, ...]] = (
+    ((0, 0, 0.099), (0, 0, 0), _Z),
+    ((0, 0, 0.103), (0, 0, 0), _X),
+    ((0, 0, 0.16), (0, 0, 0), _X),
+    ((0, 0, 0.0895), (0, 0, 0), _Z),
+    ((0, 0, 0.1045), (0, 0, 0), _X),
+    ((0, 0, 0.0135), (0, 0, 0), _Z),
 )
 QUARTER: Final = Rotation.from_euler("z", 90, degrees=True)
 """The AR4's URDF is turned by it against the DH table, at its base and at its flange."""
@@ -88,3 +97,13 @@ def test_the_parol6_up_to_its_gripper() -> None:
     off_mm, off_rad = np.max(off, axis=0)
     assert 0.0006 < off_mm < 0.0015
     assert off_rad < 1e-12
+
+
+def test_thor_up_to_its_gripper_s_base() -> None:
+    robot = load_robot("thor")
+    joints = random_joints(robot, 500)
+    for each, pose in zip(joints, kinematics_of(robot).forward(joints), strict=True):
+        place, turned = flange(THOR, each)
+        off_mm, off_rad = apart((place + turned.apply([0.0, 0.0, 43.0]), turned), pose)
+        assert off_mm < 1e-9
+        assert off_rad < 1e-12
