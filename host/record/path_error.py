@@ -17,10 +17,15 @@ from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import critical_instants, deviations
 
 
-def heading(run: RunInfo, *what: str) -> str:
-    """Return robot, job or its file's name, what is shown of them, and that the run is simulated."""
+def run_name(run: RunInfo) -> str:
+    """Return the robot, and the job or its file's name."""
     job = Path(run.job).name if run.job.endswith(_FILES) else run.job
-    return f"{' · '.join((printable(shortened(run.robot)), printable(shortened(job)), *what))} (SIMULATED)"
+    return f"{printable(shortened(run.robot))} · {printable(shortened(job))}"
+
+
+def heading(run: RunInfo, *what: str) -> str:
+    """Return robot, job, what is shown of them, and that the run is simulated."""
+    return f"{' · '.join((run_name(run), *what))} (SIMULATED)"
 
 
 _FILES: Final = (".toml", ".csv", ".json", ".yaml", ".yml")

@@ -45,7 +45,7 @@ def workspace(
     scanned = scan(loaded, wanted.phi, wanted.z) if has_sections(loaded) else None
     document = _document(loaded, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
-    which.tell_of(loaded, document, lambda: _print_figures(document))
+    which.tell_of(loaded, document, lambda: _print_figures(loaded, document))
     if folder is not None:
         which.add_files(
             "figures, cloud and pictures are" if pictures else "figures and cloud are", folder, pictures=pictures
@@ -111,7 +111,9 @@ def _write(folder: Path, robot: "Robot", document: dict[str, Any], cloud: "Monte
 _KEYS = ("radius_min_mm", "radius_max_mm", "z_min_mm", "z_max_mm", "area_mm2")
 
 
-def _print_figures(document: dict[str, Any]) -> None:
+def _print_figures(robot: "Robot", document: dict[str, Any]) -> None:
+    from steptwin.host.robots.workspace import orientation_words
+
     cloud, plan, profile = document["monte_carlo"], document["plan"], document["profile"]
     columns = ["", "r min mm", "r max mm", "z min mm", "z max mm", "area mm2"]
     if plan is None:
@@ -122,14 +124,14 @@ def _print_figures(document: dict[str, Any]) -> None:
     rows = {
         "Monte Carlo": cloud,
         f"plan at z = {plan['z_mm']:.6g} mm": plan,
-        f"profile at azimuth {profile['azimuth_deg']:.6g} deg": profile,
+        f"profile at azimuth {round(profile['azimuth_deg'], 6) + 0.0:.6g} deg": profile,
     }
     print_table(columns, [[name, *(_figure(figures, key) for key in _KEYS)] for name, figures in rows.items()])
     left_out = f", {cloud['left_out']} left out: the mechanism forbids them" if cloud["left_out"] else ""
     say(f"Monte Carlo: {cloud['samples']} samples with seed {cloud['seed']}{left_out}")
-    attitude = "any attitude" if plan["attitude_deg"] is None else f"attitude {plan['attitude_deg']:g} deg"
+    orientation = orientation_words(robot, plan["attitude_deg"])
     slides = "".join(f", {name} = {position_mm:g} mm" for name, position_mm in plan["slides"].items())
-    say(f"sections: {attitude}{slides}, r about the arm's axis")
+    say(f"sections: {orientation}{slides}, r about the arm's axis")
     say("plan: horizontal; profile: upright, from the arm's axis to its azimuth, 0 deg along x")
 
 

@@ -17,6 +17,7 @@ from steptwin.host.panel.replay.marks import RunMark, time_words
 from steptwin.host.panel.replay.markup import MARK_COLOURS, joint_table, strip_picture
 from steptwin.host.panel.replay.model import PATH_INSTANTS, Replay, RunPair
 from steptwin.host.panel.replay.player import Player
+from steptwin.host.record.path_error import run_name
 
 STYLE: Final = """
 body.body--dark { color-scheme: dark; }
@@ -86,9 +87,7 @@ class ReplayPage:
     def _make_header(self) -> None:
         with ui.header().classes("panel-header"):
             for number, replay in enumerate(self._replays):
-                run = replay.run.report.run
-                title = f"{run.robot} · {run.job}"
-                ui.label(title).classes("panel-title").props('role=heading aria-level="1"')
+                ui.label(run_name(replay.run.report.run)).classes("panel-title").props('role=heading aria-level="1"')
                 Chip("SIMULATED", "warn")
                 Chip(*_verdict(replay))
                 if len(self._replays) == 2:
@@ -175,7 +174,7 @@ def serve_replay(
         replays = tuple(Replay.of_folder(*each) for each in zip(folders, plans, strict=True))
         if len(replays) == 2:
             RunPair(*replays)
-        names = " and ".join(f"{replay.run.report.run.robot} {replay.run.report.run.job}" for replay in replays)
+        names = " and ".join(run_name(replay.run.report.run) for replay in replays)
 
         def build() -> None:
             ReplayPage(replays)

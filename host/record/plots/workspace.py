@@ -15,7 +15,7 @@ from steptwin.host.record.plots.in_space import draw_cloud_in_space
 from steptwin.host.record.plots.stick_figure import AT_ENDS, Pen, draw_arm, plane_of
 from steptwin.host.robots.kinematics import ArmPart, make_kinematics
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.workspace import MonteCarlo, Scan
+from steptwin.host.robots.workspace import MonteCarlo, Scan, orientation_words
 
 CLOUD: Final = "0.6"
 """Colour of samples: grey; drawn as small dots, so that the boundary stands out in print too."""
@@ -57,11 +57,13 @@ def draw_workspace(robot: Robot, cloud: MonteCarlo, scanned: Scan) -> Figure:
     above.set(xlabel="x [mm]", ylabel="y [mm]")
     above.set_title(f"from above; boundary at z = {scanned.plan.z_mm:.6g} mm", loc="left")
     beside.set(xlabel="radius about the arm's axis at home [mm]", ylabel="z [mm]")
-    beside.set_title(f"from the side; boundary at azimuth {scanned.profile.azimuth_deg:.4g} deg", loc="left")
+    beside.set_title(
+        f"from the side; boundary at azimuth {round(scanned.profile.azimuth_deg, 3) + 0.0:.4g} deg", loc="left"
+    )
     _draw_home(above, beside, robot, scanned)
     labels = [
         f"positions of random joints, {len(cloud.cloud_mm)} of {cloud.counted}",
-        f"scanned boundary{_held(scanned)}",
+        f"scanned boundary{_held(robot, scanned)}",
     ]
     home = next(line for line in above.get_lines() if line.get_label() == _HOME)
     handles = [*above.get_lines()[:2], home]
@@ -117,7 +119,8 @@ def _draw(axes: Axes, positions_mm: FloatArray, boundary_mm: FloatArray) -> None
         write_inside(axes, "nothing within reach")
 
 
-def _held(scanned: Scan) -> str:
-    """Return the end of a label: the tool's attitude in the sections and the positions of the slides."""
-    attitude = "" if scanned.attitude_deg is None else f", attitude {scanned.attitude_deg:g} deg"
-    return attitude + "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())
+def _held(robot: Robot, scanned: Scan) -> str:
+    """Return the end of a label: the tool's orientation in the sections and the positions of the slides."""
+    words = orientation_words(robot, scanned.attitude_deg)
+    orientation = "" if words.startswith("any") else f", {words}"
+    return orientation + "".join(f", {name} = {position_mm:g} mm" for name, position_mm in scanned.slides.items())

@@ -173,6 +173,14 @@ class ArmReach:
         return reached, turnable
 
 
+def orientation_words(robot: Robot, attitude_deg: float | None) -> str:
+    """Return how the tool is turned in the sections: one that turns in space as at home, about the arm's axis."""
+    task = make_kinematics(robot).task
+    if task is SCARA:
+        return "any attitude" if attitude_deg is None else f"attitude {attitude_deg:g} deg"
+    return "any orientation" if task.is_flat else "oriented as at home"
+
+
 def has_sections(robot: Robot) -> bool:
     """Return whether a robot's workspace can be scanned: it has a tool, and a closed form of its inverse."""
     kinematics = make_kinematics(robot)

@@ -12,7 +12,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.usual_scara import Lift
-from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, scan
+from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, orientation_words, scan
 from steptwin.host.robots.workspace.sections import edges, extent, stretches, swapped, widths
 from tests.host.robots.kinematics.test_usual_scara import scara
 
@@ -304,3 +304,10 @@ def test_a_tool_that_does_not_turn_reaches_the_annulus_of_its_arm(lift: Lift) ->
     assert plan.radius_mm == pytest.approx((least_mm, 350.0), abs=1e-3)
     turning = scan(scara(lift)).plan
     assert plan.area_mm2 == pytest.approx(turning.area_mm2, rel=1e-4)
+
+
+def test_words_say_how_the_tool_is_turned_in_the_sections() -> None:
+    """A tool that turns in space has the orientation that it has at home: its random positions reach farther."""
+    assert orientation_words(load_robot("lab-scara"), None) == "any attitude"
+    assert orientation_words(load_robot("lab-scara"), -30.0) == "attitude -30 deg"
+    assert orientation_words(load_robot("ar4-mk3"), None) == "oriented as at home"
