@@ -42,7 +42,7 @@ class GroupTime:
         self.wanted_q16 = k.FULL_RATE_Q16
         """Rate at which the members run while no axis requests a halt."""
         self.on_ramp: Callable[[RateRamp], None] = lambda _: None
-        """Told of every ramp when it begins."""
+        """Told of every ramp of the members when it begins."""
         self.members: set[int] = set()
         """Axes that run segments in the group's time."""
         self.rest_tick: int | None = None
@@ -94,4 +94,5 @@ class GroupTime:
         ramp_ticks = -(-full_ramp_ticks * abs(target_q16 - rate_q16) // k.FULL_RATE_Q16)
         self.cells[k.RAMP_TICKS] = ramp_ticks
         self.rest_tick = tick + ramp_ticks if target_q16 == HALTED_Q16 else None
-        self.on_ramp(RateRamp(tick, rate_q16, target_q16, ramp_ticks))
+        if self.members:
+            self.on_ramp(RateRamp(tick, rate_q16, target_q16, ramp_ticks))

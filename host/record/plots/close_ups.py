@@ -1,5 +1,6 @@
 """Draw a run around an instant: the pins of all axes, as a logic analyser shows them, or the phase currents."""
 
+from dataclasses import replace
 from itertools import groupby
 from typing import Final
 
@@ -47,7 +48,8 @@ def draw_edges(comparison: Comparison, run: RunInfo, view: PlotView) -> Figure:
         times_s, levels = _course(signal, window)
         axes.plot(moment.shown_ms(times_s), levels * _HIGH - lane, color=COUNTED, drawstyle="steps-post")
     firsts = [next(lane for lane, s in enumerate(lanes) if s.axis == name) for name in comparison.axis_names]
-    steps = [_mark_steps(axes, *each, moment) for each in zip(comparison.counted, firsts, strict=True)]
+    counted = [_clocked(comparison, axis) for axis in range(len(firsts))]
+    steps = [_mark_steps(axes, *each, moment) for each in zip(counted, firsts, strict=True)]
     _say_intervals(axes, comparison, firsts, moment)
     _finish_lanes(axes, lanes, moment)
     axes.set_xlabel(f"{moment.label}; {_about_marks(steps)}")
@@ -76,6 +78,14 @@ def _course(signal: Signal, window: Window) -> tuple[FloatArray, FloatArray]:
     counts = np.concatenate([[window.from_counts], counts, [window.to_counts]])
     levels = np.concatenate([[first], levels, levels[-1:] if levels.size else [first]])
     return (counts - window.start_counts) / COUNTS_PER_SECOND, levels.astype(np.float64)
+
+
+def _clocked(comparison: Comparison, axis: int) -> CountedSteps:
+    """Return an axis' counted steps at their instants by the clock, which edges have, whatever the motion's speed."""
+    evidence, counted = comparison.evidence, comparison.counted[axis]
+    steps = evidence.axes[axis].step_counts
+    counts = steps[steps.size - counted.signs.size :]
+    return replace(counted, time_s=(counts - evidence.start_counts) / COUNTS_PER_SECOND)
 
 
 def _mark_steps(axes: Axes, counted: CountedSteps, lane: int, moment: PlotMoment) -> int:

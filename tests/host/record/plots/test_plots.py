@@ -17,7 +17,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.poses import POSITION
-from steptwin.host.verify import Comparison, DriverLimit, Expectation, Phases, compare
+from steptwin.host.verify import Comparison, DriverLimit, Expectation, Phases, RateRamps, compare
 from steptwin.protocol.drivers import ActiveEdge
 from tests.host.verify.motions import (
     NO_VIOLATIONS,
@@ -416,6 +416,19 @@ class TestTheEdges:
         assert len(drawn_marks(figure, "v")) == sum(inside) > 40
         assert len(drawn_marks(figure, "^")) == 0
         assert figure.axes[0].get_xlabel().endswith("; triangles: steps that the driver counted, up or down")
+
+    def test_steps_are_marked_at_their_edges_whatever_the_motions_speed(self) -> None:
+        """Half as fast from the start on: edges are shown by the clock, and so are the steps."""
+        comparison = swinging()
+        start = comparison.evidence.start_counts
+        half = RateRamps(*np.array([(start, 65_536, 32_768, 0)], np.int64).T)
+        axes = tuple(replace(axis, rates=half) for axis in comparison.evidence.axes)
+        slow = compare(comparison.expected, replace(comparison.evidence, axes=axes))
+        assert slow.counted[0].time_s == pytest.approx(comparison.counted[0].time_s / 2)
+        view = PlotView(np.pi / 3, 0.01)
+        as_planned, slower = (drawn_marks(PICTURES["edges"](each, RUN, view), "v") for each in (comparison, slow))
+        assert as_planned.size > 40
+        assert np.array_equal(as_planned, slower)
 
     def test_steps_too_dense_for_marks_have_none(self) -> None:
         """Where the sine turns around, b makes more than 200 steps and a does not."""

@@ -95,7 +95,7 @@ def test_a_motion_that_was_halted_and_made_slower_is_judged_by_its_records(
     assert capsys.readouterr().out.endswith("warehouse-scara live: PASSED\n")
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["no_plan"] is None
-    assert [speed["percent"] for speed in report["speeds"]] == [0, 100, 50, 100]
+    assert [speed["percent"] for speed in report["speeds"]] == [0, 100, 50]
     assert report["speeds"][0]["after_s"] == pytest.approx(0.021, abs=0.002)
     assert report["speeds"][1]["at_s"] < report["speeds"][1]["after_s"] == pytest.approx(0.042, abs=0.002)
 
