@@ -57,16 +57,28 @@ def write_picture(path: Path, draw: Callable[[], Figure]) -> None:
         path.write_bytes(small_png(figure))
 
 
+_MACHINE_PICTURES: Final = {
+    "chain": ("path", "in-space"),
+    "cartesian": ("path", "tool-path"),
+    "axes": ("joints", "joints"),
+}
+"""For each kind of machine the kind of its example's picture, and its name in `steptwin.host.record.plots`."""
+
+
 def write_machine_pictures() -> None:
-    """Draw the example of each arm of docs/machines.md in space."""
-    for robot in map(load_robot, MACHINES):
-        if robot.kinematics != "chain":
-            continue
-        example = f"docs/programs/{robot.name}.toml"
-        program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
-        outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
-        path = DOCS / picture(robot.name, "example", "path")
-        write_picture(path, partial(PICTURES["in-space"], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
+    """Draw the example of each machine of docs/machines.md."""
+    for name in MACHINES:
+        write_machine_picture(load_robot(name))
+
+
+def write_machine_picture(robot: Robot) -> None:
+    """Draw the example of a machine."""
+    kind, drawn = _MACHINE_PICTURES[robot.kinematics]
+    example = f"docs/programs/{robot.name}.toml"
+    program = parse_program((DOCS.parent / example).read_text(encoding="utf-8"), Findings())
+    outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
+    path = DOCS / picture(robot.name, "example", kind)
+    write_picture(path, partial(PICTURES[drawn], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
 
 
 _KIND: Final = "calibration-scara"

@@ -22,11 +22,13 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
         "calibration-scara": ["th1", "th2", "d3", "th4"],
         "hybrid-arm": ["th1", "Z5", "Z6", "th4"],
         "ar4-mk3": ["J1", "J2", "J3", "J4", "J5", "J6"],
+        "corexy-gantry": ["X", "Y", "Z"],
         "parol6": ["J1", "J2", "J3", "J4", "J5", "J6"],
         "thor": ["J1", "J2", "J3", "J4", "J5", "J6"],
+        "turntable": ["table"],
     }
     machines = [robot["name"] for robot in document["robots"] if not robot["paper"]]
-    assert machines == list(names)[-len(machines) :] == ["ar4-mk3", "parol6", "thor"]
+    assert machines == list(names)[-len(machines) :] == ["ar4-mk3", "corexy-gantry", "parol6", "thor", "turntable"]
     assert run(["robots"]) == 0
     shown = capsys.readouterr().out
     assert "\nwarehouse-scara: Jiang Aimin, Guo Liang, Tan Xiangquan: Development" in shown

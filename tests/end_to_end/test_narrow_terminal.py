@@ -27,9 +27,11 @@ def commands(robot: str) -> list[list[str]]:
     """Return the commands that print tables without a live board."""
     loaded = load_robot(robot)
     kinematics = make_kinematics(loaded)
+    if not kinematics.task.width:
+        return [["robots"], ["jobs", robot]]
     x_mm, y_mm, z_mm, *turn_deg = kinematics.task.figures(kinematics.forward(np.array([loaded.home])))[0].tolist()
     option = "--phi" if kinematics.task.is_flat else "--rpy"
-    turned = [option, " ".join(f"{angle_deg:.9f}" for angle_deg in turn_deg)]
+    turned = [option, " ".join(f"{angle_deg:.9f}" for angle_deg in turn_deg)] if turn_deg else []
     place = zip(("--x", "--y", "--z"), (x_mm, y_mm, z_mm), strict=True)
     return [
         ["robots"],
@@ -59,5 +61,5 @@ def test_the_report_of_a_run_fits(
     start = next(i for i, line in enumerate(lines) if line.startswith("axis"))
     end = next(i for i, line in enumerate(lines) if line.startswith("CLK:"))
     assert lines[:start] == ([f"drivers: {profile}"] if (profile := load_robot(robot).board.driver_profile) else [])
-    assert end - start == 2 + len(load_robot(robot).joints)
+    assert end - start == 2 + len(load_robot(robot).axes)
     assert max(map(len, lines[:end])) <= WIDTH

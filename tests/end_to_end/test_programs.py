@@ -33,6 +33,8 @@ VERBS = {
     "ar4-mk3": {"go", "line", "call", "pause", "by"},
     "parol6": {"go", "line", "call", "pause", "by"},
     "thor": {"go", "line", "call", "pause", "by"},
+    "corexy-gantry": {"go", "line", "call", "by", "circle", "output"},
+    "turntable": {"go", "by", "call", "repeat", "pause", "output"},
 }
 """Steps that each robot's example shows."""
 BLOCKS = [text for language, text in blocks_of(read_page("docs/programs.md")) if language == "toml"]

@@ -32,8 +32,8 @@ SEEN_AT = {
 """By the figures of CiA 402-2: position of the home edge, and steps beyond it at which the switch opens."""
 
 
-MISSING_LIMITS = {"ar4-mk3": 1, "parol6": 2, "thor": 2}
-"""The papers' robots have switches at both ends; an AR4 has one for each joint, the others have home switches."""
+MISSING_LIMITS = {"ar4-mk3": 1, "corexy-gantry": 1, "parol6": 2, "thor": 2, "turntable": 1}
+"""The papers' robots have switches at both ends; most machines one for each joint, the others home switches alone."""
 
 
 @pytest.mark.parametrize("name", robot_names())

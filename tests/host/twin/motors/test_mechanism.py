@@ -57,10 +57,10 @@ def random_rotors(robot: Robot, seed: int) -> tuple[Array, Array]:
     home = np.array(robot.home)
     spans = np.array([[joint.lower, joint.upper] for joint in robot.joints])
     joints = home + 0.2 * random.uniform(-1, 1, len(home)) * np.minimum(home - spans[:, 0], spans[:, 1] - home).clip(5)
-    return joints, np.linalg.solve(joints_by_rotor(robot), joints)
+    return joints, np.linalg.lstsq(joints_by_rotor(robot), joints)[0]  # two motors of a joint turn alike
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", [name for name in robot_names() if make_kinematics(load_robot(name)).task.width])
 def test_a_payload_hangs_at_the_tools_tip(name: str) -> None:
     """1e9 kg at the tip put the last body's centre of mass there; the tip is where the kinematics has it."""
     robot = load_robot(name)
