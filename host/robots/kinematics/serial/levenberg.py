@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
 from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
 from steptwin.host.robots.poses.rotations import product, reversed_rotation, rotation_vector_deg, turned, wrapped_deg
@@ -97,20 +98,21 @@ class NumericInverse:
         return Found(joints, place_mm, turn_deg)
 
     def anywhere(self, poses: FloatArray, near: FloatArray) -> Found:
-        """Return joints as `near`; a pose that is not reached so is tried from random starts within the limits.
+        """Return joints as `near`, of shape (n, joints), within the limits if there are such.
 
-        The starts are always the same. `near` has the shape (n, joints).
+        A pose that is not reached so is tried from random starts within the limits, which are always the same.
         """
         found = self.near(poses, near)
         rng = np.random.default_rng(_SEED)
         for _ in range(_RESTARTS):
-            left = np.flatnonzero(~found.solved)
+            left = np.flatnonzero(~self._within(found))
             if not left.size:
                 break
             start = near[left].copy()
             start[:, self.free] = rng.uniform(self.lower, self.upper, start.shape)[:, self.free]
             again = self.near(poses[left], start)
-            better = again.off_mm + again.off_deg < found.off_mm[left] + found.off_deg[left]
+            nearer = again.off_mm + again.off_deg < found.off_mm[left] + found.off_deg[left]
+            better = self._within(again) | (~found.solved[left] & nearer)
             for old, new in (
                 (found.joints, again.joints),
                 (found.off_mm, again.off_mm),
@@ -118,6 +120,13 @@ class NumericInverse:
             ):
                 old[left[better]] = new[better]
         return found
+
+    def _within(self, found: Found) -> BoolArray:
+        """Return, of shape (n,), where joints have the pose and are in some turn within their limits."""
+        above = found.joints - self.lower + LIMIT_TOLERANCE
+        above = np.where(self.slides, above, above % 360.0)
+        kept = (above >= 0.0) & (above <= self.upper - self.lower + 2.0 * LIMIT_TOLERANCE)
+        return np.asarray(found.solved & kept[:, self.free].all(axis=1))
 
     def solutions(self, pose: FloatArray, near: FloatArray, known: FloatArray) -> FloatArray:
         """Return solutions of a pose of shape (task.width,), shape (k, joints), in the order of their joints.

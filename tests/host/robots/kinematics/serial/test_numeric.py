@@ -209,3 +209,25 @@ def test_a_held_joint_and_a_turned_base_change_no_speeds() -> None:
     whole = kinematics._numeric_velocities(joints, tool)  # noqa: SLF001
     clear = np.min(kinematics.form.measures(np.deg2rad(joints[:, 1:])), axis=0) > 0.05
     assert kinematics.joint_velocities(joints, tool)[clear] == pytest.approx(whole[clear], rel=1e-8, abs=1e-7)
+
+
+def test_joints_within_their_limits_come_before_nearer_ones() -> None:
+    """From a start with the elbow up Newton's method keeps it so, beyond J3's 52 deg; the arm can have it down."""
+    robot = three_joints()
+    kinematics, joints = kinematics_of(robot), np.array([[20.0, 30.0, -60.0]])
+    pose = kinematics.forward(joints)
+    beyond = next(branch.joints[0] for branch in kinematics.inverse(pose, joints[0]) if branch.joints[0, 2] > 52.0)
+    start = beyond + np.array([0.0, 0.0, 5.0])
+    assert kinematics.numeric.near(pose, start[np.newaxis]).joints[0] == pytest.approx(beyond, abs=1e-6)
+    solved = kinematics.solve(pose, NEAREST, start)
+    limits = joint_constraints(robot.joints, beyond[np.newaxis])
+    assert not np.all([each.kept for each in limits])
+    assert solved.reachable[0]
+    assert np.linalg.norm((kinematics.forward(solved.joints) - pose)[0, :3]) <= PLACE_OFF_MM
+
+
+def test_joints_beyond_their_limits_are_told_if_there_are_no_others() -> None:
+    kinematics = kinematics_of(three_joints())
+    pose = kinematics.forward(np.array([[20.0, 95.0, 10.0]]))
+    solved = kinematics.solve(pose, NEAREST, np.array([20.0, 90.0, 10.0]))
+    assert solved.reason(0) == "J2: 95.0 deg is outside -42..90 deg, by 5 deg"
