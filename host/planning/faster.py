@@ -60,7 +60,7 @@ def _by_step_rate(peak: Peak) -> int:
 
 
 def _by_bus(plan: Plan) -> HighestSpeed:
-    records = len(plan.robot.joints) * (len(plan.times_ms) - 1)
+    records = plan.points_units.shape[1] * (len(plan.times_ms) - 1)
     bits_per_s = records * BITS_OF_A_RECORD / (plan.times_ms[-1] / 1000)
     percent = floor(100 * BUS_PART * plan.robot.board.bitrate / bits_per_s)
     return HighestSpeed(min(RATE_PERCENT_MAX, percent), f"the bus of {plan.robot.board.bitrate} bit/s")

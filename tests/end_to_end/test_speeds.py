@@ -12,13 +12,14 @@ from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import AS_PLANNED, Evidence, Expectation, Report, RunInfo, verify
-from tests.host.operate.sessions import preset
 
 ROBOT = load_robot("warehouse-scara")
 Change = tuple[float, int]
@@ -27,8 +28,10 @@ Change = tuple[float, int]
 
 def executed(kernel: Kernel, made: Plan, changes: list[Change]) -> tuple[EmbeddedBoard, float]:
     """Execute a plan; return the board, and the time that the motion took."""
-    board = EmbeddedBoard(ROBOT, kernel, MachineOptions(stand_at=made.start_joints))
-    session: Session = preset(board, made.start_joints)
+    board = EmbeddedBoard(made.robot, kernel, MachineOptions(stand_at=made.start_joints))
+    session = Session(board, made.robot)
+    with session.charge("preset", needs=()) as charge:
+        charge.enable().preset(session.units(made.start_joints))
     with session.charge("run") as charge:
         machine = charge.enable()
         run = machine.start(streamed_motion(made)._replace(highest_percent=highest_speed(made).percent))
@@ -50,8 +53,8 @@ def _until(come: Callable[[], bool], wait: Callable[[float], None]) -> None:
 
 
 def judged(board: EmbeddedBoard, made: Plan, evidence: Evidence | None = None) -> Report:
-    facts = RunInfo(ROBOT.name, "job", made.trajectory.duration_s, board.bus_report(), board.now_s(), 1.0)
-    return verify(Expectation.of(ROBOT, made.trajectory), evidence or board.evidence(), facts)
+    facts = RunInfo(made.robot.name, "job", made.trajectory.duration_s, board.bus_report(), board.now_s(), 1.0)
+    return verify(Expectation.of(made.robot, made.trajectory), evidence or board.evidence(), facts)
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +121,33 @@ def test_without_a_change_nothing_is_said(fast_kernel: Kernel, pull: Plan) -> No
     report = judged(board, pull)
     assert report.passed
     assert (report.speeds, "speeds" in report.to_dict()) == ((), False)
+
+
+@pytest.mark.parametrize("percent", [101, 110, 123, 137, 150])
+def test_at_the_highest_speed_the_driver_is_at_its_limit_and_not_beyond(fast_kernel: Kernel, percent: int) -> None:
+    """Motors that could do anything: the driver's step rate alone limits a lift that leaves so many percent to it.
+
+    The board takes every record at the speed that the host states, the verdict passes, and no two pulses are nearer
+    than the limit allows, but for the count to which each is rounded and the chord in which a tick makes them.
+    """
+    joints = tuple(
+        replace(joint, speed_max=1e6, acceleration_max=200_000 / joint.transmission.steps_per_unit)
+        for joint in ROBOT.joints
+    )
+    robot = replace(ROBOT, joints=joints)
+    sz, limit_hz = 1, robot.board.driver_rate_max_hz
+    way = 40_000 / robot.joints[sz].transmission.steps_per_unit
+    goal = (*robot.home[:sz], robot.home[sz] + way, *robot.home[sz + 1 :])
+    made = plan(robot, JointMove(robot.joint_names, robot.home, goal, _law(40_000, limit_hz * 100 / percent)))
+    assert highest_speed(made).percent in (percent - 1, percent)
+    board, _ = executed(fast_kernel, made, [(0.2, highest_speed(made).percent)])
+    report = judged(board, made)
+    assert report.passed, report.reasons
+    fastest_s = np.diff(board.evidence().axes[sz].clk_rise_counts).min() / 72e6
+    assert 0.97 / limit_hz < fastest_s
+    assert fastest_s < 1.03 / limit_hz
+
+
+def _law(steps: float, rate_hz: float) -> Trapezoid:
+    """Return a trapezoid with ramps of 0.5 s that makes its steps at this rate, to the millisecond above."""
+    return Trapezoid(1.0, np.ceil(1000 * (steps / rate_hz + 0.5)) / 1000, 0.5)
