@@ -44,7 +44,7 @@ from matplotlib.text import Text
 
 from steptwin.host.record.folder.run_pictures import DEFAULT_PICTURES
 from steptwin.host.record.plots import CLOSE_UPS, PICTURES, PlotMoment, PlotView, write_plots
-from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, save_figure, thinned
+from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, plain_texts, save_figure, thinned
 from tests.host.record.plots.drawn import drawn_points
 from tests.host.record.plots.png import pixels
 
@@ -348,6 +348,19 @@ def test_the_same_run_gives_the_same_picture(written: list[Path], tmp_path: Path
     assert [path.name for path in again] == ["edges.png", "widths.png"]
     first = {path.name: path.read_bytes() for path in written}
     assert [path.read_bytes() for path in again] == [first[path.name] for path in again]
+
+
+@pytest.mark.parametrize("name", ["timing", "tool-path"])
+def test_a_picture_is_laid_out_as_matplotlib_lays_it_out_itself(name: str, tmp_path: Path) -> None:
+    """It is laid out before it is saved, so that it is drawn once: the bytes are those of a figure that was not."""
+    saved = []
+    with mpl.rc_context(STYLE):
+        for prepare in (save_figure, lambda figure, path, _: figure.savefig(path, dpi=DOTS_PER_INCH, metadata={})):
+            figure = PICTURES[name](swinging(), RUN, VIEW)
+            plain_texts(figure)
+            prepare(figure, tmp_path / "picture.png", {})
+            saved.append((tmp_path / "picture.png").read_bytes())
+    assert saved[0] == saved[1]
 
 
 @pytest.mark.parametrize("form", ["svg", "pdf"])
