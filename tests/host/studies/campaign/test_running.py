@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.choices import MotorsTurn
-from steptwin.host.faults.reaction import RUN_DRY, stops
+from steptwin.host.faults.reaction import GOES_ON, RUN_DRY, stops
+from steptwin.host.faults.report import FaultReport, ScenarioReport
 from steptwin.host.studies.campaign import Campaign, Ended, Performance, draw, perform, run_seed, running
 from steptwin.host.studies.campaign.invariants import INVARIANTS, breaches_of
 from steptwin.host.studies.campaign.margins import MARGINS, Claim
@@ -62,6 +63,18 @@ def test_a_healthy_run_breaks_nothing(healthy: Performance) -> None:
     assert healthy.recovery == Recovery()
     assert len(healthy.claims) == 4
     assert {name for name, margin in MARGINS.items() if margin.of(healthy) is not None} == {*MARGINS} - {"standstill"}
+
+
+@pytest.mark.parametrize(("verified", "told"), [(True, {"threshold", "step rate"}), (False, set())])
+def test_what_a_board_cannot_know_tells_no_margin_of_its_axes(
+    healthy: Performance, verified: bool, told: set[str]
+) -> None:
+    assert healthy.outcome is not None
+    fault = FaultReport("it", {}, "at once", reaction=replace(GOES_ON, verified=verified))
+    outcome = replace(healthy.outcome, scenario=ScenarioReport("one", 1, (fault,), ()))
+    run = replace(healthy, outcome=outcome)
+    of_axes = ("threshold", "step rate")
+    assert {name for name in of_axes if MARGINS[name].of(run) is not None} == told
 
 
 def test_a_stopped_run_says_so_and_breaks_nothing(stopped: Performance) -> None:

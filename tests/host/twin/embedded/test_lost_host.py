@@ -1,0 +1,31 @@
+"""What is said of a host that has ended: why, and the last drive that has failed by itself."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from steptwin.host.faults.engine import Emergency
+from steptwin.host.twin.embedded.execution import outlive
+from steptwin.protocol.cia402 import ErrorCode
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ([], "the bus is gone"),
+        ([(0, ErrorCode.GROUP_STOPPED)], "the bus is gone"),
+        ([(0, 0)], "the bus is gone"),
+        (
+            [(0, ErrorCode.HEARTBEAT_LOST), (1, ErrorCode.GROUP_STOPPED), (1, 0)],
+            "the bus is gone; th1: heartbeat lost (EMCY 0x8130)",
+        ),
+    ],
+)
+def test_it_names_the_drive_whose_fault_stopped_the_others(said: list[tuple[int, int]], told: str) -> None:
+    """A drive that was stopped with its group, or whose error has gone, is not the reason."""
+    board: Any = SimpleNamespace(
+        host=SimpleNamespace(restart_counts=None, hangs=True), robot=SimpleNamespace(axis_names=("th1", "th2"))
+    )
+    engine: Any = SimpleNamespace(emergencies=[Emergency(0, axis, code) for axis, code in said])
+    assert outlive(board, engine, "the bus is gone") == told
