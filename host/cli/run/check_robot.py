@@ -197,12 +197,12 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
         return
     (nearest_mm, farthest_mm), (lowest_mm, highest_mm) = reach["radius_mm"], reach["z_mm"]
     if reach["area_mm2"] is None:
-        heights = f"z = {lowest_mm:.1f}..{highest_mm:.1f} mm"
+        heights = f"z = {lowest_mm:z.1f}..{highest_mm:z.1f} mm"
         say(f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm, {heights}, by {_SAMPLES} random joints")
         return
     say(
         f"the tool reaches r = {nearest_mm:.1f}..{farthest_mm:.1f} mm at z = {reach['area_at_z_mm']:g} mm,"
-        f" an area of {reach['area_mm2'] / 100:.0f} cm2; z = {lowest_mm:.1f}..{highest_mm:.1f} mm{at}"
+        f" an area of {reach['area_mm2'] / 100:.0f} cm2; z = {lowest_mm:z.1f}..{highest_mm:z.1f} mm{at}"
     )
 
 
