@@ -96,6 +96,8 @@ class ShortCircuit(AxisOperation):
 
     do: ClassVar[str] = "short-circuit"
     does: ClassVar[str] = "a motor is short-circuited, or whole again: its driver switches itself off, and stays so"
+    ends: ClassVar[str] = "`short-circuit {joint} off`"
+    end_values: ClassVar[Mapping[str, Any]] = {"shorted": False}
 
     shorted: bool = field(metadata=keyed(Key("shorted", KeyKind.TRUTH)))
 

@@ -17,10 +17,10 @@ from steptwin.host.common.tables import Table, json_table
 
 @dataclass(frozen=True, slots=True)
 class Protect:
-    """A driver's Protect pin.
+    """A driver's Protect pin, or its fault output that is wired to the board.
 
     Attributes:
-        low: True while it is low, for whatever reason: the driver is off.
+        low: True while it tells, for whatever reason, that the driver is off.
         held: True while it is held low from outside.
     """
 

@@ -111,7 +111,7 @@ def _temperature(state: "ControlState") -> str:
 def _protect(pin: "Protect") -> str:
     if pin.held:
         return "held low"
-    return "low: too hot" if pin.low else "free"
+    return "low: the driver has switched itself off" if pin.low else "free"
 
 
 def _fitted(switch: "SwitchState | None") -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from steptwin.emulator.live.control_server import ControlServer
 
 
-_PROTECT = int(DigitalInput.DRIVER_PROTECT)
+_PROTECT = int(DigitalInput.DRIVER_PROTECT | DigitalInput.DRIVER_FAULT)
 
 
 class MachineState:

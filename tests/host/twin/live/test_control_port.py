@@ -122,6 +122,8 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         "wire th2 step noisy 1000 35": "`wire th2 step whole`",
         "wire th2 step noisy 1000 35 count=9": "9 disturbances or `wire th2 step whole`",
         "wire th2 step whole": "",
+        "short-circuit th2 on": "`short-circuit th2 off`",
+        "short-circuit th2 off": "",
         "mode th2 8": "`mode th2`",
         "mode th2": "",
         "switch-wire d1 + normally-open": "`switch-wire d1 + whole`",
