@@ -13,7 +13,7 @@ from steptwin.host.robots.robot import Robot
 
 GANTRY = read_robot(robot_text("gantry", "cartesian", *with_settings("cartesian", {"axes": "XYZC"})))
 BENCH = read_robot(robot_text("bench", "axes", *with_settings("axes", {})))
-ROBOTS = [*map(load_robot, robot_names()), GANTRY]
+ROBOTS = [robot for robot in (*map(load_robot, robot_names()), GANTRY) if make_kinematics(robot).task.width]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=[robot.name for robot in ROBOTS])
 
 
