@@ -1,13 +1,17 @@
 """The page of the brought machines: each session shows what its command prints."""
 
+import re
 import shlex
+import shutil
+from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
-SESSIONS = [text for language, text in blocks_of(read_page("docs/machines.md")) if language == "console"]
+PAGE = read_page("docs/machines.md")
+SESSIONS = [text for language, text in blocks_of(PAGE) if language == "console"]
 
 
 @pytest.mark.parametrize("session", SESSIONS, ids=lambda session: session.splitlines()[0][2:60])
@@ -20,3 +24,18 @@ def test_a_session_is_what_its_command_prints(
     assert run(shlex.split(command.removeprefix("$ steptwin "))) == (": FAILED" in session)
     printed = capsys.readouterr().out.splitlines()
     assert [line.rstrip() for line in printed if not line.startswith("SIMULATED ")] == shown
+
+
+def test_from_nothing_to_a_verified_pick_and_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first blocks of the page, in an empty folder."""
+    program, commands = re.findall(r"<!-- pick -->\n```\w*\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    Path("pick.toml").write_text(program, encoding="utf-8")
+    lines = [shlex.split(line, comments=True) for line in commands.splitlines()]
+    assert len(lines) == 8
+    for name, *words in lines:
+        if name == "cp":
+            shutil.copy(*words)
+        else:
+            assert (name, run(words)) == ("steptwin", 0), words
+    assert (tmp_path / "out" / "pick" / "report.json").exists()
