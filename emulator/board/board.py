@@ -386,7 +386,7 @@ class Board:
         """
         tick, drivers = self.firmware.motion.tick, self.drivers.drivers
         harmed = (shorted or driver.chip.latched for shorted, driver in zip(self._shorted, drivers, strict=True))
-        if any(driver.fault_input and acts for driver, acts in zip(drivers, harmed, strict=True)):
+        if any(driver.tells_latch and acts for driver, acts in zip(drivers, harmed, strict=True)):
             return tick + 1
         stays = (driver.told_until(tick * TICK_COUNTS) for driver in drivers)
         ticks = [max(-(-counts // TICK_COUNTS), tick + 1) for counts in stays if counts is not None]

@@ -8,6 +8,7 @@ from steptwin.emulator.drivers.input_stage import InputStage
 from steptwin.emulator.drivers.limits import Violations, merged
 from steptwin.emulator.drivers.terminals import Moves, TerminalEdges
 from steptwin.protocol.cia402 import DigitalInput
+from steptwin.protocol.drivers import Release
 
 
 class Driver:
@@ -100,6 +101,11 @@ class Driver:
         if self.module.chip.fault_output is None or (self._stage is not None and not self.module.fault_wired):
             return None
         return DigitalInput.DRIVER_FAULT if self._stage else DigitalInput.DRIVER_PROTECT
+
+    @property
+    def tells_latch(self) -> bool:
+        """Whether the board sees a latch of the chip: a chip that a short circuit destroys tells nothing."""
+        return self.fault_input is not None and self.module.chip.overcurrent.value is not Release.NEVER
 
     def told(self, counts: int) -> DigitalInput:
         """Return that input at an instant at which the output tells that a protection holds the bridges off; else 0."""
