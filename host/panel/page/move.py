@@ -304,9 +304,9 @@ class ToolForm:
             self.fill()
 
     def fill(self) -> None:
-        """Show where the tool is."""
+        """Show where the tool is; nothing while that is unknown, and for a machine without one."""
         pose = self._visitor.desk.snapshot.pose
-        if pose is None:
+        if not pose:
             return
         self._filled = True
         self._show(tuple(self._task.of_figures(np.array([list(pose.values())]))[0].tolist()))
