@@ -32,7 +32,7 @@ from steptwin.protocol.pvt import PvtRecord
 class BoardConfig:
     """Hardware of a board: the driver of each axis, node ids, the machine's switches.
 
-    Positions are in substeps of the drivers (`ChipSheet.substeps`), all of which divide a full step alike.
+    Positions are in substeps of the drivers (`ChipSheet.substeps`), which all divide a full step alike.
     """
 
     modules: tuple[Module, ...]
@@ -444,7 +444,7 @@ class Board:
         return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
 
     def next_tick_counts(self, now_counts: int) -> int:
-        """Return the instant after now at which the next servo tick begins."""
+        """Return the instant after now when the next servo tick begins."""
         return (now_counts // TICK_COUNTS + 1) * TICK_COUNTS
 
     @property

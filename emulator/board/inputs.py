@@ -36,7 +36,7 @@ class Bouncer:
         """Instants when the contact turns over after its last change, in order."""
 
     def inverted(self, tick: int, *, closed: bool) -> bool:
-        """Return whether the input shows the opposite at a tick, at which the position has the switch closed or not."""
+        """Return whether the input shows the opposite at a tick when the position has the switch closed or not."""
         now_counts = tick * TICK_COUNTS
         if closed != self._closed:
             self._closed = closed
@@ -45,7 +45,7 @@ class Bouncer:
         return bisect_right(self._turns, now_counts) % 2 == 1
 
     def next_tick(self, tick: int) -> int | None:
-        """Return the next tick, after one, at which the input may show something else; None if it has come to rest."""
+        """Return the next tick, after one, when the input may show something else; None if it has come to rest."""
         if not self._turns or self._turns[-1] <= tick * TICK_COUNTS:
             return None
         turn = self._turns[bisect_right(self._turns, tick * TICK_COUNTS)]

@@ -1,7 +1,7 @@
 """Convert between the simulation's time and a board's own, whose crystal is some parts per million off.
 
 A crystal that is fast by p ppm makes 10^6 + p counts while the simulation makes 10^6. All is done with whole counts:
-`local_counts` is rounded down, and `instants` are the first at which the board has counted so far.
+`local_counts` is rounded down, and `instants` are the first when the board has counted so far.
 """
 
 from typing import Final
@@ -20,7 +20,7 @@ class LocalClock:
         """Begin at 0 with the simulation; `ppm` is positive for a crystal that is fast."""
         self._rate = PPM + ppm
         self.now_counts = 0
-        """Instant of the simulation at which the board is."""
+        """Instant of the simulation that the board has come to."""
         self._now_local_counts = 0
         """What the board has counted then: `local_counts` of it, or one less if the board has stopped before."""
 
@@ -29,7 +29,7 @@ class LocalClock:
         return counts * self._rate // PPM
 
     def instant(self, local_counts: int) -> int:
-        """Return the first instant of the simulation at which the board has counted so far."""
+        """Return the first instant of the simulation when the board has counted so far."""
         return -(-local_counts * PPM // self._rate)
 
     def instants(self, local_counts: Int64Array) -> Int64Array:
@@ -39,7 +39,7 @@ class LocalClock:
         return first
 
     def enter(self, counts: int) -> int:
-        """Return the board's own time at an instant, at which something happens to it; time never goes back."""
+        """Return the board's own time at an instant when something happens to it; time never goes back."""
         if counts > self.now_counts:
             self.go_to(counts, self.local_counts(counts))
         return self._now_local_counts

@@ -77,7 +77,7 @@ class Noise:
         return round(COUNTS_PER_SECOND / self.rate_hz) - self.width_counts
 
     def flips(self, from_counts: int) -> Iterator[int]:
-        """Yield the instants, from one on, at which the level turns over: begin and end of each disturbance."""
+        """Yield the instants, from one on, when the level turns over: begin and end of each disturbance."""
         random, at, left = Random(self.seed), from_counts, self.count
         while left is None or left > 0:
             at += random.randint(1, 2 * self.pause_counts - 1)

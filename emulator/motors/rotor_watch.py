@@ -192,7 +192,7 @@ class RotorWatch:
         self._change_at(tick, partial(self.rotors.carry, self._arm))
 
     def _see_slips(self) -> None:
-        """Let rotors slip at the start of the tick at which `Slip` has made them."""
+        """Let rotors slip at the start of the tick when `Slip` has made them."""
         first = 0
         for number, board in enumerate(self._boards):
             for axis, full_steps in enumerate(board.slipped_full_steps):

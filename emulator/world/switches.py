@@ -96,7 +96,7 @@ class Travel:
         return (weighted + WEIGHT_ONE // 2) // WEIGHT_ONE
 
     def steps(self, way_substeps: int, step_substeps: Sequence[int]) -> int:
-        """Return the least number of steps, made by all rotors at once, in which the position can change so far."""
+        """Return the least number of steps, made by all rotors at once, for the position to change so far."""
         fastest = sum(abs(weight) * step_substeps[axis] for axis, weight in self.weights)
         return (way_substeps - 1) * WEIGHT_ONE // fastest + 1
 

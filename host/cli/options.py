@@ -116,7 +116,7 @@ class Without(NamedTuple):
 
 @dataclass(frozen=True)
 class _Group:
-    """Options of which one object is made: its own, by the names of its fields, and those of the groups in it."""
+    """Options that make one object: its own, by the names of its fields, and those of the groups in it."""
 
     make: Callable[..., Any]
     own: Mapping[str, Field[Any]]
@@ -135,7 +135,7 @@ class _Group:
 
     @classmethod
     def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any]) -> "_Group":
-        """Return the group of these fields, of which a class or a function makes its object."""
+        """Return the group of these fields; a class or a function makes its object of them."""
         found = {each.name: (each, cls.of(each.type)) for each in members}
         own = {name: each for name, (each, group) in found.items() if group is None}
         return cls(make, own, {name: group for name, (_, group) in found.items() if group})

@@ -132,7 +132,7 @@ class PairWatch:
 
 
 _ENDED: Final = Status.TARGET_REACHED | Status.HOMING_ERROR
-"""Bits of the statusword of which one says that a homing is over."""
+"""Bits of the statusword; one of them says that a homing is over."""
 
 
 def run_homings(

@@ -138,7 +138,7 @@ def _searches(driving: Driving, comparison: Comparison) -> Sequence[Search]:
 
 
 def stretch_of_drivers(comparison: Comparison) -> float | None:
-    """Return the shortest stretch at which no driver gets more steps than it takes; None if nothing moves."""
+    """Return the shortest stretch that gives no driver more steps than it takes; None if nothing moves."""
     expected = comparison.expected
     robot, trajectory = expected.robot, expected.trajectory
     if robot is None:

@@ -264,7 +264,7 @@ class Driving:
         return replace(self, robot=robot, arms=(self.arms[0], arm_of(robot, payload_kg)))
 
     def stretched(self, factor: float) -> Self:
-        """Return the same in which the motion takes `factor` times as long.
+        """Return the same with a motion that takes `factor` times as long.
 
         Every edge since t = 0 moves in proportion. That is what a stretched plan makes of the drivers, apart from the
         quarter of a ms to which the board rounds segments and the standstill after which a driver reduces its current.
