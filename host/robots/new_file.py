@@ -157,6 +157,9 @@ _SCARA_JOINTS: Final = {
     "tool": NewJoint("", Unit.DEG, "tool, belt", -180.0, 180.0, 2.0, 16),
 }
 
+_BELTS, _EACH, _COREXY = "belts", "each", "corexy"
+"""What a new gantry's file is asked beside its dimensions: whether it needs a coupling."""
+
 _COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
 
 
@@ -177,6 +180,8 @@ def questions_of(kind: str) -> dict[str, tuple[str, Dimension]]:
             }
         else:
             questions[key] = (meanings[key], value)
+    if kind == "cartesian":
+        questions[_BELTS] = (f"{_COREXY} if two belts move X and Y together, else {_EACH}", _EACH)
     return questions
 
 
@@ -209,7 +214,8 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
                 raise _unknown_setting(kind, key, questions)
             _set(geometry, key, read_dimension(key, settings[key], questions[key][1]))
     findings.raise_first()
-    joints = {joint.name: joint for joint in usual_joints(kind, geometry)}
+    own = {key: value for key, value in geometry.items() if key != _BELTS}
+    joints = {joint.name: joint for joint in usual_joints(kind, own)}
     for key in [key for key in settings if "." in key and key not in questions]:
         with findings.collecting():
             name, _, quantity = key.partition(".")
@@ -276,9 +282,9 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     parts = [
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
         _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
-        _kinematics_text(kind, geometry, meanings),
+        _kinematics_text(kind, {key: value for key, value in geometry.items() if key != _BELTS}, meanings),
         _BASE,
-        *([_COUPLING] if kind == "cartesian" else []),
+        *([_coupling_text(geometry)] if kind == "cartesian" else []),
         _DRIVERS + "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
         _JOINTS,
         *(_joint_text(joint) for joint in joints),
@@ -289,6 +295,18 @@ def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: 
     text = "\n".join(parts)
     read_robot(text)
     return text
+
+
+def _coupling_text(geometry: Mapping[str, Dimension]) -> str:
+    """Return the table of a CoreXY's belts, as a comment unless the machine is one; InputError if it cannot be."""
+    belts = geometry.get(_BELTS, _EACH)
+    if belts not in (_EACH, _COREXY):
+        raise InputError(f"{_BELTS}: {belts!r} is neither {_EACH} nor {_COREXY}")
+    if belts == _EACH:
+        return "".join(f"# {line}\n" for line in _COUPLING.splitlines())
+    if not {"X", "Y"} <= set(geometry["axes"]):
+        raise InputError(f"{_BELTS}: {_COREXY} moves X and Y, but axes is {geometry['axes']!r}")
+    return _COUPLING
 
 
 def _kinematics_text(kind: str, geometry: Mapping[str, Dimension], meanings: Mapping[str, str]) -> str:
@@ -316,9 +334,9 @@ _BASE: Final = """\
 # phi_deg = 0.0
 """
 _COUPLING: Final = """\
-# [coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/coupling.md)
-# X = { X = 1.0, Y = 1.0 }
-# Y = { X = -1.0, Y = 1.0 }
+[coupling] # for CoreXY and H-bot: two motors move both slides; rows are axes, columns joints (docs/coupling.md)
+X = { X = 1.0, Y = 1.0 }
+Y = { X = -1.0, Y = 1.0 }
 """
 _DRIVERS: Final = """\
 # For drivers other than TB6560s on the board: driver_profile = "a4988" or another of docs/driver.md in place of osc_pf

@@ -78,7 +78,7 @@ def new(
 
     hybrid-arm: h_mm L_mm l1_mm l2_mm l3_mm l4_mm z2_max_mm
 
-    cartesian: axes
+    cartesian: axes belts (each or corexy)
 
     axes: no dimensions
 

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from hypothesis import given
@@ -231,3 +232,30 @@ def test_a_program_names_the_file_of_its_robot(tmp_path: Path, capsys: pytest.Ca
         assert run_json(capsys, "check", str(program), str(file))["findings"] == []
     assert run_json(capsys, "run", str(file), str(program))["passed"]
     assert "the program is for my-arm, not for lab-scara" in refusal(capsys, "run", "lab-scara", str(program))
+
+
+@pytest.mark.parametrize(("settings", "coupled"), [(["belts=corexy"], True), (["belts=each"], False), ([], False)])
+def test_a_gantry_may_have_the_belts_of_a_corexy(settings: list[str], coupled: bool, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    assert run(["new", str(file), "--kind", "cartesian", *(word for each in settings for word in ("--set", each))]) == 0
+    robot = load_robot_file(str(file))
+    assert bool(robot.coupling.matrix) is coupled
+    assert robot.geometry == {"axes": "XYZ"}
+    if coupled:
+        assert robot.coupling.to_axes(np.array([3.0, 5.0, 1.0])).tolist() == [8.0, 2.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (["belts=h-bot"], "belts: 'h-bot' is neither each nor corexy"),
+        (["belts=corexy", "axes=XZ"], "belts: corexy moves X and Y, but axes is 'XZ'"),
+    ],
+)
+def test_belts_that_cannot_be(
+    settings: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.toml"
+    assert run(["new", str(file), "--kind", "cartesian", *(word for each in settings for word in ("--set", each))]) == 2
+    assert told in capsys.readouterr().err
+    assert not file.exists()
