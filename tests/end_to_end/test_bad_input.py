@@ -31,7 +31,9 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     [
         pytest.param(["run", "warehouse-skara", "pull-line"], ["warehouse-skara", "warehouse-scara"], id="robot"),
         pytest.param(["run", "warehouse-scara", "drawer-pul"], ["drawer-pul", "drawer-pull"], id="job"),
-        pytest.param(["run", "warehouse-scara", __file__], ["test_bad_input.py", ".csv or .json"], id="kind of file"),
+        pytest.param(
+            ["run", "warehouse-scara", __file__], ["test_bad_input.py", ".csv, .json, .yaml"], id="kind of file"
+        ),
         pytest.param([*RUN, "-o", "elbo=left"], ["elbo", "elbow"], id="option of a job"),
         pytest.param([*RUN, "--elbow", "lft"], ["lft", "left"], id="elbow"),
         pytest.param([*RUN, "-o", "duration_s"], ["duration_s", "NAME=VALUE"], id="no value"),

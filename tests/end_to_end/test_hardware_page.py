@@ -41,7 +41,8 @@ def test_every_object_that_commands_rely_on_is_named() -> None:
     client = [path for path in (ROOT / "host" / "client").glob("*.py") if path.name != "monitor.py"]
     sources = [*client, *(ROOT / "host" / "operate").glob("*.py")]
     known = {item.index for item in OBJECTS}
-    names = {name for path in sources for name in re.findall(r"\bod\.([A-Z_]+)", path.read_text(encoding="utf-8"))}
+    texts = [path.read_text(encoding="utf-8") for path in sources]
+    names = {name for text in texts for name in re.findall(r"\bod\.([A-Z][A-Z0-9_]*)\b", text)}
     values = [getattr(od, name) for name in names]
     addresses = {each for value in values for each in (value if isinstance(value, tuple) else (value,))}
     used = {address >> 8 for address in addresses} & known

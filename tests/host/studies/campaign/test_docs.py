@@ -116,8 +116,10 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
 
 def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) -> None:
     """What faults.md has beside the table: a crystal that is off, boards that drift apart, motors that feel a load."""
-    choices = [replace(choice, robots=tuple(nightly.robots)) for choice in nightly.scenarios]
-    trials = [draw(replace(nightly, scenarios=(choice,)), seed) for seed, choice in enumerate(choices)]
+    trials = [
+        draw(replace(nightly, scenarios=(each,), robots={name: nightly.robots[name] for name in each.robots}), seed)
+        for seed, each in enumerate(nightly.scenarios)
+    ]
     assert {len(trial.setup.crystals_ppm) for trial in trials} == {1, 2}
     assert {any(trial.setup.crystals_ppm) for trial in trials if trial.setup.axes_per_board is None} == {True, False}
     assert {trial.motors for trial in trials} == {None, MotorsTurn.IN_LOOP}

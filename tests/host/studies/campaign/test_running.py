@@ -226,9 +226,8 @@ def test_a_drawn_run_that_no_robot_can_make_is_refused(tmp_path: Path) -> None:
 def test_a_rotor_that_has_slipped_counts_by_whole_cycles(rotor: float, off: float) -> None:
     """Its load angle does not count: in half steps a cycle has 8."""
     joint = SimpleNamespace(transmission=SimpleNamespace(microsteps=2))
-    board: Any = SimpleNamespace(
-        robot=SimpleNamespace(joints=[joint]), motor_positions=lambda: [230.0], rotor_positions=lambda: [rotor]
-    )
+    robot = SimpleNamespace(joints=[joint], axes=[joint])
+    board: Any = SimpleNamespace(robot=robot, motor_positions=lambda: [230.0], rotor_positions=lambda: [rotor])
     board.held_positions = lambda: EmbeddedBoard.held_positions(board)
     assert steps_off(board, [200 * UNITS_PER_FULL_STEP // 2]) == [off]
 
@@ -259,7 +258,7 @@ def test_a_slip_on_purpose_is_none_that_a_rotor_makes_by_itself(rotor: float, ma
     """In half steps: an electrical cycle, 4 full steps, has 8 of them."""
     transmission = SimpleNamespace(microsteps=2)
     board: Any = SimpleNamespace(
-        robot=SimpleNamespace(joints=[SimpleNamespace(transmission=transmission)]),
+        robot=SimpleNamespace(axes=[SimpleNamespace(transmission=transmission)]),
         motor_positions=lambda: [230.0],
         rotor_positions=lambda: [rotor],
         _machine=SimpleNamespace(simulation=SimpleNamespace(boards=[SimpleNamespace(slipped_full_steps=[made])])),
