@@ -3,6 +3,8 @@
 The figures are those of docs/machines.md.
 """
 
+from functools import cache
+
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
@@ -21,6 +23,7 @@ HEAD, _, STEPS = EXAMPLE.partition("[[step]]\n")
 ROUNDING_MM = 0.055
 
 
+@cache
 def planned(times: int = 1) -> Plan:
     """The example, so many times one after the other."""
     text = HEAD + times * f"[[step]]\n{STEPS}\n"
