@@ -27,15 +27,20 @@ _CLK_HIGH_COUNTS: Final = 2_376
 
 
 def kinematics_table() -> Table:
-    """Measure forward and inverse kinematics of every robot: the best of all runs, for all branches together.
+    """Measure the kinematics of every robot with a tool, both ways: the best of all runs, for all branches together.
 
     The sines are as many as joint values are read or, over all branches, written.
     """
     return bench_table(
         f"Kinematics: batches of {BATCH}, one core; ratio to the sines of all joint values",
         "robot|way|branches|M poses/s|ns a pose|x numpy sin",
-        (row for name in robot_names() for row in _kinematics_rows(load_robot(name))),
+        (row for robot in map(load_robot, robot_names()) if has_poses(robot) for row in _kinematics_rows(robot)),
     )
+
+
+def has_poses(robot: Robot) -> bool:
+    """Return whether a robot has a tool, and so poses."""
+    return make_kinematics(robot).task.width > 0
 
 
 def _kinematics_rows(robot: Robot) -> list[str]:
