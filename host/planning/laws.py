@@ -113,11 +113,15 @@ def shortest_ms(by_speed_ms: float, by_ramp_ms: Callable[[int], float], shortest
 
 def time_at(law: Law, position: float) -> float:
     """Return the time in seconds when a law that does not turn back is first at a position on its way."""
-    low_s, high_s = 0.0, law.duration_s
+    return time_after(lambda t_s: abs(float(law.position(np.array([t_s]))[0])) < abs(position), law.duration_s)
+
+
+def time_after(is_before: Callable[[float], bool], duration_s: float) -> float:
+    """Return the end of the time in a duration for which something holds, from its begin on, by halving."""
+    low_s, high_s = 0.0, duration_s
     while high_s - low_s > _TIME_S:
         middle_s = (low_s + high_s) / 2.0
-        behind = abs(float(law.position(np.array([middle_s]))[0])) < abs(position)
-        low_s, high_s = (middle_s, high_s) if behind else (low_s, middle_s)
+        low_s, high_s = (middle_s, high_s) if is_before(middle_s) else (low_s, middle_s)
     return high_s
 
 

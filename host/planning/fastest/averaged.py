@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.laws import time_after
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,12 +63,7 @@ class Averaged:
 
     def time_at(self, s: float) -> float:
         """Return the time in seconds at which the parameter is first at a value; it rises everywhere in between."""
-        low_s, high_s = 0.0, self.duration_s
-        while high_s - low_s > 1e-9:
-            middle_s = (low_s + high_s) / 2.0
-            below = float(self.at(np.array([middle_s]))[0][0]) < s
-            low_s, high_s = (middle_s, high_s) if below else (low_s, middle_s)
-        return high_s
+        return time_after(lambda t_s: float(self.at(np.array([t_s]))[0][0]) < s, self.duration_s)
 
     def _raw(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the integral of the parameter, and the parameter, at times before averaging; both ends stand."""

@@ -51,12 +51,14 @@ def timed_chains(
     It is one part, except where a stop takes less time than the rounded corner. Raises CornerError as `flowing`.
     """
 
-    def part(first: int, end: int, from_ms: int = 0) -> TimedChain:
-        flow = flowing(robot, legs[first:end], radii_mm[first : end - 1])
+    def timed_part(flow: Flow, first: int, end: int, from_ms: int = 0) -> TimedChain:
         return TimedChain(first, end - first, flow.corners, timed(robot, flow.path, average_s, from_ms))
 
-    whole = part(0, len(legs), from_ms)
-    doubtful = _doubtful(flowing(robot, legs, radii_mm), average_s)
+    def part(first: int, end: int, from_ms: int = 0) -> TimedChain:
+        return timed_part(flowing(robot, legs[first:end], radii_mm[first : end - 1]), first, end, from_ms)
+
+    flow = flowing(robot, legs, radii_mm)
+    whole, doubtful = timed_part(flow, 0, len(legs), from_ms), _doubtful(flow, average_s)
     found, begins = [whole], [0, *(corner + 1 for corner in doubtful), len(legs)]
     for corner in doubtful:
         last = found.pop()

@@ -6,6 +6,7 @@ around it for the next pass.
 """
 
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Final
 
 import numpy as np
@@ -54,31 +55,20 @@ def timed(robot: Robot, path: PiecewisePath, average_s: float, from_ms: int = 0)
 
     The motion begins `from_ms` after the whole one; its points are those of the whole one.
     """
-    rates, limits = path.rates(), path.limits()
-    asked = limits
-    for _ in range(_PASSES):
-        law = Averaged.of(rates.s, fastest_squares(rates.s, limits.rows(robot, rates)), average_s)
-        motion = _cubics(robot, path, law, from_ms)
-        use = _Use.of(robot, path, law, motion, asked, rates.s)
-        if use.highest <= _ENOUGH:
-            return TimedPath(motion, law, use.highest)
-        limits = use.lowered(limits, law, rates.s)
-    return _slowed(robot, path, limits, asked, average_s, from_ms)
-
-
-def _slowed(
-    robot: Robot, path: PiecewisePath, limits: PathLimits, asked: PathLimits, average_s: float, from_ms: int
-) -> TimedPath:
-    """Return the motion within limits, made slower as a whole until it keeps those that were asked for."""
-    rates = path.rates()
-    squares, slower = fastest_squares(rates.s, limits.rows(robot, rates)), 1.0
-    while True:
+    rates, asked = path.rates(), path.limits()
+    limits, slower = asked, 1.0
+    for number in count(1):
+        squares = fastest_squares(rates.s, limits.rows(robot, rates))
         law = Averaged.of(rates.s, squares, average_s, slower)
         motion = _cubics(robot, path, law, from_ms)
         use = _Use.of(robot, path, law, motion, asked, rates.s)
         if use.highest <= _ENOUGH:
-            return TimedPath(motion, law, use.highest)
-        slower *= max(1.0001, use.highest)
+            break
+        if number <= _PASSES:
+            limits = use.lowered(limits, law, rates.s)
+        else:
+            slower *= max(1.0001, use.highest)
+    return TimedPath(motion, law, use.highest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

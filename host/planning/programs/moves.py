@@ -262,7 +262,7 @@ class Moves:
                 raise
 
     def forget_flow(self) -> None:
-        """Begin anew where the robot stands, without the steps that flowed."""
+        """Forget the steps that flow: the next one begins where the robot stands."""
         self.legs = FlowingLegs(self._robot, self.composer.joints)
 
     def _flows(self, pace: StepPace) -> bool:
