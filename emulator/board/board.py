@@ -11,8 +11,10 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardReadings
 from steptwin.controller.node.firmware import Firmware
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
+from steptwin.emulator.board.board_firmware import BoardFirmware, BoardProgram, BoardPulses, OtherFirmwareError
 from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
+from steptwin.emulator.board.own_program import OwnProgram
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.drivers.chip import OutputFollower
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
@@ -20,12 +22,10 @@ from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.faults.harm import AxisSurroundings, BoardOperation, Surroundings
 from steptwin.emulator.faults.wiring import Condition, Wire
 from steptwin.emulator.world.switches import Switch, Travel
-from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
-from steptwin.protocol.frame import FIRST_NODE_ID, Frame
+from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
-from steptwin.protocol.pvt import PvtRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +88,27 @@ class Board:
     of their own.
     """
 
-    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
-        """Make a board without power; `flash` holds parameters that were stored before, None for a new board."""
+    def __init__(
+        self,
+        config: BoardConfig,
+        kernel: Kernel,
+        flash: list[FlashPage] | None = None,
+        program: BoardProgram | None = None,
+    ) -> None:
+        """Make a board without power.
+
+        Args:
+            config: its hardware.
+            kernel: form of our firmware's kernel.
+            flash: parameters that our firmware stored before, a page for each axis; None for a new board.
+            program: what the processor runs; None for our firmware.
+        """
         self.config = config
-        self.flash: list[FlashPage] = [FlashPage() for _ in range(config.axis_count)] if flash is None else flash
-        """Parameters that the firmware has stored, a page for each axis: they outlive the power."""
-        self._kernel = kernel
+        self._own: OwnProgram | None = None
+        """Our firmware; None if the board runs another."""
+        if program is None:
+            program = self._own = OwnProgram(kernel, config.axis_count, flash)
+        self._program = program
         starts = config.start_substeps or (0,) * config.axis_count
         self.inputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
         self.drivers = DriverBank(config.modules, self.inputs)
@@ -115,16 +130,15 @@ class Board:
         """True if a digital output has changed; the reader resets it."""
         self.rotor_of: Callable[[int], Shaft] | None = None
         """Tells where an axis' rotor is, if motors turn with the board."""
-        self._on_record: dict[int, Callable[[PvtRecord], None]] = {}
-        """Listeners to the records of each axis' queue."""
-        self.rate_ramps: list[RateRamp] = []
-        """Ramps of the time of the axes that interpolate, since power-up or since they were taken last."""
         self._power_up()
         self._heat_due_tick = self._next_heat_tick()
 
     def _power_up(self) -> None:
         """Make a new firmware and a new CAN controller, as power-up does."""
-        self.firmware = Firmware(self._kernel, self.config.axis_count, self.flash, self.config.first_node_id)
+        self.running: BoardFirmware = self._program.start(self)
+        """The firmware since power-up."""
+        self.motion: BoardPulses = self.running.motion
+        """Its pulses."""
         self.can = self._make_controller()
         """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
         self.inputs.restart_count()
@@ -132,22 +146,43 @@ class Board:
         """Levels of the inputs that the firmware has seen last."""
         self._look_at_once = self.inputs.levels != self._seen
         """True if the inputs must be read at the start of the next tick."""
-        self.firmware.motion.group.on_ramp = self._note_ramp
-        for axis, listener in self._on_record.items():
-            self.on_record(axis, listener)
-        for axis, node in enumerate(self.firmware.nodes):
-            node.dictionary.bind(EmulatedAxis(self, axis))
+        self._program.connect(self)
 
-    def _note_ramp(self, ramp: RateRamp) -> None:
-        self.rate_ramps.append(ramp)
+    @property
+    def own(self) -> OwnProgram:
+        """Our firmware, its flash, and what it tells beside its pins and frames.
+
+        Raises:
+            OtherFirmwareError: the board runs another.
+        """
+        if self._own is None:
+            raise OtherFirmwareError("the board does not run StepTwin's firmware")
+        return self._own
+
+    @property
+    def runs_own(self) -> bool:
+        """True if the board runs our firmware."""
+        return self._own is not None
+
+    @property
+    def firmware(self) -> Firmware:
+        """Our firmware since power-up; raises as `own`."""
+        return self.own.firmware
+
+    @property
+    def rate_ramps(self) -> list[RateRamp]:
+        """Ramps of the time of the axes that interpolate, since power-up or since they were taken last.
+
+        Only our firmware can say where they are.
+        """
+        return [] if self._own is None else self._own.rate_ramps
 
     def take_rate_ramps(self) -> list[RateRamp]:
         """Return `rate_ramps` up to now and clear it."""
-        ramps, self.rate_ramps = self.rate_ramps, []
-        return ramps
+        return [] if self._own is None else self._own.take_rate_ramps()
 
     def _make_controller(self) -> CanController:
-        firmware = self.firmware
+        firmware = self.running
         return CanController(
             firmware.receive,
             firmware.on_can_error,
@@ -161,25 +196,10 @@ class Board:
         """The clock of traces and pin changes; None if it is the simulation's."""
         return None
 
-    def on_record(self, axis: int, listener: Callable[[PvtRecord], None]) -> None:
-        """Call a listener with each PVT record that an axis' queue takes from now on."""
-        self._on_record[axis] = listener
-        self.firmware.nodes[axis].drive.interpolation.taken = []
-        self.can.receive = self._receive_and_tell
-
-    def _receive_and_tell(self, frame: Frame, now_counts: int) -> None:
-        """Pass a frame to the firmware; tell the listeners which records have been taken."""
-        self.firmware.receive(frame, now_counts)
-        for axis, listener in self._on_record.items():
-            records = self.firmware.nodes[axis].drive.interpolation
-            taken, records.taken = records.taken, []
-            for record in taken or ():
-                listener(record)
-
     def boot(self, now_counts: int) -> None:
         """Switch the board on; its nodes announce themselves."""
         self.drivers.supply(SUPPLIES, now_counts, 1)
-        self.firmware.boot(now_counts)
+        self.running.boot(now_counts)
         Board.poll(self, now_counts)  # not that of a subclass, which takes instants of another clock; so below
 
     def power_cycle(self, now_counts: int) -> None:
@@ -197,7 +217,7 @@ class Board:
         self.drivers.drop_pins(now_counts)
         self.output_changed = True
         self.drivers.supply(reversed(SUPPLIES), now_counts, 0)
-        self._fall_silent(self.drivers.cut_off(self.firmware.motion.take_edges(), now_counts), now_counts)
+        self._fall_silent(self.drivers.cut_off(self.motion.take_edges(), now_counts), now_counts)
 
     def reset(self, now_counts: int) -> None:
         """Hold the processor in reset, until `start`: its pins float at once, also in a pulse. The drivers have power.
@@ -207,16 +227,16 @@ class Board:
         self._take_pins()
         self.drivers.release_pins(now_counts)
         self.output_changed = True
-        self._fall_silent(self.drivers.cut_short(self.firmware.motion.take_edges(), now_counts), now_counts)
+        self._fall_silent(self.drivers.cut_short(self.motion.take_edges(), now_counts), now_counts)
 
     def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
         """Show the drivers the last edges; make the firmware that `start` begins."""
-        self.drivers.show(last_edges, self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.show(last_edges, self.motion.tick * TICK_COUNTS)
         self._power_up()
         self.can.power_down()
         self.down = True
         self._look_at_once = False
-        self.firmware.advance(now_counts)
+        self.running.advance(now_counts)
         self._heat_due_tick = self._next_heat_tick()
 
     def start(self, now_counts: int) -> None:
@@ -253,7 +273,7 @@ class Board:
     @property
     def moving(self) -> bool:
         """True while an event is possible at any tick: a motion runs, or the last one may still change a switch."""
-        return self.inputs.unsettled or bool(self.firmware.motion.running_axes)
+        return self.inputs.unsettled or bool(self.motion.running_axes)
 
     def operate(self, operation: BoardOperation, now_counts: int) -> None:
         """Operate the machine. The firmware sees inputs with the next tick, measured values at once.
@@ -280,20 +300,20 @@ class Board:
         """Let a rotor jump by full steps that no driver has made."""
         self.drain()
         self.drivers.slip(axis, full_steps, self.computed_counts)
-        self.inputs.shift(axis, full_steps * self.config.substeps, self.firmware.motion)
+        self.inputs.shift(axis, full_steps * self.config.substeps, self.motion)
 
     def set_wire(self, axis: int, wire: Wire, condition: Condition) -> None:
         """Let a wire to a driver be like this."""
         self.drain()
         self.drivers.set_wire(axis, wire, condition, self.computed_counts)
         self.inputs.expect(self.drivers.noisy_axes)
-        self.inputs.unsettle(axis, self.firmware.motion)
+        self.inputs.unsettle(axis, self.motion)
 
     def set_driver_mode(self, axis: int, microsteps: int | None) -> None:
         """Set a driver to a microstep mode; None: as the board has it, or its switches had it at power-up."""
         self.drain()
         self.drivers.set_mode(axis, microsteps, self.computed_counts)
-        self.inputs.unsettle(axis, self.firmware.motion)
+        self.inputs.unsettle(axis, self.motion)
 
     def _note_inputs(self) -> None:
         """Read the inputs at the start of the next tick if they have changed and there is a firmware to see it."""
@@ -313,14 +333,14 @@ class Board:
         """Let the board measure other values from now on, and the drivers have this supply."""
         self.measurements = measurements
         self.drivers.supply_voltage(self.computed_counts, -(-measurements.supply_10mv // 100))
-        self.firmware.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
+        self.running.measure(measurements.supply_10mv, measurements.temperature_decidegc, now_counts)
 
     def advance(self, until_counts: int) -> int:
         """Let time pass; return the instant reached, which is earlier than `until_counts` if there are frames to send.
 
         A tick is computed only after the firmware has seen the inputs at its start.
         """
-        motion = self.firmware.motion
+        motion = self.motion
         if until_counts < motion.tick * TICK_COUNTS:
             return until_counts  # within a tick that is computed already
         while (due_tick := self._due_tick) is not None and due_tick * TICK_COUNTS <= until_counts:
@@ -336,7 +356,7 @@ class Board:
     @property
     def _due_tick(self) -> int | None:
         """Next tick at whose start the inputs must be read; None while they stay as they are."""
-        motion = self.firmware.motion
+        motion = self.motion
         if self._look_at_once:
             return motion.tick
         due_tick, heat_due_tick = self.inputs.due_tick(motion), self._heat_due_tick
@@ -346,7 +366,7 @@ class Board:
 
     def _look(self) -> bool:
         """Read the inputs at the start of the next tick and show them to the firmware; return True if they changed."""
-        motion = self.firmware.motion
+        motion = self.motion
         if self._hot or self._heat_is_due or self.inputs.restless:
             self.drain()
         else:
@@ -364,16 +384,16 @@ class Board:
         if levels == self._seen or self.down:
             return False
         self._seen = levels
-        self.firmware.set_inputs(levels, motion.tick * TICK_COUNTS)
+        self.running.set_inputs(levels, motion.tick * TICK_COUNTS)
         return True
 
     @property
     def _heat_is_due(self) -> bool:
-        return self._heat_due_tick is not None and self._heat_due_tick <= self.firmware.motion.tick
+        return self._heat_due_tick is not None and self._heat_due_tick <= self.motion.tick
 
     def _look_at_protect(self, axis: int) -> bool:
         """Read what a driver tells at the start of the next tick; return True if a protection holds it off."""
-        told = self.drivers.drivers[axis].told(self.firmware.motion.tick * TICK_COUNTS)
+        told = self.drivers.drivers[axis].told(self.motion.tick * TICK_COUNTS)
         held = DigitalInput.DRIVER_PROTECT if self._held_protects[axis] else DigitalInput(0)
         self.inputs.of_drivers[axis] = told | held
         return bool(told)
@@ -384,7 +404,7 @@ class Board:
         The estimate assumes the highest power; the nearer a shutdown is, the more exact it becomes. A motor that is
         shorted and a latch may act with any change of a pin, which a module's parts delay.
         """
-        tick, drivers = self.firmware.motion.tick, self.drivers.drivers
+        tick, drivers = self.motion.tick, self.drivers.drivers
         harmed = (shorted or driver.chip.latched for shorted, driver in zip(self._shorted, drivers, strict=True))
         if any(driver.tells_latch and acts for driver, acts in zip(drivers, harmed, strict=True)):
             return tick + 1
@@ -394,17 +414,17 @@ class Board:
 
     def _advance_freely(self, until_counts: int) -> int:
         """Let time pass during which no input changes; return the instant reached."""
-        motion = self.firmware.motion
-        reached = self.firmware.advance(until_counts)
+        motion = self.motion
+        reached = self.running.advance(until_counts)
         while reached < until_counts and motion.room_ticks == 0:
             self.drain()
-            reached = self.firmware.advance(until_counts)
+            reached = self.running.advance(until_counts)
         return reached
 
     def poll(self, now_counts: int) -> None:
         """Let the processor do its due work: read its inputs, fetch messages, then send."""
-        firmware = self.firmware
-        if self._look_at_once and firmware.motion.tick * TICK_COUNTS == now_counts:
+        firmware = self.running
+        if self._look_at_once and self.motion.tick * TICK_COUNTS == now_counts:
             self._look()
         if self.can.next_due_counts is not None:
             self.can.poll(now_counts)
@@ -416,22 +436,22 @@ class Board:
 
     def _fill_mailboxes(self, now_counts: int) -> None:
         """Pass waiting frames to the CAN controller, as its driver does when a mailbox becomes free."""
-        can, transmit = self.can, self.firmware.transmit
+        can, transmit = self.can, self.running.transmit
         while can.has_free_mailbox and (frame := transmit.take(can.mailboxes, can.idle_since_counts, now_counts)):
             can.send(frame, now_counts)
 
     @property
     def next_due_counts(self) -> int | None:
         """Instant of the board's next work of its own; None if there is none."""
-        firmware, read_counts = self.firmware, self.can.next_due_counts
-        due_counts = firmware.next_due_counts if firmware.motion.events else firmware.due_counts
+        firmware, read_counts = self.running, self.can.next_due_counts
+        due_counts = firmware.next_due_counts if self.motion.events else firmware.due_counts
         if due_counts is None or (read_counts is not None and read_counts < due_counts):
             due_counts = read_counts
         pause_counts = firmware.transmit.due_counts
         if pause_counts is not None and self.can.has_free_mailbox:  # if none is free, the next frame sent calls `poll`
             due_counts = pause_counts if due_counts is None else min(due_counts, pause_counts)
         if self._look_at_once:
-            tick_counts = self.firmware.motion.tick * TICK_COUNTS
+            tick_counts = self.motion.tick * TICK_COUNTS
             due_counts = tick_counts if due_counts is None else min(due_counts, tick_counts)
         elif self._heat_due_tick is not None:
             heat_counts = self._heat_due_tick * TICK_COUNTS
@@ -441,7 +461,7 @@ class Board:
     def quiet_until(self, counts: int) -> bool:
         """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
         due_counts = self.next_due_counts
-        return counts < self.firmware.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
+        return counts < self.motion.tick * TICK_COUNTS and (due_counts is None or due_counts > counts)
 
     def next_tick_counts(self, now_counts: int) -> int:
         """Return the instant after now when the next servo tick begins."""
@@ -450,17 +470,17 @@ class Board:
     @property
     def computed_counts(self) -> int:
         """Instant up to which all pulses are computed: the start of a servo tick."""
-        return self.firmware.motion.tick * TICK_COUNTS
+        return self.motion.tick * TICK_COUNTS
 
     def drain(self) -> None:
         """Let the drivers process all pulses computed so far."""
         self._take_pins()
-        self.drivers.show(self.firmware.motion.take_edges(), self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.show(self.motion.take_edges(), self.motion.tick * TICK_COUNTS)
 
     def drain_axis(self, axis: int) -> None:
         """Let one driver process its pulses: those of all axes, for each question about one, would hold up a board."""
         self._take_pins()
-        motion = self.firmware.motion
+        motion = self.motion
         self.drivers.show_axis(axis, motion.axes[axis].take_edges(), motion.tick * TICK_COUNTS)
 
     def driver_counts(self, axis: int) -> DriverMonitor:
@@ -477,7 +497,7 @@ class Board:
         return Shaft(units, self.drivers.slipped_full_steps[axis])
 
     def _take_pins(self) -> None:
-        for change in self.firmware.take_pins():
+        for change in self.running.take_pins():
             self.drivers.set_pin(change)
             self.output_changed |= change.pin in OUTPUT_PINS
             self._look_at_once |= self._hot and change.pin not in OUTPUT_PINS  # RESET may end the thermal shutdown
@@ -529,34 +549,10 @@ class Board:
     def take_trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis and begin the next one here, so that a board may run for ever."""
         trace = self.trace(axis)
-        self.drivers.forget(axis, self.firmware.motion.tick * TICK_COUNTS)
+        self.drivers.forget(axis, self.motion.tick * TICK_COUNTS)
         return trace
 
     def trace(self, axis: int) -> AxisTrace:
         """Return the trace of an axis since power-up, or since it was taken last."""
         self.drain_axis(axis)
-        return self.drivers.trace(axis, self.firmware.motion.tick * TICK_COUNTS)
-
-
-_DRIVER_ENTRIES = od.ROTOR_POSITION_STEPS, od.LOST_STEPS, od.DRIVER_VIOLATIONS, od.DRIVER_MICROSTEPS
-"""In the order of DriverMonitor's fields."""
-_ROTOR_ENTRIES = od.SHAFT_POSITION, od.SLIPPED_FULL_STEPS
-"""In the order of Shaft's fields."""
-
-
-class EmulatedAxis:
-    """The entries of one axis that only an emulator can supply (2F00h): its driver since power-up, and its rotor."""
-
-    def __init__(self, board: Board, axis: int) -> None:
-        self._board = board
-        self._axis = axis
-        self._before = board.driver_counts(axis)._replace(microsteps=0)
-
-    def count_at(self, address: int) -> int:
-        """Return a count of the driver since power-up, or its present mode."""
-        i = _DRIVER_ENTRIES.index(address)
-        return self._board.driver_counts(self._axis)[i] - self._before[i]
-
-    def rotor_at(self, address: int) -> int:
-        """Return where the rotor is, or by how much it has slipped."""
-        return self._board.shaft(self._axis)[_ROTOR_ENTRIES.index(address)]
+        return self.drivers.trace(axis, self.motion.tick * TICK_COUNTS)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board, BoardConfig
+from steptwin.emulator.board.board_firmware import BoardProgram
 from steptwin.emulator.board.local_clock import LocalClock
 from steptwin.emulator.bus.can_controller import CanController
 from steptwin.emulator.faults.harm import BoardOperation
@@ -16,9 +17,12 @@ from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import Frame
 
 
-def make_board(config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> Board:
-    """Return a board without power, with a clock of its own only if its crystal is off."""
-    return DriftingBoard(config, kernel, flash) if config.crystal_ppm else Board(config, kernel, flash)
+def make_board(
+    config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None, program: BoardProgram | None = None
+) -> Board:
+    """Return a board without power, as `Board`, with a clock of its own only if its crystal is off."""
+    kind = DriftingBoard if config.crystal_ppm else Board
+    return kind(config, kernel, flash, program)
 
 
 class DriftingController(CanController):
@@ -29,7 +33,7 @@ class DriftingController(CanController):
 
     def __init__(self, clock: LocalClock, board: Board) -> None:
         """Connect a board's firmware, as a board with an exact crystal does."""
-        firmware = board.firmware
+        firmware = board.running
         super().__init__(
             firmware.receive,
             firmware.on_can_error,
@@ -72,10 +76,16 @@ class DriftingController(CanController):
 class DriftingBoard(Board):
     """A board with a crystal of its own; instants are the simulation's, but those of traces and pin changes its own."""
 
-    def __init__(self, config: BoardConfig, kernel: Kernel, flash: list[FlashPage] | None = None) -> None:
+    def __init__(
+        self,
+        config: BoardConfig,
+        kernel: Kernel,
+        flash: list[FlashPage] | None = None,
+        program: BoardProgram | None = None,
+    ) -> None:
         """Make a board without power, as `Board` does; its crystal is off by `config.crystal_ppm`."""
         self._clock = LocalClock(config.crystal_ppm)
-        super().__init__(config, kernel, flash)
+        super().__init__(config, kernel, flash, program)
 
     @property
     def own_clock(self) -> LocalClock | None:
@@ -132,7 +142,7 @@ class DriftingBoard(Board):
     def quiet_until(self, counts: int) -> bool:
         """Return True if nothing can happen up to an instant: it lies within a tick that is computed already."""
         due_counts = self.next_due_counts
-        computed = self._clock.local_counts(counts) < self.firmware.motion.tick * TICK_COUNTS
+        computed = self._clock.local_counts(counts) < self.motion.tick * TICK_COUNTS
         return computed and (due_counts is None or due_counts > counts)
 
     @property

@@ -15,8 +15,8 @@ from random import Random
 
 import numpy as np
 
-from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.emulator.board.board_firmware import BoardPulses
 from steptwin.emulator.board.edges import Int64Array
 from steptwin.emulator.drivers.terminals import Moves, SubstepArray
 from steptwin.emulator.world.switches import AxisSwitches, Switch, Travel
@@ -199,12 +199,12 @@ class BoardInputs:
         if axis in self._followed and counts.size:
             self._ahead[axis].append((counts, substeps))
 
-    def shift(self, rotor: int, substeps: int, motion: BoardMotion) -> None:
+    def shift(self, rotor: int, substeps: int, motion: BoardPulses) -> None:
         """Turn a rotor by more than its driver has made, at the start of the next tick."""
         self._rotors_substeps[rotor] += substeps
         self.unsettle(rotor, motion)
 
-    def unsettle(self, rotor: int, motion: BoardMotion) -> None:
+    def unsettle(self, rotor: int, motion: BoardPulses) -> None:
         """Read the switches that a rotor may reach with the next tick: it has moved, or its steps have changed."""
         self._read_at(self._reached_by(rotor), motion.tick)
 
@@ -228,7 +228,7 @@ class BoardInputs:
         self._due_ticks |= dict.fromkeys(axes, tick)
         self._first_due_tick = min(self._due_ticks.values(), default=None)
 
-    def due_tick(self, motion: BoardMotion) -> int | None:
+    def due_tick(self, motion: BoardPulses) -> int | None:
         """Return the tick up to whose start no switch can change; None while no axis with switches moves."""
         if motion.starts != self._starts_seen and not self._placed:
             self._starts_seen = motion.starts
@@ -241,14 +241,14 @@ class BoardInputs:
             due_tick = self._bounce_tick if due_tick is None else min(due_tick, self._bounce_tick)
         return due_tick
 
-    def _running(self, axis: int, motion: BoardMotion) -> bool:
+    def _running(self, axis: int, motion: BoardPulses) -> bool:
         """Return whether a rotor moves along the way of an axis' switches."""
         for rotor in self._travels[axis].rotors:  # noqa: SIM110  (any() costs time, at every look)
             if motion.axes[rotor].running:
                 return True
         return False
 
-    def _pulses_ahead(self, axis: int, motion: BoardMotion) -> int:
+    def _pulses_ahead(self, axis: int, motion: BoardPulses) -> int:
         """Return the number of pulses that a rotor has made, or may have made, which the switches have not followed."""
         most = 0
         for rotor in self._travels[axis].rotors:
@@ -258,7 +258,7 @@ class BoardInputs:
             most = max(most, pulses)
         return most
 
-    def may_have_changed(self, motion: BoardMotion) -> bool:
+    def may_have_changed(self, motion: BoardPulses) -> bool:
         """Return False if certainly no switch that is due has changed; `due_tick` is then later. True: call `look`."""
         due = self._due(motion)
         bounces = self._bounce_tick is not None and self._bounce_tick <= motion.tick
@@ -266,22 +266,22 @@ class BoardInputs:
         self._first_due_tick = min(self._due_ticks.values()) if self._due_ticks else None
         return not put_off or bounces
 
-    def due_rotors(self, motion: BoardMotion) -> set[int]:
+    def due_rotors(self, motion: BoardPulses) -> set[int]:
         """Return the rotors that switches follow which must be read at the start of the next tick."""
         return self._rotors_of(self._to_read(motion))
 
     def _rotors_of(self, axes: Iterable[int]) -> set[int]:
         return {rotor for axis in axes for rotor in self._travels[axis].rotors}
 
-    def _due(self, motion: BoardMotion) -> list[int]:
+    def _due(self, motion: BoardPulses) -> list[int]:
         return [axis for axis, tick in self._due_ticks.items() if tick <= motion.tick]
 
-    def _to_read(self, motion: BoardMotion) -> list[int]:
+    def _to_read(self, motion: BoardPulses) -> list[int]:
         """Return the axes that are due, and those on whose ways their rotors turn too: all follow these at once."""
         due = {other for axis in self._due(motion) for other in self._coupled[axis]}
         return [axis for axis in self._due_ticks if axis in due]
 
-    def _put_off(self, axis: int, motion: BoardMotion) -> bool:
+    def _put_off(self, axis: int, motion: BoardPulses) -> bool:
         """Put an axis' due tick off if it has made fewer steps than there are to its next switch; return True if so."""
         if axis in self._just_started:
             return False
@@ -295,7 +295,7 @@ class BoardInputs:
         self._due_ticks[axis] = motion.tick + self._quiet_ticks(axis, distance_steps - pulses, motion)
         return True
 
-    def look(self, motion: BoardMotion) -> None:
+    def look(self, motion: BoardPulses) -> None:
         """Let the switches that are due follow up to the start of the next tick; `due_rotors` are drained up to it."""
         self._looked_tick = motion.tick
         axes = self._to_read(motion)
@@ -324,7 +324,7 @@ class BoardInputs:
                 ahead.append((counts[seen:], substeps[seen:]))
         self._ahead[rotor] = ahead
 
-    def _quiet_ticks(self, axis: int, steps: int, motion: BoardMotion) -> int:
+    def _quiet_ticks(self, axis: int, steps: int, motion: BoardPulses) -> int:
         """Return a number of ticks, 1 or more, before whose end none of an axis' rotors makes so many steps more."""
         if steps <= 0:
             return 1

@@ -198,7 +198,7 @@ class RotorWatch:
             for axis, full_steps in enumerate(board.slipped_full_steps):
                 turns = (full_steps - self._slipped[number][axis]) // _CYCLE_FULL_STEPS
                 if turns:
-                    self._change_at(board.firmware.motion.tick, partial(self.rotors.slip, first + axis, turns))
+                    self._change_at(board.motion.tick, partial(self.rotors.slip, first + axis, turns))
             self._slipped[number] = list(board.slipped_full_steps)
             first += board.config.axis_count
 
@@ -250,7 +250,7 @@ class RotorWatch:
     @property
     def _now_tick(self) -> int:
         """The last tick that has begun, up to whose start all boards have computed their pulses."""
-        computed = min(board.firmware.motion.tick for board in self._boards)
+        computed = min(board.motion.tick for board in self._boards)
         return min(self._now() // TICK_COUNTS, computed)
 
     def _turn_to_now(self) -> None:

@@ -83,7 +83,7 @@ def _axis_moment(board: Board, axis: int, number: int, *, counted: bool) -> Axis
         position_known=bool(node.statusword() & Status.POSITION_KNOWN),
         lag_full_steps=_lag_full_steps(board, axis) if counted else None,
         board=number,
-        boot=board.firmware,
+        boot=board.running,
         fault_input=board.drivers.drivers[axis].fault_input,
     )
 
@@ -239,7 +239,7 @@ class Target:
     @property
     def interpolating(self) -> bool:
         """True while an axis executes a motion."""
-        return any(board.firmware.motion.axes[axis].running for board, axis in self.axes)
+        return any(board.motion.axes[axis].running for board, axis in self.axes)
 
     @property
     def surroundings(self) -> Surroundings:

@@ -166,7 +166,7 @@ class LivePlan(ReceivedPlan):
         self._offset_units = [0] * len(machine.axes)
         """Difference from the firmware's positions to those of the machine at that SYNC."""
         for joint, (board, axis) in enumerate(machine.axes):
-            board.on_record(axis, partial(self.accept, joint))
+            board.own.on_record(board, axis, partial(self.accept, joint))
 
     def sync(self) -> None:
         """Note the positions at rest: a SYNC is about to reach the axes.

@@ -114,7 +114,7 @@ class TestPower:
         write(simulation, NODE, od.STORE_ALL, self.SAVE)
         config = simulation.boards[0].config
         assert home_offset(Board(config, fast_kernel)) == 0
-        assert home_offset(Board(config, fast_kernel, simulation.boards[0].flash)) == 77
+        assert home_offset(Board(config, fast_kernel, simulation.boards[0].own.flash)) == 77
 
     def test_all_pins_fall_and_the_nodes_announce_themselves_again(self, simulation: Simulation) -> None:
         wait(simulation, 3.3)
@@ -270,7 +270,7 @@ def test_a_listener_is_told_of_each_record_that_the_queue_takes_also_after_a_pow
     simulation: Simulation,
 ) -> None:
     taken: list[PvtRecord] = []
-    simulation.boards[0].on_record(0, taken.append)
+    simulation.boards[0].own.on_record(simulation.boards[0], 0, taken.append)
     start = Frame(0, bytes((1, 0)))
     first, second, gap, other = (PvtRecord(5, 64, 10, sequence) for sequence in (0, 1, 3, 0))
     simulation.send(start)

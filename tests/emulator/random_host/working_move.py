@@ -66,7 +66,7 @@ class WorkingMove:
         for operation in restoring(len(self._axes)):
             self._host.do(operation)
         self._reset()
-        if any(self._machine.board.flash):
+        if any(self._machine.board.own.flash):
             for axis in self._axes:
                 self._write(axis, od.RESTORE_ALL, LOAD)
             self._reset()
