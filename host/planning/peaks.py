@@ -128,27 +128,71 @@ def speed_peaks(robot: Robot, samples: Samples) -> Iterator[Peak]:
 
     The acceleration is the mean over each interval of the grid, inside which it does not jump.
     """
+    velocities = _with_axes(robot, samples.velocities)
+    for joint, column, limits in _limited(robot):
+        yield from _peaks(joint, samples.t_s, velocities[:, column], limits)
+
+
+_Limits = tuple[tuple[Quantity, float], ...]
+"""The quantities of speed and of acceleration, each with its limit."""
+_RATES: Final = ("s", "s^2")
+"""What their units are per."""
+
+
+def _with_axes(robot: Robot, joints: FloatArray) -> FloatArray:
+    """Return values of the joints, of shape (n, joints), beside those of the axes, shape (n, joints + axes)."""
+    return np.concatenate([joints, robot.coupling.to_axes(joints)], axis=1)
+
+
+def _limited(robot: Robot) -> Iterator[tuple[Joint, int, _Limits]]:
+    """Yield each joint, then those whose axes are coupled, with the column of their values and with their limits."""
     for i, joint in enumerate(robot.joints):
-        limits = ((Quantity.SPEED, joint.speed_max), (Quantity.ACCELERATION, joint.acceleration_max))
-        yield from _peaks(joint, samples.t_s, samples.velocities[:, i], limits)
-    axis_velocities = robot.coupling.to_axes(samples.velocities)
+        yield joint, i, ((Quantity.SPEED, joint.speed_max), (Quantity.ACCELERATION, joint.acceleration_max))
     axis_limits = list(zip(robot.axis_speeds_max.tolist(), robot.axis_accelerations_max.tolist(), strict=True))
     for i, joint in enumerate(robot.joints):  # second motors move as the first
         if robot.coupling.couples(i):
             speed_max, acceleration_max = axis_limits[i]
             limits = ((Quantity.AXIS_SPEED, speed_max), (Quantity.AXIS_ACCELERATION, acceleration_max))
-            yield from _peaks(joint, samples.t_s, axis_velocities[:, i], limits)
+            yield joint, len(robot.joints) + i, limits
 
 
-def _peaks(
-    joint: Joint, t_s: FloatArray, velocities: FloatArray, limits: tuple[tuple[Quantity, float], ...]
-) -> Iterator[Peak]:
+def _peaks(joint: Joint, t_s: FloatArray, velocities: FloatArray, limits: _Limits) -> Iterator[Peak]:
     """Yield the peaks of a speed and of its acceleration, whose quantities and limits are given in this order."""
     accelerations = np.diff(velocities) / np.diff(t_s)
-    for values, (quantity, limit), unit in zip((velocities, accelerations), limits, ("s", "s^2"), strict=True):
+    for values, (quantity, limit), unit in zip((velocities, accelerations), limits, _RATES, strict=True):
         sizes = np.abs(values)
         worst = int(np.argmax(sizes))
         yield Peak(quantity, joint.name, float(sizes[worst]), limit, f"{joint.unit}/{unit}", float(t_s[worst]))
+
+
+_BETWEEN_POINTS: Final = 5e-4
+"""Part of a limit by which a cubic between two points may exceed it: a motion at its limit is not itself a cubic."""
+
+
+def excess_between_points(
+    robot: Robot, times_ms: Int64Array, positions: FloatArray, velocities: FloatArray
+) -> Iterator[Peak]:
+    """Yield the peaks beyond a limit of the cubics between a motion's points, which the board executes.
+
+    A motion keeps its limits in each millisecond, and its cubics keep them too, unless its acceleration jumps between
+    two points. Positions and velocities are those at the points, of shape (points, joints). A cubic's acceleration is
+    linear, so its mean over 1 ms is highest in the first or in the last one.
+    """
+    t_s = times_ms / 1000
+    dt_s = np.diff(t_s)[:, np.newaxis]
+    places, speeds = _with_axes(robot, positions), _with_axes(robot, velocities)
+    begin, end, chord = speeds[:-1], speeds[1:], (places[1:] - places[:-1]) / dt_s
+    first, last = (6 * chord - 4 * begin - 2 * end) / dt_s, (4 * end + 2 * begin - 6 * chord) / dt_s
+    jerk = (last - first) / dt_s
+    mean = np.maximum(abs(first + 0.0005 * jerk), abs(last - 0.0005 * jerk))
+    turns = first * last < 0.0  # where the acceleration is 0, the speed is highest
+    inner = np.where(turns, abs(begin - first**2 / np.where(turns, 2.0 * jerk, 1.0)), 0.0)
+    at = [(sizes.argmax(axis=0).tolist(), sizes.max(axis=0).tolist()) for sizes in (inner, mean)]
+    for joint, column, limits in _limited(robot):
+        for (rows, sizes), (quantity, limit), unit in zip(at, limits, _RATES, strict=True):
+            if sizes[column] > limit * (1.0 + _BETWEEN_POINTS):
+                at_s = float(t_s[rows[column]])
+                yield Peak(quantity, joint.name, sizes[column], limit, f"{joint.unit}/{unit}", at_s)
 
 
 def step_rate_peaks(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> tuple[Peak, ...]:

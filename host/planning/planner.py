@@ -6,7 +6,7 @@ two rounded absolutes, so rounding errors do not add up. Velocities are the traj
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from steptwin.host.planning.peaks import (
     Quantity,
     Samples,
     check_length,
+    excess_between_points,
     highest,
     sampled,
     speed_peaks,
@@ -117,8 +118,8 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
     `windows` are those of the part. Raises TooFastError if PVT records cannot hold it.
     """
     own_ms = _point_times_ms(part, DEFAULT_POINT_MS, from_ms)
-    points, velocities, peaks = _looked(robot, own_ms, windows)
-    return (*_step_rates(robot, own_ms + from_ms, points, velocities), *peaks)
+    looked = _Looked.at(robot, own_ms, windows)
+    return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess(own_ms))
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
@@ -126,39 +127,59 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     checks.check_joint_names(robot, trajectory)
     times_ms = _point_times_ms(trajectory, point_ms)
     check = checks.SampleCheck(robot)
-    points, velocities, speeds = _looked(robot, times_ms, check.watched(sampled(trajectory)))
+    looked = _Looked.at(robot, times_ms, check.watched(sampled(trajectory)))
     check.check_positions()
     check.check_rest()
-    peaks = (*_step_rates(robot, times_ms, points, velocities), *speeds)
+    peaks = (*looked.step_rates(times_ms), *looked.peaks)
     checks.check_peaks(peaks)
-    return Plan(robot, trajectory, times_ms, points.astype(np.int64), velocities.astype(np.int64), peaks)
+    checks.check_peaks(looked.excess(times_ms))
+    points, velocities = (each.astype(np.int64) for each in (looked.points, looked.velocities))
+    return Plan(robot, trajectory, times_ms, points, velocities, peaks)
 
 
-def _looked(
-    robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]
-) -> tuple[FloatArray, FloatArray, tuple[Peak, ...]]:
-    """Look at a motion window by window.
+class _Looked(NamedTuple):
+    """A motion looked at window by window.
 
-    Return its points at these times and their velocities in wire units, as floats, which cannot overflow, and its peaks
-    of speed and acceleration.
+    Attributes:
+        robot: the robot.
+        points: shape (points, axes), positions in wire units, as floats, which cannot overflow.
+        velocities: shape (points, axes), velocities in 1/64 unit per ms, likewise.
+        peaks: peaks of speed and acceleration.
+        places: shape (points, joints), positions of the joints.
+        speeds: shape (points, joints), their velocities.
     """
-    points = np.empty((len(times_ms), len(robot.axes)))
-    velocities = np.empty_like(points)
-    peaks, begin_ms = [], 0
-    for samples in windows:
-        end_ms = begin_ms + len(samples.t_s) - 1
-        into = slice(*np.searchsorted(times_ms, (begin_ms, end_ms + 1)))  # the first row again, if both windows have it
-        rows = times_ms[into] - begin_ms
-        points[into] = robot.to_units(samples.positions[rows])
-        velocities[into] = robot.coupling.to_axes(samples.velocities[rows])
-        peaks.append(tuple(speed_peaks(robot, samples)))
-        begin_ms = end_ms
-    return points, np.round(velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000), highest(peaks)
 
+    robot: Robot
+    points: FloatArray
+    velocities: FloatArray
+    peaks: tuple[Peak, ...]
+    places: FloatArray
+    speeds: FloatArray
 
-def _step_rates(robot: Robot, times_ms: Int64Array, points: FloatArray, velocities: FloatArray) -> tuple[Peak, ...]:
-    checks.check_record_widths(robot, times_ms, points, velocities)
-    return step_rate_peaks(robot, times_ms, points, velocities)
+    @classmethod
+    def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Looked":
+        """Look at a motion, whose points are at these times."""
+        places = np.empty((len(times_ms), len(robot.joints)))
+        speeds = np.empty_like(places)
+        peaks, begin_ms = [], 0
+        for samples in windows:
+            end_ms = begin_ms + len(samples.t_s) - 1
+            into = slice(*np.searchsorted(times_ms, (begin_ms, end_ms + 1)))  # the first row again, if both have it
+            rows = times_ms[into] - begin_ms
+            places[into], speeds[into] = samples.positions[rows], samples.velocities[rows]
+            peaks.append(tuple(speed_peaks(robot, samples)))
+            begin_ms = end_ms
+        per_ms = robot.coupling.to_axes(speeds) * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000
+        return cls(robot, robot.to_units(places), np.round(per_ms), highest(peaks), places, speeds)
+
+    def step_rates(self, times_ms: Int64Array) -> tuple[Peak, ...]:
+        """Return the peaks of the step rates, at these times; raise TooFastError if PVT records cannot hold them."""
+        checks.check_record_widths(self.robot, times_ms, self.points, self.velocities)
+        return step_rate_peaks(self.robot, times_ms, self.points, self.velocities)
+
+    def excess(self, times_ms: Int64Array) -> tuple[Peak, ...]:
+        """Return the peaks beyond a limit between the points; the other peaks have been checked."""
+        return tuple(excess_between_points(self.robot, times_ms, self.places, self.speeds))
 
 
 def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:

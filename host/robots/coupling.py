@@ -146,7 +146,7 @@ class Coupling:
 
     def couples(self, axis: int) -> bool:
         """Return whether an axis' position is another than its joint's."""
-        return self.joints_of(axis) != {self.joint_of(axis): 1.0}
+        return bool(self.matrix) and self.joints_of(axis) != {self.joint_of(axis): 1.0}
 
     def homing_levels(self, joints: int) -> list[list[int]]:
         """Return which of this number of joints can be homed together, one group after the other.

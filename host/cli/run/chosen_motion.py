@@ -64,12 +64,17 @@ class FileOptions:
         from steptwin.host.planning.trajectory_file import read_file_motion
 
         for name in options:
-            if name != "elbow":
+            if name not in ("elbow", "law"):
                 raise InputError(f"option {name}: a trajectory from a file has no options")
-        elbow = options.get("elbow")
-        with naming_options("interpolate", "elbow", "units", ramps_s="--ramps"):
+        with naming_options("interpolate", "elbow", "units", "law", ramps_s="--ramps"):
             return read_file_motion(
-                path, robot, interpolate=self.interpolate, ramps_s=self.ramps or 0.0, elbow=elbow, units=self.units
+                path,
+                robot,
+                interpolate=self.interpolate,
+                ramps_s=self.ramps or 0.0,
+                elbow=options.get("elbow"),
+                units=self.units,
+                law=options.get("law"),
             )
 
 
@@ -108,6 +113,8 @@ def _summary(file: "FileMotion", plan: "Plan") -> str:
     peak = plan.highest(Quantity.SPEED)
     branch = f" {file.points.branch_words}".rstrip()
     ramps = f" and ramps of {file.ramps_s:g} s" if file.ramps_s else ""
+    if file.is_fastest:
+        ramps = " in the least time"
     return (
         f"{len(file.points.times_s)} points{branch} in {plan.trajectory.duration_s:.3f} s,"
         f" {_KINDS[file.interpolation]}{ramps}, peak speed {peak.percent:.3g} % of the limit ({peak.joint})"

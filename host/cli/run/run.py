@@ -25,9 +25,12 @@ class JobOptions:
     pairs: list[str] | None = option("NAME=VALUE", "Set a job's option; repeatable.", "--option", "-o")
     elbow: str | None = option("right|left", "Short for -o elbow=...; also for a file of poses.")
 
+    law: str | None = option("fastest", "Short for -o law=...; `fastest` also for a file: its path in the least time.")
+
     def by_name(self) -> dict[str, str]:
         """Return the options by name; raise InputError for one of another form, or one that is given twice."""
-        return name_value_pairs(self.pairs or []) | ({} if self.elbow is None else {"elbow": self.elbow})
+        short = {"elbow": self.elbow, "law": self.law}
+        return name_value_pairs(self.pairs or []) | {name: text for name, text in short.items() if text is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

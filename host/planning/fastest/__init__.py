@@ -1,11 +1,13 @@
 """Motions as fast as the limits allow: paths through rounded corners, and their timing from rest to rest."""
 
+from steptwin.host.planning.fastest.again import FASTEST, fastest_again
 from steptwin.host.planning.fastest.chain import TimedChain, timed_chains
 from steptwin.host.planning.fastest.corners import Corner, CornerError, JointLeg, MotionLeg, ToolLeg
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.pieces import Pace
 
 __all__ = [
+    "FASTEST",
     "Corner",
     "CornerError",
     "FollowedPath",
@@ -14,5 +16,6 @@ __all__ = [
     "Pace",
     "TimedChain",
     "ToolLeg",
+    "fastest_again",
     "timed_chains",
 ]

@@ -14,7 +14,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 if TYPE_CHECKING:
-    from scipy.interpolate import BPoly
+    from scipy.interpolate import BPoly, PPoly
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class JointPiece:
     """
 
     robot: Robot
-    curve: "BPoly"
+    curve: "BPoly | PPoly"
     pace: Pace
     is_straight: bool = False
 
@@ -89,6 +89,11 @@ class JointPiece:
     def straight(cls, robot: Robot, start: FloatArray, goal: FloatArray, length: float, pace: Pace) -> Self:
         """Return the straight leg from joints to others, both of shape (joints,), of a length as its parameter."""
         return cls(robot, scipy.interpolate.BPoly(np.stack([start, goal])[:, np.newaxis], [0.0, length]), pace, True)
+
+    @classmethod
+    def through(cls, robot: Robot, curve: "PPoly", pace: Pace) -> Self:
+        """Return the piece along a curve of the joints by its length, looked at in each of the curve's knots."""
+        return cls(robot, curve, pace)
 
     @classmethod
     def rounding(cls, robot: Robot, begin: FloatArray, end: FloatArray, length: float, pace: Pace) -> Self:
@@ -104,7 +109,8 @@ class JointPiece:
         """Return its places."""
         if self.is_straight:
             return _dense_at_ends(self.length, _STRAIGHT_PLACES)
-        return np.linspace(0.0, self.length, _CURVED_PLACES)
+        knots = np.asarray(self.curve.x)
+        return knots if len(knots) > 2 else np.linspace(0.0, self.length, _CURVED_PLACES)
 
     def joints(self, s: FloatArray, order: int) -> FloatArray:
         """Return joints or a derivative."""

@@ -1,7 +1,7 @@
 """A job: a name, and a function from a robot and options to a trajectory."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Generic
 
 import numpy as np
@@ -10,7 +10,15 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
 from steptwin.host.planning.errand import Carry
-from steptwin.host.planning.jobs.options import OptionField, Options, option_fields, parse_options, place_options
+from steptwin.host.planning.fastest import FASTEST, fastest_again
+from steptwin.host.planning.jobs.options import (
+    OptionField,
+    Options,
+    chosen,
+    option_fields,
+    parse_options,
+    place_options,
+)
 from steptwin.host.planning.paths import OutOfReachError
 from steptwin.host.planning.peaks import sampled
 from steptwin.host.planning.trajectory import Trajectory
@@ -78,6 +86,13 @@ def hybrid_scale(robot: Robot) -> tuple[float, float, float, float]:
     return grown, radial, vertical, rest_mm - HYBRID_REST_MM + (lower + upper) / 2.0
 
 
+_LAW: Final = "law"
+_PLANNED: Final = "planned"
+"""The choice beside the fastest law at a job without a law of its own."""
+_TIMES: Final = ("duration_s", "ramp_s")
+"""Options that say how long a job takes, which its path alone decides with the fastest law."""
+
+
 @dataclass(frozen=True, slots=True)
 class Job(Generic[Options]):
     """A job of a kind of robot.
@@ -101,7 +116,7 @@ class Job(Generic[Options]):
 
         A place out of the robot's reach or a joint beyond its limits is an error that names the options to set.
         """
-        options = parse_options(self.options, texts, robot)
+        options, is_fastest = self._read(robot, texts)
         places = place_options(self.options)
         try:
             trajectory = self.build(robot, options)
@@ -110,15 +125,28 @@ class Job(Generic[Options]):
         except OutOfReachError as error:
             hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
             raise InputError(f"{error}{hint if places else ''}") from error
-        return trajectory
+        return fastest_again(robot, trajectory) if is_fastest else trajectory
 
     def carried(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Carry, ...]:
         """Return the boxes that the job carries with these options; raise InputError as `parse_options` does."""
-        return () if self.carries is None else self.carries(robot, parse_options(self.options, texts, robot))
+        return () if self.carries is None else self.carries(robot, self._read(robot, texts)[0])
 
     def fields(self, robot: Robot) -> tuple[OptionField, ...]:
-        """Return the options with their defaults and valid values for a robot."""
-        return option_fields(self.options, robot)
+        """Return the options with their defaults and valid values for a robot; every job has the fastest law."""
+        own = {field.name: field for field in option_fields(self.options, robot)}
+        law = own.get(_LAW, OptionField(_LAW, _PLANNED, (_PLANNED,)))
+        return tuple((own | {_LAW: replace(law, choices=(*law.choices, FASTEST))}).values())
+
+    def _read(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Options, bool]:
+        """Return the job's own options, and whether its path is timed anew by the fastest law."""
+        own = {name.replace("-", "_"): text for name, text in texts.items()}
+        laws = next(field.choices for field in self.fields(robot) if field.name == _LAW)
+        is_fastest = _LAW in own and chosen(_LAW, own[_LAW], {law: law for law in laws}) == FASTEST
+        if is_fastest and (time := next((name for name in _TIMES if name in own), None)):
+            raise InputError(f"option {time}: law={FASTEST} takes as long as the robot needs; give only one of them")
+        if is_fastest or _PLANNED in laws:
+            own.pop(_LAW, None)
+        return parse_options(self.options, own, robot), is_fastest
 
 
 _CHECKED: Final = 2000

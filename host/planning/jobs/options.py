@@ -165,9 +165,9 @@ def _form_field(option: Field[Any], robot: Robot) -> OptionField:
 def _value(option: Field[Any], text: str, robot: Robot) -> Enum | str | float | Point:
     name = _name(option)
     if isinstance(option.default, Enum):
-        return _choice(name, text, _choices(option.default))
+        return chosen(name, text, _choices(option.default))
     if isinstance(option.default, str):
-        return _choice(name, text, _places(option, robot))
+        return chosen(name, text, _places(option, robot))
     if "preset" in option.metadata:
         return None if text == option.metadata["preset"] else _point(name, text, option.metadata["preset"])
     value = _number(name, text, _range(option, robot))
@@ -188,7 +188,8 @@ def _places(option: Field[Any], robot: Robot) -> dict[str, str]:
     return {name: name for name in option.metadata["places"](robot)}
 
 
-def _choice(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:
+def chosen(name: str, text: str, choices: Mapping[str, Choice]) -> Choice:
+    """Return the choice that an option's text names; raise InputError, with the choices, for another text."""
     if text not in choices:
         raise InputError(f"{unknown(f'option {name}:', text, choices)} (valid: {', '.join(choices)})")
     return choices[text]

@@ -16,6 +16,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
+from steptwin.host.planning.fastest import FASTEST, fastest_again
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.sampled import Sampled, blended_lines
@@ -143,7 +144,8 @@ class FileMotion:
         interpolation: motion between the points; None for points with velocities, between which it is a cubic.
         ramps_s: duration of run-in and run-out; 0 for none.
         through: motion through the points, in the file's own time.
-        trajectory: whole motion, with run-in and run-out.
+        trajectory: whole motion, with run-in and run-out, or along the same path in its own time.
+        is_fastest: True if it is as fast as the robot's limits allow.
     """
 
     robot: Robot
@@ -152,9 +154,18 @@ class FileMotion:
     ramps_s: float
     through: Sampled | Sequence
     trajectory: Sampled | Sequence
+    is_fastest: bool = False
 
     @classmethod
-    def of(cls, robot: Robot, points: JointPoints, interpolate: PointCurve | None, ramps_s: float) -> "FileMotion":
+    def of(
+        cls,
+        robot: Robot,
+        points: JointPoints,
+        interpolate: PointCurve | None,
+        ramps_s: float,
+        *,
+        is_fastest: bool = False,
+    ) -> "FileMotion":
         """Return the motion; `interpolate` and ramps are as in `read_trajectory`, which names the errors."""
         if points.velocities is not None and interpolate is not None:
             raise InputError(
@@ -163,7 +174,11 @@ class FileMotion:
         interpolation = interpolate or (DEFAULT if points.velocities is None else None)
         if ramps_s and interpolation is PointCurve.STOP:
             raise InputError(f"ramps_s={ramps_s:g}: a motion that stops at each point starts and ends at rest")
+        if ramps_s and is_fastest:
+            raise InputError(f"ramps_s={ramps_s:g}: law={FASTEST} starts and ends at rest, along the file's own path")
         through = _through(robot, points, interpolation, moving=bool(ramps_s))
+        if is_fastest:
+            return cls(robot, points, interpolation, ramps_s, through, fastest_again(robot, through), is_fastest)
         trajectory = with_ramps(through, ramps_s) if ramps_s else through
         return cls(robot, points, interpolation, ramps_s, through, trajectory)
 
@@ -285,18 +300,19 @@ def doubt(motion: FileMotion, planned: Plan, read_in: Callable[[str], FileMotion
 
     Args:
         motion: the motion as it was read, in its file's own time.
-        planned: its plan, which may be stretched.
+        planned: its plan, which may be stretched; a motion made as fast as possible tells by its travel alone.
         read_in: reads the file again in other units, or raises InputError.
     """
-    peaks = _peaks_percent(planned, planned.trajectory.duration_s / motion.trajectory.duration_s)
-    largest = max(_travel_percent(planned), *peaks.values())
+    stretched = planned.trajectory.duration_s / motion.trajectory.duration_s
+    peaks = {} if motion.is_fastest else _peaks_percent(planned, stretched)
+    largest = max([_travel_percent(planned), *peaks.values()])
     if not 0.0 < largest < SMALL_PERCENT:
         return None
     units = [each for each in ("rad", "m") if _fits(motion, read_in, each)]
     if len(units) == 2 and _fits(motion, read_in, ",".join(units)):
         units = [",".join(units)]
     fitting = [f"units={each} fits, too: {_LARGER[each]}" for each in units]
-    if all(_MS ** _power(quantity) * percent <= 100.0 for quantity, percent in peaks.items()):
+    if peaks and all(_MS ** _power(quantity) * percent <= 100.0 for quantity, percent in peaks.items()):
         fitting.append("times in ms fit, too: divide them by 1000")
     return "; ".join(
         [

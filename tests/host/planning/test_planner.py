@@ -327,6 +327,58 @@ class TestShape:
         assert plan(ROBOT, OneJoint(zero, zero, 0.001)).records()[0].durations_ms == [1]
 
 
+def by_speeds(nodes_s: Sequence[float], speeds: Sequence[float], breakpoints_s: tuple[float, ...] = ()) -> OneJoint:
+    """Return a motion whose speed is straight between nodes."""
+    at_s, at = np.array(nodes_s), np.array(speeds)
+    ways = np.concatenate([[0.0], np.cumsum(np.diff(at_s) * (at[1:] + at[:-1]) / 2)])
+
+    def velocity(t_s: FloatArray) -> FloatArray:
+        return np.interp(t_s, at_s, at)
+
+    def position(t_s: FloatArray) -> FloatArray:
+        i = np.clip(np.searchsorted(at_s, t_s, side="right") - 1, 0, len(at_s) - 2)
+        return ways[i] + (t_s - at_s[i]) * (at[i] + velocity(t_s)) / 2
+
+    return OneJoint(position, velocity, float(at_s[-1]), breakpoints_s)
+
+
+class TestBetweenPoints:
+    """What the board executes are cubics between points every 10 ms: they are judged, too."""
+
+    LIMIT = ROBOT.joints[TH1]
+
+    def late_stop(self, acceleration: float, breakpoints_s: tuple[float, ...] = ()) -> OneJoint:
+        """Return a motion that speeds up in the first half of a record and slows down in the second half of another."""
+        speed = 0.005 * acceleration
+        return by_speeds([0.0, 0.005, 0.095, 0.1], [0.0, speed, speed, 0.0], breakpoints_s)
+
+    def test_an_acceleration_that_jumps_between_two_points(self) -> None:
+        """From rest, with a T^2 3/8 and a T/2 at its end, a cubic begins with 5/4 a and loses 3/2 a."""
+        limit = self.LIMIT.acceleration_max
+        mean = 0.9 * limit * (1.25 - 1.5 * 0.05)
+        text = complaint(self.late_stop(0.9 * limit))
+        assert text.startswith(f"th1: a mean acceleration over 1 ms of {mean:.1f} deg/s^2 at t = ")
+        assert "times slower passes" in text
+
+    def test_both_sides_and_the_same_jump_at_a_point(self) -> None:
+        limit = self.LIMIT.acceleration_max
+        assert plan(ROBOT, self.late_stop(limit / (1.25 - 1.5 * 0.05)))
+        assert "acceleration" in complaint(self.late_stop(1.001 * limit / (1.25 - 1.5 * 0.05)))
+        assert plan(ROBOT, self.late_stop(limit, (0.005, 0.095)))
+
+    @pytest.mark.parametrize(("below", "passes"), [(0.0, False), (0.2, False), (0.25, True)])
+    def test_a_speed_between_two_points(self, below: float, passes: bool) -> None:
+        """A hump of a T/6 between two points has the mean height of a T 5/36, and its cubic is 3/2 of this high."""
+        limit, hump = self.LIMIT.speed_max - below, self.LIMIT.acceleration_max * 0.01 / 6
+        ramp_s = 0.5
+        nodes_s = [0.0, ramp_s, 0.6, 0.6 + 0.01 / 6, 0.6 + 0.05 / 6, 0.61, 0.7, 0.7 + ramp_s]
+        motion = by_speeds(nodes_s, [0.0, *[limit - hump] * 2, limit, limit, *[limit - hump] * 2, 0.0], (ramp_s, 0.7))
+        if passes:
+            assert plan(ROBOT, motion)
+        else:
+            assert complaint(motion).startswith(f"th1: a speed of {limit + hump / 4:.1f} deg/s at t = 0.600 s is more")
+
+
 class TestStart:
     """Half a step is 0.01125 deg at th1 and 0.01875 deg at th3."""
 
@@ -345,9 +397,9 @@ class TestStart:
 
 
 def test_planning_the_drawer_pull_takes_little_work() -> None:
-    """One position and one velocity for each of 10 001 milliseconds, and no loop over milliseconds or points."""
-    trajectory = CountingTrajectory(make_job(ROBOT, "pull-line", {}))
+    """One position and one velocity for each of 20 001 milliseconds, and no loop over milliseconds or points."""
+    trajectory = CountingTrajectory(make_job(ROBOT, "pull-line", {"duration_s": "20"}))
     points = len(plan(ROBOT, trajectory).times_ms)
-    assert points == 1001
-    assert trajectory.instants == 2 * 10_001
+    assert points == 2001
+    assert trajectory.instants == 2 * 20_001
     assert function_calls(lambda: plan(ROBOT, trajectory)) < points

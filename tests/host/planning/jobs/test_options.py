@@ -154,3 +154,28 @@ def test_an_unknown_job_offers_those_of_the_robot() -> None:
         InputError, match=r"^job 'carry' is unknown: there are drawer-pull, pull-line, store, fetch, every-slot$"
     ):
         make_job(ROBOT, "carry", {})
+
+
+class TestLaw:
+    """Every job has the fastest law beside its own."""
+
+    def test_jobs_without_and_with_a_law_of_their_own(self) -> None:
+        teaching = load_robot("teaching-scara")
+        assert job_options(ROBOT, "drawer-pull")["law"] == "planned (planned, fastest)"
+        assert job_options(teaching, "carry")["law"] == "cubic (cubic, quintic, fastest)"
+        planned = make_job(ROBOT, "drawer-pull", {"law": "planned"})
+        assert planned.duration_s == make_job(ROBOT, "drawer-pull").duration_s
+        for robot, job in ((ROBOT, "drawer-pull"), (teaching, "carry")):
+            assert make_job(robot, job, {"law": "fastest"}).duration_s < 0.85 * make_job(robot, job).duration_s
+
+    @pytest.mark.parametrize(
+        ("job", "options", "message"),
+        [
+            ("drawer-pull", {"law": "cubic"}, "option law: 'cubic' is unknown: there are planned, fastest"),
+            ("drawer-pull", {"law": "fastes"}, "did you mean fastest?"),
+            ("pull-line", {"law": "fastest", "duration_s": "9"}, "option duration_s: law=fastest takes as long as"),
+            ("pull-line", {"law": "fastest", "ramp-s": "2"}, "option ramp_s: law=fastest takes as long as"),
+        ],
+    )
+    def test_each_mistake(self, job: str, options: dict[str, str], message: str) -> None:
+        assert message in complaint_of(lambda: make_job(ROBOT, job, options))

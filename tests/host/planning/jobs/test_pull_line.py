@@ -161,6 +161,7 @@ class TestOptions:
             "L1_mm": "100 (50..200 mm)",
             "travel_mm": "180 (1..1000 mm)",
             "compartments": "3 (1..3 compartments)",
+            "law": "planned (planned, fastest)",
         }
 
     @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.planner import plan, plan_stretched
-from steptwin.host.planning.trajectory_file import FileMotion, PointCurve, read_file_motion, read_trajectory
+from steptwin.host.planning.trajectory_file import FileMotion, PointCurve, doubt, read_file_motion, read_trajectory
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
 
@@ -194,3 +194,39 @@ def test_blends_without_room_are_refused_with_the_stretch_that_passes(tmp_path: 
     plan_stretched(ROBOT, motion.trajectory, factor)
     with pytest.raises(InputError):
         plan_stretched(ROBOT, motion.trajectory, factor - 0.001)
+
+
+class TestFastest:
+    """A file's path in the least time: its points stay, its times do not."""
+
+    def written(self, folder: Path) -> str:
+        file = folder / "points.csv"
+        file.write_text(CSV, encoding="utf-8")
+        return str(file)
+
+    def test_passes_through_the_points_in_less_time(self, tmp_path: Path) -> None:
+        path = self.written(tmp_path)
+        motion = read_file_motion(path, ROBOT, law="fastest")
+        again = read_trajectory(path, ROBOT, law="fastest")
+        assert again.duration_s == motion.trajectory.duration_s < 0.8 * motion.through.duration_s
+        plan(ROBOT, again)
+        positions = again.positions(np.arange(0.0, again.duration_s, 1e-4))
+        for point in motion.points.positions:
+            assert np.abs(ROBOT.to_steps(positions - point)).max(axis=1).min() < 1.0
+
+    def test_its_units_are_doubted_by_its_travel(self, tmp_path: Path) -> None:
+        file = tmp_path / "points.csv"
+        file.write_text(f"{HEADER}\n0,0,0.2,0.01,0\n1,0.3,0.5,0.01,0\n", encoding="utf-8")
+
+        def read_in(units: str) -> FileMotion:
+            return read_file_motion(str(file), ROBOT, units=units, law="fastest")
+
+        motion = read_file_motion(str(file), ROBOT, law="fastest")
+        assert "units=rad,m fits, too" in str(doubt(motion, plan(ROBOT, motion.trajectory), read_in))
+
+    def test_ramps_and_other_laws_are_refused(self, tmp_path: Path) -> None:
+        path = self.written(tmp_path)
+        ramps = complaint_of(lambda: read_trajectory(path, ROBOT, law="fastest", ramps_s=1.0))
+        assert "ramps_s=1: law=fastest starts and ends at rest" in ramps
+        other = complaint_of(lambda: read_trajectory(path, ROBOT, law="cubic"))
+        assert other == "law=cubic: a trajectory file keeps its own times, or has law=fastest"
