@@ -3,6 +3,7 @@
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
+from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.pictures import (
     write_calibration_picture,
     write_machine_pictures,
@@ -33,6 +34,7 @@ def main() -> None:
     write_waveform_pictures(runs)
     write_calibration_picture()
     write_machine_pictures()
+    write_motion_pictures()
     write_warehouse_picture()
     write_papers(runs)
 

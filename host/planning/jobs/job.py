@@ -140,10 +140,13 @@ class Job(Generic[Options]):
     def _read(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Options, bool]:
         """Return the job's own options, and whether its path is timed anew by the fastest law."""
         own = {name.replace("-", "_"): text for name, text in texts.items()}
-        laws = next(field.choices for field in self.fields(robot) if field.name == _LAW)
+        fields = {field.name: field for field in self.fields(robot)}
+        laws = fields[_LAW].choices
         is_fastest = _LAW in own and chosen(_LAW, own[_LAW], {law: law for law in laws}) == FASTEST
-        if is_fastest and (time := next((name for name in _TIMES if name in own), None)):
-            raise InputError(f"option {time}: law={FASTEST} takes as long as the robot needs; give only one of them")
+        if is_fastest:
+            for name in _TIMES:
+                if name in own and not fields[name].is_default(own[name]):
+                    raise InputError(f"option {name}: law={FASTEST} takes as long as the robot needs; leave one out")
         if is_fastest or _PLANNED in laws:
             own.pop(_LAW, None)
         return parse_options(self.options, own, robot), is_fastest

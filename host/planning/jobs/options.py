@@ -50,6 +50,13 @@ class OptionField:
     whole: bool = False
     form: str = ""
 
+    def is_default(self, text: str) -> bool:
+        """Return whether a text, as a form sends it, gives the option its default."""
+        try:
+            return text == self.default or decimal(text) == self.default
+        except ValueError:
+            return False
+
     def __str__(self) -> str:
         if isinstance(self.default, str):
             return f"{self.default} ({self.form or ', '.join(self.choices)})"

@@ -168,13 +168,18 @@ class TestLaw:
         for robot, job in ((ROBOT, "drawer-pull"), (teaching, "carry")):
             assert make_job(robot, job, {"law": "fastest"}).duration_s < 0.85 * make_job(robot, job).duration_s
 
+    def test_a_form_that_sends_the_default_time_asks_for_nothing(self) -> None:
+        options = {"law": "fastest", "duration_s": "10.0", "ramp_s": "2"}
+        assert make_job(ROBOT, "pull-line", options).duration_s < 9.0
+
     @pytest.mark.parametrize(
         ("job", "options", "message"),
         [
             ("drawer-pull", {"law": "cubic"}, "option law: 'cubic' is unknown: there are planned, fastest"),
             ("drawer-pull", {"law": "fastes"}, "did you mean fastest?"),
             ("pull-line", {"law": "fastest", "duration_s": "9"}, "option duration_s: law=fastest takes as long as"),
-            ("pull-line", {"law": "fastest", "ramp-s": "2"}, "option ramp_s: law=fastest takes as long as"),
+            ("pull-line", {"law": "fastest", "duration_s": "x"}, "option duration_s: law=fastest takes as long as"),
+            ("pull-line", {"law": "fastest", "ramp-s": "2.5"}, "option ramp_s: law=fastest takes as long as"),
         ],
     )
     def test_each_mistake(self, job: str, options: dict[str, str], message: str) -> None:

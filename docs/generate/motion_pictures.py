@@ -1,0 +1,124 @@
+"""Draw the pictures of docs/motions.md: a corner that is rounded, and a motion as fast as the limits allow."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from docs.generate.commands import DOCS
+from docs.generate.pictures import write_picture
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.findings import Findings
+from steptwin.host.planning.programs import compile_program, parse_program
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT
+from steptwin.host.robots import load_robot
+from steptwin.host.robots.kinematics import make_kinematics
+
+_ROBOT: Final = load_robot("teaching-scara")
+_SLOWER: Final = "#d08a1d"
+
+_CORNER: Final = """
+start = {{ x = 140.0, y = 20.0, z = -60.0, phi = 0.0, branch = "right" }}
+[[step]]
+line = {{ x = 90.0 }}
+speed_mm_s = 60.0
+{blend}
+[[step]]
+line = {{ y = 70.0 }}
+speed_mm_s = 60.0
+"""
+_BLENDS: Final = {
+    "with a stop": ("", LIMIT, ":"),
+    "blend_mm = 4": ("blend_mm = 4.0", _SLOWER, "--"),
+    "blend_mm = 10": ("blend_mm = 10.0", COUNTED, "-"),
+}
+"""For each label the key of the first step, and colour and style of the lines."""
+
+_PICK: Final = """
+{law}
+start = "tray"
+[positions]
+tray = {{ th1 = 0.0, th2 = 90.0, d3 = 50.0, th4 = 0.0 }}
+fixture = {{ th1 = -60.0, th2 = 60.0, d3 = 50.0, th4 = 20.0 }}
+[[step]]
+go = "fixture"
+speed_percent = 100.0
+[[step]]
+go = "tray"
+speed_percent = 100.0
+"""
+_LAWS: Final = {
+    'law = "s-curve"': ("", _SLOWER, "--"),
+    'law = "fastest"': ('law = "fastest"', COUNTED, "-"),
+}
+
+
+def write_motion_pictures() -> None:
+    """Draw both pictures again."""
+    write_picture(DOCS / "pictures" / "motions-corner.png", _corner)
+    write_picture(DOCS / "pictures" / "motions-fastest.png", _fastest)
+
+
+def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Trajectory]]:
+    for label, (text, _, _) in variants.items():
+        parsed = parse_program(program.format(**{key: text}), Findings())
+        yield label, compile_program(parsed, _ROBOT).trajectory
+
+
+def _tool_mm(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return each millisecond, and the tool there."""
+    t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
+    return t_s, make_kinematics(_ROBOT).forward(motion.positions(t_s))[:, :3]
+
+
+def _corner() -> Figure:
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    figure.suptitle(
+        "A right corner between two lines at 60 mm/s: the tool from above, and its speed", x=0.01, ha="left"
+    )
+    path, speed = figure.subplots(1, 2, width_ratios=(1, 1.35))
+    for label, motion in _motions(_CORNER, _BLENDS, "blend"):
+        _, color, style = _BLENDS[label]
+        t_s, tool_mm = _tool_mm(motion)
+        speeds = np.linalg.norm(np.diff(tool_mm, axis=0), axis=1) / 1e-3
+        name = f"{label}: {motion.duration_s:.2f} s"
+        path.plot(tool_mm[:, 0], tool_mm[:, 1], style, color=color)
+        speed.plot(t_s[1:], speeds, style, color=color, label=name)
+    path.set(xlim=(84.0, 112.0), ylim=(14.0, 42.0), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    speed.set(xlabel="t [s]", ylabel="speed of the tool [mm/s]", ylim=(0.0, 75.0), xlim=(0.0, None))
+    speed.legend(loc="upper right")
+    return figure
+
+
+def _fastest() -> Figure:
+    figure = Figure(figsize=(10, 5.4), layout="constrained")
+    figure.suptitle(
+        "Both ways between two positions at 100 %: what the joint with the least left uses of its limits",
+        x=0.01,
+        ha="left",
+    )
+    rows = figure.subplots(2, 1, sharex=True)
+    for label, motion in _motions(_PICK, _LAWS, "law"):
+        _, color, style = _LAWS[label]
+        t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
+        velocities = motion.velocities(t_s)
+        _draw_use(rows[0], t_s, velocities, [joint.speed_max for joint in _ROBOT.joints], color, style)
+        accelerations = np.diff(velocities, axis=0) / 1e-3
+        limits = [joint.acceleration_max for joint in _ROBOT.joints]
+        _draw_use(rows[1], t_s[1:], accelerations, limits, color, style, f"{label}: {motion.duration_s:.2f} s")
+    for axes, name in zip(rows, ("speed", "acceleration"), strict=True):
+        axes.axhline(100.0, color=LIMIT, linewidth=1.0)
+        axes.set(ylabel=f"{name} [% of the limit]", ylim=(0.0, 118.0), xlim=(0.0, None))
+    rows[1].set_xlabel("t [s]")
+    figure.legend(*rows[1].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def _draw_use(
+    axes: Axes, t_s: FloatArray, values: FloatArray, limits: list[float], color: str, style: str, label: str = ""
+) -> None:
+    """Draw the largest part of a limit that a joint uses."""
+    axes.plot(t_s, 100 * (np.abs(values) / np.array(limits)).max(axis=1), style, color=color, label=label)
