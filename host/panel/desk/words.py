@@ -32,6 +32,7 @@ _CHOICES: Final = tuple(
         (r"\bspeed_percent=", "speed: "),
         (r"\binterpolate=", "between the points: "),
         (r"\bramps_s=", "run-in and run-out in s: "),
+        (r"\blaw=", "law of time: "),
         (r"\bstretch=", "times slower: "),
     )
 )
