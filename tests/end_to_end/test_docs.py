@@ -34,22 +34,7 @@ TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
 MACHINES_PAGE = (PAGE.parent / "machines.md").read_text(encoding="utf-8")
 ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
-ALL_TEXT = (
-    TEXT
-    + BENCHMARKS
-    + ROBOT_FILES
-    + DRIVER_PAGE.path.read_text(encoding="utf-8")
-    + WAVEFORM_PAGE.read_text(encoding="utf-8")
-    + (PAGE.parent / "calibration.md").read_text(encoding="utf-8")
-    + (PAGE.parent / "campaigns.md").read_text(encoding="utf-8")
-    + FAULTS_PAGE.path.read_text(encoding="utf-8")
-    + MACHINE_PAGE.read_text(encoding="utf-8")
-    + CONTROL_PORT_PAGE.path.read_text(encoding="utf-8")
-    + (PAGE.parent / "panel.md").read_text(encoding="utf-8")
-    + (PAGE.parent / "replay.md").read_text(encoding="utf-8")
-    + (PAGE.parent / "warehouse.md").read_text(encoding="utf-8")
-    + MACHINES_PAGE
-)
+ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGE.parent.glob("*.md")))
 PICTURE_BYTES_MAX = 120_000
 
 
