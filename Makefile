@@ -69,7 +69,7 @@ $(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
 	$(PYTHON) -m venv $(LOWEST)
 	$(PYTHON) tests/lowest_versions.py > $(LOWEST)/constraints.txt
 	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt --editable \
-		'.[fast,plot,m3,mcap,campaign,panel]' hypothesis pytest pytest-xdist
+		'.[fast,plot,m3,mcap,campaign,panel]' filelock hypothesis pytest pytest-xdist
 	@touch $@
 
 check: lint test test-live

@@ -14,13 +14,13 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
 
 from steptwin.bench.bench_table import bench_table
+from steptwin.bench.live_server import of_process
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.arrays import Int64Array
@@ -192,7 +192,7 @@ def run_length(kernel: Kernel, steps: int) -> Length:
 
 def _peak_mb() -> float:
     """Return this process' peak resident memory (Linux: VmHWM; getrusage would inherit the parent's)."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    lines = of_process("self", "status").splitlines()
     (kib,) = (int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
     return kib * 1024 / 1e6
 

@@ -16,7 +16,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Literal, Self
 
 import can
 
@@ -35,7 +35,6 @@ SERVE: Final = ("steptwin", "serve", ROBOT, "--port", "0", "--json")
 _WRITE: Final = 0x22
 """Expedited download without a size: the node takes as many bytes as the entry has."""
 _TIMEOUT_S: Final = 10.0
-_CPU_TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
 class Server:
@@ -76,15 +75,22 @@ def silence_python_can() -> None:
     logging.getLogger("can").addHandler(logging.NullHandler())
 
 
+def of_process(pid: int | Literal["self"], name: str) -> str:
+    """Return what proc(5) tells of a process, which only Linux does."""
+    if not Path("/proc/self").exists():
+        raise SystemExit("this benchmark reads /proc, which only Linux has")
+    return Path(f"/proc/{pid}/{name}").read_text(encoding="ascii")
+
+
 def cpu_s(pid: int) -> float:
     """Return the processor time that a process has used (Linux: utime and stime of proc(5))."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _CPU_TICKS_PER_S
+    fields = of_process(pid, "stat").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def memory_mb(pid: int) -> float:
     """Return the resident set of a process (Linux: VmRSS of proc(5), in KiB)."""
-    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    status = of_process(pid, "status")
     return int(status.partition("VmRSS:")[2].split()[0]) * 1024 / 1e6
 
 

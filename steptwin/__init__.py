@@ -4,9 +4,13 @@ These are the names that most programs need; docs/api.md describes each. A name 
 `import steptwin` takes only milliseconds. The stub beside this file, `__init__.pyi`, says where each name is from.
 """
 
+import os
 from importlib import import_module
 
 __version__ = "0.1.0"
+
+if not os.path.isdir(f"{__path__[0]}/host"):  # a checkout without symbolic links, as git makes it on Windows
+    __path__.append(os.path.dirname(__path__[0]))
 
 _STUB = __loader__.get_data(f"{__path__[0]}/__init__.pyi").decode()
 _MODULE_OF = {words[5]: words[1] for line in _STUB.splitlines() if len(words := line.split()) == 6}

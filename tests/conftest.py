@@ -2,6 +2,7 @@
 
 import gc
 import signal
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
@@ -26,6 +27,18 @@ YOUNG_OBJECTS: Final = 200_000
 """Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""
 TESTS: Final = Path(__file__).resolve().parent
 
+ON_LINUX: Final = sys.platform.startswith("linux")
+collect_ignore_glob = (
+    []
+    if ON_LINUX
+    else [
+        "live/*",
+        *(f"end_to_end/test_{name}.py" for name in ("bounded_planning", "full_disk", "hostile_files", "interrupts")),
+        "host/panel/page/test_planning_apart.py",
+    ]
+)
+"""Tests that stop processes, limit what they may use, or look at them in /proc, as only Linux lets a test do."""
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background: programs would never be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -34,6 +47,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's backgro
 settings.register_profile("steptwin", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("steptwin")
+
+
+def pytest_report_header() -> str:
+    """Say which tests this system leaves out."""
+    return "" if ON_LINUX else f"not Linux: left out are {', '.join(collect_ignore_glob)}"
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,12 +1,12 @@
 """Folders that are dear to make: of several workers the first that asks makes one, and the others copy it."""
 
-import fcntl
 import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
@@ -16,8 +16,7 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
         make(folder)
         return folder
     shared = factory.getbasetemp().parent / name  # beside the workers' own folders
-    with shared.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with FileLock(shared.with_suffix(".lock")):
         if not shared.exists():
             make(folder)
             shutil.copytree(folder, shared)

@@ -32,14 +32,14 @@ class LiveLoop:
     def __init__(
         self,
         live: LiveSimulation,
-        clock_ns: Callable[[], int] = time.monotonic_ns,
+        clock_ns: Callable[[], int] = time.perf_counter_ns,
         selector: selectors.BaseSelector | None = None,
     ) -> None:
         """Prepare to run a simulation.
 
         Args:
             live: the simulation.
-            clock_ns: wall clock that pacer and timers use.
+            clock_ns: wall clock of pacer and timers; Windows' monotonic one stands for 15.6 ms before Python 3.13.
             selector: sleeps until a socket is ready; by default `select`, the only one that sleeps less than 1 ms.
         """
         self.live = live

@@ -6,11 +6,13 @@ here until it reads. A client that does not read is disconnected before too many
 
 import errno
 import logging
+import os
 import socket
 from abc import ABC, abstractmethod
 from collections import Counter
 from contextlib import suppress
 from functools import partial
+from math import inf
 from selectors import EVENT_READ, EVENT_WRITE
 from typing import Final, Generic, Protocol, TypeVar
 
@@ -24,12 +26,21 @@ BACKLOG_MAX_BYTES: Final = 1 << 20
 REST_S: Final = 0.2
 """Time for which no client is accepted after the operating system had no file for a client."""
 _OUT_OF_FILES: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-_SELECT_FILES: Final = 1024
-"""Number of files that `select` can wait for (FD_SETSIZE); those of the whole process count."""
 _SEND_BUFFER_BYTES: Final = 1 << 18
 _READ_BYTES: Final = 4096
 
 _log = logging.getLogger(__name__)
+
+
+def select_files(system: str) -> float:
+    """Return the number of a file from which on `select` cannot wait for it, by `os.name`.
+
+    FD_SETSIZE counts all files of a process, except on Windows: there a socket's number is a handle of any size.
+    """
+    return 1024 if system == "posix" else inf
+
+
+_SELECT_FILES = select_files(os.name)
 
 
 class ClientSession(Protocol):

@@ -2,7 +2,7 @@
 
 import gc
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
@@ -42,18 +42,27 @@ class Slowness:
         return True
 
 
+_ENDS: Final = ("SIGINT", "SIGTERM", "SIGBREAK")
+"""What asks a program to end: Ctrl-C, a service, and on Windows Ctrl-Break, since nothing sends SIGTERM there."""
+
+
 @contextmanager
 def on_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Call a function at each SIGINT and SIGTERM while the block runs, instead of ending the program.
+    """Call a function at each SIGINT, SIGTERM and SIGBREAK while the block runs, instead of ending the program.
 
     It gets the signal's number and the frame that was interrupted. Only the main thread may use this.
     """
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, handler) for number in _numbers(_ENDS)}
     try:
         yield
     finally:
         for number, former in before.items():
             signal.signal(number, former)
+
+
+def _numbers(names: Iterable[str]) -> list[int]:
+    """Return the signals that this system has."""
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
 _YOUNG_OBJECTS_OF_A_RUN: Final = 50_000

@@ -3,6 +3,7 @@
 import json
 import os
 import secrets
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,10 +46,34 @@ def replacement(path: Path) -> Iterator[Path]:
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
     try:
         yield part
-        part.replace(path)
+        _put(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+_TRIES: Final = 20
+_PAUSE_S: Final = 0.1
+"""How often and how long a file is waited for that another program has open on Windows, as viewers and scanners do."""
+
+
+def _put(part: Path, path: Path) -> None:
+    """Give a file its name. Only Windows refuses that while another program has the older file open."""
+    for left in reversed(range(_TRIES)):
+        try:
+            part.replace(path)
+            return
+        except PermissionError as error:
+            if getattr(error, "winerror", None) not in (_ACCESS_DENIED, _SHARING_VIOLATION):
+                raise
+            if not left:
+                raise PermissionError(error.errno, "another program has it open: close it there") from error
+        time.sleep(_PAUSE_S)
+
+
+_ACCESS_DENIED: Final = 5
+_SHARING_VIOLATION: Final = 32
+"""Windows' error codes for a name that another program has open (winerror.h)."""
 
 
 def append(path: Path, data: bytes) -> None:

@@ -87,6 +87,7 @@ def test_a_clone_without_links_gives_a_working_wheel(tmp_path: Path) -> None:
     clone = tmp_path / "clone"
     subprocess.run(["git", "-c", "core.symlinks=false", "clone", "--quiet", ROOT, clone], check=True)
     assert (clone / "steptwin" / "host").read_text() == "../host"
+    assert "lab-scara" in run_installed(clone, "-m", "steptwin", "robots", cwd=tmp_path)  # as an editable install does
     installed = install(build("wheel", clone, tmp_path / "wheel"), tmp_path / "installed")
     assert "lab-scara" in run_installed(installed, "-m", "steptwin", "robots", cwd=tmp_path)
 

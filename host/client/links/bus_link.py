@@ -191,14 +191,14 @@ class BusLink:
         self._all_held_up_s = 0.0
 
     def now_s(self) -> float:
-        """Return the seconds on the monotonic clock, which is never set, without those of being held up."""
-        return time.monotonic() - self._all_held_up_s
+        """Return the seconds on a clock that is never set, without those of being held up."""
+        return time.perf_counter() - self._all_held_up_s
 
     def wait(self, dt_s: float) -> None:
         """Sleep; raise BusError if nothing can be received any more."""
-        due_s = time.monotonic() + dt_s
+        due_s = time.perf_counter() + dt_s
         time.sleep(dt_s)
-        late_s = time.monotonic() - due_s
+        late_s = time.perf_counter() - due_s
         if late_s > _USUAL_LATENESS_S:
             self._all_held_up_s += late_s
             self.held_up_s = max(self.held_up_s, late_s)

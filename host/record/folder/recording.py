@@ -148,7 +148,8 @@ class Recording:
         """Place of the first row of each plan in their file, by its number."""
         refuse_link(self._parts)
         (self._parts / HEADER).unlink(missing_ok=True)
-        shutil.rmtree(self._parts, ignore_errors=True)
+        if self._parts.exists():
+            shutil.rmtree(self._parts)
         for name in (REPORT, TRAJECTORY, EDGES, BUS_LOG):
             (folder / name).unlink(missing_ok=True)
         self._parts.mkdir()
@@ -183,7 +184,7 @@ class Recording:
             self._write_edges()
             write_json(self._folder / REPORT, dict(document) | {VERSION_KEY: FOLDER_VERSION})
             (self._parts / HEADER).unlink()
-            shutil.rmtree(self._parts)
+            shutil.rmtree(self._parts, ignore_errors=True)  # a file that another program reads may stay on Windows
         except OSError as error:
             self._fail(error)
 

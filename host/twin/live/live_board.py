@@ -166,7 +166,7 @@ class LiveBoard:
         if watch := machine.simulation.rotor_watch:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
-        self.live = LiveSimulation(machine.simulation, Pacer(time.monotonic_ns(), speed))
+        self.live = LiveSimulation(machine.simulation, Pacer(time.perf_counter_ns(), speed))
 
     def _header(self) -> Header:
         axes = tuple(
@@ -322,7 +322,7 @@ class LiveBoard:
     @property
     def wall_s(self) -> float:
         """Seconds on the wall clock since power-up."""
-        return (time.monotonic_ns() - self.live.pacer.start_ns) / 1e9
+        return (time.perf_counter_ns() - self.live.pacer.start_ns) / 1e9
 
     @property
     def bus_load_percent(self) -> float:

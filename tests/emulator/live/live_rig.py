@@ -37,7 +37,7 @@ class LiveRig:
         warm_up(kernel)
         self.bus = Bus(1_000_000, log=lambda _frame, _counts: None)
         self.board = Board(BoardConfig((WIRES,) * 2), kernel)
-        self.live = LiveSimulation(Simulation([self.board], self.bus), Pacer(time.monotonic_ns(), speed))
+        self.live = LiveSimulation(Simulation([self.board], self.bus), Pacer(time.perf_counter_ns(), speed))
         self.loop = LiveLoop(self.live)
         listener = socket.create_server(("127.0.0.1", 0), backlog=64)
         self.port: int = listener.getsockname()[1]

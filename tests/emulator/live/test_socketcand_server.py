@@ -1,6 +1,5 @@
 """A real server on the loopback with several clients: faulty ones do not disturb the others."""
 
-import resource
 import socket
 import struct
 import time
@@ -10,9 +9,10 @@ from contextlib import suppress
 import pytest
 
 from steptwin.emulator.live.socketcand_server import WINDOW_FRAMES
-from steptwin.emulator.live.tcp_server import BACKLOG_MAX_BYTES
+from steptwin.emulator.live.tcp_server import BACKLOG_MAX_BYTES, select_files
 from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig, RawClient, await_true
 
+resource = pytest.importorskip("resource", reason="limits the number of files as Unix does")
 READ_TYPE = b"< send 610 8 40 0 10 0 0 0 0 0 >"
 TYPE = "590#4300100092010400"
 
@@ -162,6 +162,16 @@ def test_a_file_beyond_those_of_select(rig: LiveRig, monkeypatch: pytest.MonkeyP
     with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as second:
         assert second.recv(100) == b"< error 1 clients are connected, no more are served >"
     ask(first)
+
+
+@pytest.mark.parametrize(("system", "answer"), [("posix", b"< error 0 clients"), ("nt", b"< hi >")])
+def test_windows_handles_are_no_numbers_of_files(
+    rig: LiveRig, monkeypatch: pytest.MonkeyPatch, system: str, answer: bytes
+) -> None:
+    """There a socket's number may be 5000 while `select` waits for three: here every number is beyond the bound."""
+    monkeypatch.setattr("steptwin.emulator.live.tcp_server._SELECT_FILES", select_files(system) - 1024)
+    with socket.create_connection(("127.0.0.1", rig.port), timeout=TIMEOUT_S) as client:
+        assert client.recv(100).startswith(answer)
 
 
 def test_one_that_does_not_read_is_disconnected_and_no_one_else() -> None:

@@ -1,8 +1,12 @@
-"""How often processes collect garbage."""
+"""How often processes collect garbage, and which signals end them."""
 
 import gc
+import signal
+from types import SimpleNamespace
 
-from steptwin.host.common.processes import collect_seldom, collecting_often
+import pytest
+
+from steptwin.host.common.processes import collect_seldom, collecting_often, on_signals
 
 
 def test_a_server_collects_often_and_its_program_as_before_once_it_has_ended() -> None:
@@ -15,3 +19,21 @@ def test_a_server_collects_often_and_its_program_as_before_once_it_has_ended() -
         assert gc.get_threshold()[0] == 50_000
     finally:
         gc.set_threshold(*before)
+
+
+@pytest.mark.parametrize("system", ["posix", "windows"])
+def test_what_ends_a_program_on_each_system(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows has SIGBREAK, by Ctrl-Break, beside the two that all systems have."""
+    handlers: dict[int, object] = {}
+
+    def install(number: int, handler: object) -> object:
+        former = handlers.get(number, "default")
+        handlers[number] = handler
+        return former
+
+    has = {"SIGINT": 2, "SIGTERM": 15} | ({"SIGBREAK": 21} if system == "windows" else {})
+    monkeypatch.setattr("steptwin.host.common.processes.signal", SimpleNamespace(signal=install, **has))
+    with on_signals(print):
+        assert handlers == dict.fromkeys(has.values(), print)
+    assert handlers == dict.fromkeys(has.values(), "default")
+    assert signal.getsignal(signal.SIGTERM) is not print

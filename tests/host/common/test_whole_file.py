@@ -117,3 +117,54 @@ class TestWhatIsNoFile:
         finally:
             os.close(read)
             os.close(written)
+
+
+class HeldError(PermissionError):
+    """What Windows raises for a name that another program has open; elsewhere an error has no `winerror`."""
+
+    winerror = 32
+
+
+class TestAFileThatAnotherProgramHasOpen:
+    """On Windows such a file cannot be replaced until the other program closes it."""
+
+    @pytest.fixture
+    def slept_s(self, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+        slept: list[float] = []
+        monkeypatch.setattr("steptwin.host.common.whole_file.time.sleep", slept.append)
+        return slept
+
+    def refuse(self, monkeypatch: pytest.MonkeyPatch, times: int, error: OSError) -> None:
+        replace, left = Path.replace, [times]
+
+        def held(part: Path, path: Path) -> Path:
+            left[0] -= 1
+            if left[0] >= 0:
+                raise error
+            return replace(part, path)
+
+        monkeypatch.setattr(Path, "replace", held)
+
+    def test_is_waited_for(self, monkeypatch: pytest.MonkeyPatch, slept_s: list[float], tmp_path: Path) -> None:
+        self.refuse(monkeypatch, 3, HeldError(13, "Access is denied"))
+        write(tmp_path / "report.json")
+        assert (tmp_path / "report.json").read_bytes() == b"new"
+        assert sum(slept_s) == pytest.approx(0.3)
+
+    def test_is_named_after_two_seconds(
+        self, monkeypatch: pytest.MonkeyPatch, slept_s: list[float], tmp_path: Path
+    ) -> None:
+        (tmp_path / "report.json").write_bytes(b"old")
+        self.refuse(monkeypatch, 1000, HeldError(13, "Access is denied"))
+        with pytest.raises(PermissionError, match=r"another program has it open: close it there: '.*report\.json'"):
+            write(tmp_path / "report.json")
+        assert sum(slept_s) == pytest.approx(2.0, abs=0.11)
+        assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
+
+    def test_a_folder_without_permission_is_not_waited_for(
+        self, monkeypatch: pytest.MonkeyPatch, slept_s: list[float], tmp_path: Path
+    ) -> None:
+        self.refuse(monkeypatch, 1000, PermissionError(13, "Permission denied"))
+        with pytest.raises(PermissionError, match="Permission denied"):
+            write(tmp_path / "report.json")
+        assert slept_s == []
