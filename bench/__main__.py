@@ -19,7 +19,7 @@ from rich.table import Table
 from steptwin.bench.arm_programs import programs_tables
 from steptwin.bench.arm_speed import arms_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
-from steptwin.bench.fastest_motions import corners_text, motions_table
+from steptwin.bench.fastest_motions import corners_text, gcode_table, motions_table
 from steptwin.bench.hardware_speed import driver_table, rotor_table
 from steptwin.bench.host_speed import kinematics_table, waveform_table
 from steptwin.bench.kernel_speed import kernel_table, scaling_tables
@@ -35,7 +35,7 @@ from steptwin.host.studies.step_methods.table import measured
 _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "kinematics": lambda: [kinematics_table(), arms_table()],
     "programs": lambda: programs_tables(_kernels()),
-    "fastest": lambda: [motions_table(), corners_text()],
+    "fastest": lambda: [motions_table(), gcode_table(), corners_text()],
     "panel": panel_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],

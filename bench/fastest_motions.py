@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Final
 
@@ -10,6 +12,7 @@ from rich.table import Table
 
 from steptwin.bench.bench_table import bench_table
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.findings import Findings
 from steptwin.host.planning.fastest.chain import timed_chains
 from steptwin.host.planning.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
 from steptwin.host.planning.fastest.executed import timed
@@ -19,12 +22,14 @@ from steptwin.host.planning.fastest.solve import fastest_squares
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import Arc, StraightLine, ToolPath
+from steptwin.host.planning.programs import compile_program, parse_program
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 
 ROBOT: Final = load_robot("teaching-scara")
 PICK: Final = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])
 """A pick and place: up, over, down."""
+GLUE_START: Final = (165.0, -50.0, -70.0, 0.0)
 CORNERS: Final = 10_000
 
 
@@ -35,6 +40,38 @@ def motions_table() -> Table:
         "motion|averaged s|lasts s|x optimum of its path|at the tool's speed %|planned in ms|ms for 10 s",
         (*_picks(), *_glues()),
     )
+
+
+def gcode_table() -> Table:
+    """Measure how long parts of G-code take to be read and planned, on one core."""
+    return bench_table("G-code: teaching-scara", "part|lines|lasts s|planned in s", (_part(400, 5), _part(20_000, 160)))
+
+
+def _part(lines: int, turns: int) -> str:
+    """Return the row of a part: a pocket milled by a spiral of short lines."""
+    text = ["G21 G90 G17 G64 P0.02 Q0.01", "G0 X0 Y0 Z3", "G1 Z0 F900"]
+    for i in range(lines):
+        angle, r_mm = 2.0 * np.pi * turns * i / lines, 4.0 + 26.0 * i / lines
+        text.append(f"G1 X{r_mm * np.cos(angle):.4f} Y{0.7 * r_mm * np.sin(angle):.4f} F3000")
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "part.ngc").write_text("\n".join(text), encoding="utf-8")
+        for _ in range(2):  # the first time compiles
+            begin_s = process_time()
+            compiled = compile_program(parse_program(_PART, Findings(), Path(folder)), ROBOT)
+            took_s = process_time() - begin_s
+    return f"pocket|{lines}|{compiled.trajectory.duration_s:.3f}|{took_s:.2f}"
+
+
+_PART: Final = """
+start = { x = 130.0, y = 0.0, z = -50.0, phi = 0.0, branch = "right" }
+[frames.plate]
+x = 130.0
+y = 0.0
+z = -60.0
+[[step]]
+gcode = "part.ngc"
+frame = "plate"
+"""
 
 
 def corners_text() -> str:
@@ -72,15 +109,16 @@ def _picks() -> Iterator[str]:
 
 
 def _glues() -> Iterator[str]:
-    for speed_mm_s, average_s in ((60.0, 0.02), (60.0, 0.05), (120.0, 0.05), (250.0, 0.05)):
+    for speed_mm_s, average_s in ((60.0, 0.02), (60.0, 0.05), (120.0, 0.02), (120.0, 0.05), (250.0, 0.05)):
         legs = _glue(Pace(100.0, speed_mm_s))
-        yield _row(f"glue of 223 mm at {speed_mm_s:g} mm/s", legs, [0.0] * (len(legs) - 1), average_s, speed_mm_s)
+        yield _row(f"glue of 343 mm at {speed_mm_s:g} mm/s", legs, [0.0] * (len(legs) - 1), average_s, speed_mm_s)
 
 
 def _glue(pace: Pace) -> list[ToolLeg]:
-    start = np.array([20.0, 80.0, 30.0, 0.0])
-    branch, joints, legs = present_branch(ROBOT, start), start, list[ToolLeg]()
-    here = tuple(make_kinematics(ROBOT).forward(start[np.newaxis])[0].tolist())
+    """Return three lines of 100, 80 and 100 mm with quarter circles of 20 mm radius between them."""
+    here = GLUE_START
+    branch, legs = "right", list[ToolLeg]()
+    joints = make_kinematics(ROBOT).solve(np.array([here]), branch, np.array(ROBOT.home)).joints[0]
 
     def add(path: ToolPath) -> tuple[float, ...]:
         nonlocal joints
@@ -88,11 +126,11 @@ def _glue(pace: Pace) -> list[ToolLeg]:
         joints = legs[-1].followed.end
         return tuple(path.poses(np.array([path.length_mm]))[0].tolist())
 
-    here = add(StraightLine(here, (here[0] - 60.0, *here[1:])))
+    here = add(StraightLine(here, (here[0], here[1] + 100.0, *here[2:])))
+    here = add(Arc.around(here, (here[0] - 20.0, here[1]), 90.0, turned=False))
+    here = add(StraightLine(here, (here[0] - 80.0, *here[1:])))
     here = add(Arc.around(here, (here[0], here[1] - 20.0), 90.0, turned=False))
-    here = add(StraightLine(here, (here[0], here[1] - 40.0, *here[2:])))
-    here = add(Arc.around(here, (here[0] + 20.0, here[1]), 90.0, turned=False))
-    add(StraightLine(here, (here[0] + 60.0, *here[1:])))
+    add(StraightLine(here, (here[0], here[1] - 100.0, *here[2:])))
     return legs
 
 
@@ -106,7 +144,7 @@ def _row(
     rates = path.rates()
     lasts_s = found.law.duration_s
     optimum_s = _duration_s(rates.s, fastest_squares(rates.s, path.limits().rows(ROBOT, rates)))
-    share = f"{_share_at(found.law.at, path.at, lasts_s, speed_mm_s):.1f}" if speed_mm_s else "-"
+    share = f"{_share_at(found.law.at, path.tool, lasts_s, speed_mm_s):.1f}" if speed_mm_s else "-"
     return (
         f"{name}|{average_s:g}|{lasts_s:.3f}|{lasts_s / optimum_s:.3f}|{share}|{1000 * took_s:.0f}"
         f"|{1000 * took_s * 10.0 / lasts_s:.0f}"
@@ -121,11 +159,11 @@ def _duration_s(s: FloatArray, squares: FloatArray) -> float:
 
 
 _Law = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-_Path = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+_Tool = Callable[[FloatArray], FloatArray]
 
 
-def _share_at(law: _Law, path: _Path, lasts_s: float, speed_mm_s: float) -> float:
+def _share_at(law: _Law, tool: _Tool, lasts_s: float, speed_mm_s: float) -> float:
     """Return the percentage of the time at which the tool's speed is within 1.7 % of the wanted one."""
     s, rate = law(np.arange(0.0, lasts_s, 0.001))
-    speeds = path(s)[2][:, 0] * rate
+    speeds = tool(s)[:, 0] * rate
     return float(100.0 * np.mean(np.abs(speeds - speed_mm_s) < 0.017 * speed_mm_s))

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/motions.md: a corner that is rounded, and a motion as fast as the limits allow."""
+"""Draw the pictures of docs/motions.md and docs/gcode.md: rounded corners, a motion at its limits, an engraving."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -11,7 +11,7 @@ from docs.generate.commands import DOCS
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
-from steptwin.host.planning.programs import compile_program, parse_program
+from steptwin.host.planning.programs import compile_program, parse_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.robots import load_robot
@@ -19,6 +19,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 
 _ROBOT: Final = load_robot("teaching-scara")
 _SLOWER: Final = "#d08a1d"
+_PLATE_Z_MM: Final = -60.0
 
 _CORNER: Final = """
 start = {{ x = 140.0, y = 20.0, z = -60.0, phi = 0.0, branch = "right" }}
@@ -57,9 +58,10 @@ _LAWS: Final = {
 
 
 def write_motion_pictures() -> None:
-    """Draw both pictures again."""
+    """Draw the pictures again."""
     write_picture(DOCS / "pictures" / "motions-corner.png", _corner)
     write_picture(DOCS / "pictures" / "motions-fastest.png", _fastest)
+    write_picture(DOCS / "pictures" / "gcode-engraving.png", _engraving)
 
 
 def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Trajectory]]:
@@ -72,6 +74,30 @@ def _tool_mm(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Return each millisecond, and the tool there."""
     t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
     return t_s, make_kinematics(_ROBOT).forward(motion.positions(t_s))[:, :3]
+
+
+def _engraving() -> Figure:
+    """Draw the page's engraving as the motion makes it, and a corner of it beside the lines of the file."""
+    program = read_program(str(DOCS / "programs" / "engraving" / "compass.toml"))
+    tool_mm = _tool_mm(compile_program(program, _ROBOT).trajectory)[1]
+    cuts = tool_mm[:, 2] < _PLATE_Z_MM
+    figure = Figure(figsize=(10, 5.2), layout="constrained")
+    figure.suptitle("compass.ngc: the tool from above, and a point of the star from nearby", x=0.01, ha="left")
+    whole, near = figure.subplots(1, 2)
+    for axes in (whole, near):
+        for is_cut, color, style, label in (
+            (False, _SLOWER, ":", "above the plate"),
+            (True, COUNTED, "-", "in the plate"),
+        ):
+            shown = np.where((cuts == is_cut)[:, np.newaxis], tool_mm, np.nan)
+            axes.plot(shown[:, 0], shown[:, 1], style, color=color, label=label)
+        axes.set(aspect="equal", xlabel="x [mm]")
+    tip = np.array([130.0, 0.0]) + 22.0 * np.array([np.cos(np.deg2rad(120.0)), np.sin(np.deg2rad(120.0))])
+    near.set(xlim=(tip[0] - 0.8, tip[0] + 0.8), ylim=(tip[1] - 0.9, tip[1] + 0.7))
+    near.plot(*tip, "+", color=LIMIT, markersize=9, label="corner in the file")
+    whole.set_ylabel("y [mm]")
+    figure.legend(*near.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
 
 
 def _corner() -> Figure:

@@ -1,13 +1,18 @@
 """Motions as fast as the limits allow: paths through rounded corners, and their timing from rest to rest."""
 
 from steptwin.host.planning.fastest.again import FASTEST, fastest_again
-from steptwin.host.planning.fastest.chain import TimedChain, timed_chains
+from steptwin.host.planning.fastest.chain import AVERAGE_S, TimedChain, timed_chains
+from steptwin.host.planning.fastest.contour import Contour, ContourPath, rounding_coefficients
 from steptwin.host.planning.fastest.corners import Corner, CornerError, JointLeg, MotionLeg, ToolLeg
+from steptwin.host.planning.fastest.executed import timed
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.pieces import Pace
 
 __all__ = [
+    "AVERAGE_S",
     "FASTEST",
+    "Contour",
+    "ContourPath",
     "Corner",
     "CornerError",
     "FollowedPath",
@@ -17,5 +22,7 @@ __all__ = [
     "TimedChain",
     "ToolLeg",
     "fastest_again",
+    "rounding_coefficients",
+    "timed",
     "timed_chains",
 ]

@@ -7,18 +7,37 @@ around it for the next pass.
 
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.fastest.averaged import Averaged
-from steptwin.host.planning.fastest.pieces import PiecewisePath
-from steptwin.host.planning.fastest.rows import PathLimits, with_axes
-from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.planning.fastest.rows import PathLimits, PathRates, with_axes
+from steptwin.host.planning.fastest.solve import Solver
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
+
+
+class LimitedPath(Protocol):
+    """A path of the joints with its limits."""
+
+    def rates(self) -> PathRates:
+        """Return the path at the places where its limits are looked at."""
+        ...
+
+    def limits(self) -> PathLimits:
+        """Return the limits at the same places."""
+        ...
+
+    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return joints and their first derivatives at parameters of shape (n,)."""
+        ...
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's way in mm and its turn in degrees for each unit of the parameter, of shape (n, 2)."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +55,14 @@ class TimedPath:
     highest: float
 
 
-_PASSES: Final = 10
-"""Passes that lower the limits; afterwards the whole motion is made slower by what is still beyond."""
+_LIMIT_PASSES: Final = 8
+"""Passes that lower the limits that are exceeded; the following ones cap the speed there, which reaches all of them."""
+_PASSES: Final = 20
+"""Passes altogether; afterwards the whole motion is made slower by what is still beyond."""
 _LOWERED_MAX: Final = 1.3
 """Factor by which a pass lowers a limit at most: the excess of one place also comes from its neighbours."""
+_BEYOND: Final = 1e-4
+"""Part by which a pass lowers a limit beyond what it was exceeded by, so that the last digits take no more passes."""
 _ENOUGH: Final = 1.0 - 1e-7
 """Part of a limit up to which a cubic passes: wire units and rounding need the rest."""
 _TOOL_SLACK: Final = 1.004
@@ -50,22 +73,26 @@ OFF_STEPS: Final = 0.005
 _RECORD_MS_MIN: Final = 2
 
 
-def timed(robot: Robot, path: PiecewisePath, average_s: float, from_ms: int = 0) -> TimedPath:
+def timed(robot: Robot, path: LimitedPath, average_s: float, from_ms: int = 0) -> TimedPath:
     """Return the fastest motion from rest to rest along a path, within the limits of its pieces.
 
     The motion begins `from_ms` after the whole one; its points are those of the whole one.
     """
     rates, asked = path.rates(), path.limits()
-    limits, slower = asked, 1.0
+    limits, caps, slower = asked, np.full(len(rates.s), np.inf), 1.0
+    solver = Solver.of(rates.s, asked.rows(robot, rates))
     for number in count(1):
-        squares = fastest_squares(rates.s, limits.rows(robot, rates))
+        rows = limits.rows(robot, rates)
+        squares = solver.squares(rows.c, np.minimum(rows.x_max, caps))
         law = Averaged.of(rates.s, squares, average_s, slower)
         motion = _cubics(robot, path, law, from_ms)
         use = _Use.of(robot, path, law, motion, asked, rates.s)
         if use.highest <= _ENOUGH:
             break
-        if number <= _PASSES:
+        if number <= _LIMIT_PASSES:
             limits = use.lowered(limits, law, rates.s)
+        elif number <= _PASSES:
+            caps = np.minimum(caps, squares / use.factors(law, rates.s))
         else:
             slower *= max(1.0001, use.highest)
     return TimedPath(motion, law, use.highest)
@@ -82,7 +109,7 @@ class _Use:
 
     @classmethod
     def of(
-        cls, robot: Robot, path: PiecewisePath, law: Averaged, motion: Sampled, asked: PathLimits, places: FloatArray
+        cls, robot: Robot, path: LimitedPath, law: Averaged, motion: Sampled, asked: PathLimits, places: FloatArray
     ) -> "_Use":
         times_s = np.asarray(motion.curve.x)
         dt_s = np.diff(times_s)[:, np.newaxis]
@@ -99,7 +126,7 @@ class _Use:
         for t_s in (times_s[:-1], middle_s, times_s[1:]):
             at, rate = law.at(t_s)
             limit = asked.tool[np.clip(np.searchsorted(places, at, side="right") - 1, 0, len(places) - 1)]
-            np.maximum(tool, path.at(at)[2] * rate[:, np.newaxis] / limit, out=tool)
+            np.maximum(tool, path.tool(at) * rate[:, np.newaxis] / limit, out=tool)
         return cls(
             times_s,
             speeds / near[0],
@@ -114,42 +141,72 @@ class _Use:
 
     def lowered(self, limits: PathLimits, law: Averaged, places: FloatArray) -> PathLimits:
         """Return limits lowered around the records that exceed theirs, as far as the average reaches."""
-        speeds, accelerations, tool = limits.speeds.copy(), limits.accelerations.copy(), limits.tool.copy()
-        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, 0.0, law.duration_s))
-        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, 0.0, law.duration_s))
-        begins = np.searchsorted(places, from_s, side="left")
-        ends = np.searchsorted(places, until_s, side="right")
-        for used, lowered in ((self.speeds, speeds), (self.accelerations, accelerations), (self.tool, tool)):
-            _lower(used, lowered, begins, ends)
+        reach = self._reach(law, places)
+        speeds, accelerations, tool = (
+            limit / _factors(used, len(places), *reach)
+            for used, limit in (
+                (self.speeds, limits.speeds),
+                (self.accelerations, limits.accelerations),
+                (self.tool, limits.tool),
+            )
+        )
         return replace(limits, speeds=speeds, accelerations=accelerations, tool=tool)
 
+    def factors(self, law: Averaged, places: FloatArray) -> FloatArray:
+        """Return by how much the squares of the speeds are to be lowered at each place, of shape (places,)."""
+        used = np.concatenate([self.speeds**2, self.accelerations, self.tool**2], axis=1).max(axis=1, keepdims=True)
+        return _factors(used, len(places), *self._reach(law, places))[:, 0]
 
-def _lower(used: FloatArray, limits: FloatArray, begins: Int64Array, ends: Int64Array) -> None:
-    """Divide limits of shape (places, columns) by the largest excess of the records that reach each place."""
-    factors = np.ones_like(limits)
+    def _reach(self, law: Averaged, places: FloatArray) -> tuple[Int64Array, Int64Array]:
+        """Return the first place that reaches into each record by averaging, and the first behind the last."""
+        from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, 0.0, law.duration_s))
+        until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, 0.0, law.duration_s))
+        return np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
+
+
+def _factors(used: FloatArray, places: int, begins: Int64Array, ends: Int64Array) -> FloatArray:
+    """Return the largest excess of the records that reach each place, of shape (places, columns), at least 1."""
+    factors = np.ones((places, used.shape[1]))
     for row, column in np.argwhere(used > _ENOUGH):
         part = factors[begins[row] : ends[row], column]
-        np.maximum(part, min(used[row, column] * (1 + 1e-6), _LOWERED_MAX), out=part)
-    limits /= factors
+        np.maximum(part, min(used[row, column] * (1 + _BEYOND), _LOWERED_MAX), out=part)
+    return factors
 
 
-def _cubics(robot: Robot, path: PiecewisePath, law: Averaged, from_ms: int) -> Sampled:
+def _cubics(robot: Robot, path: LimitedPath, law: Averaged, from_ms: int) -> Sampled:
     """Return the cubics through the path at knots of whole milliseconds, as close to it as OFF_STEPS."""
     end_ms = round(1000 * law.duration_s)
     knots_ms = np.unique(
         np.concatenate([[0, end_ms], np.arange(-from_ms % DEFAULT_POINT_MS, end_ms, DEFAULT_POINT_MS)])
     )
+    joints, velocities = _on_path(path, law, knots_ms)
+    unseen = np.arange(len(knots_ms) - 1)
     while True:
-        times_s = knots_ms / 1000
-        s, rate = law.at(times_s)
-        joints, first, _ = path.at(s)
-        velocities = first * rate[:, np.newaxis]
-        velocities[[0, -1]] = 0.0
-        motion = Sampled.hermite(robot.joint_names, times_s, joints, velocities)
-        middles_ms = (knots_ms[:-1] + knots_ms[1:]) // 2
-        wanted, _, _ = path.at(law.at(middles_ms / 1000)[0])
-        off = np.abs(robot.to_steps(motion.positions(middles_ms / 1000)) - robot.to_steps(wanted)).max(axis=1)
-        split = (off > OFF_STEPS) & (np.diff(knots_ms) >= 2 * _RECORD_MS_MIN)
+        begins_ms, ends_ms = knots_ms[unseen], knots_ms[unseen + 1]
+        middles_ms = (begins_ms + ends_ms) // 2
+        middles, speeds = _on_path(path, law, middles_ms)
+        last_ms = (ends_ms - begins_ms)[:, np.newaxis]
+        dt_s, part = last_ms / 1000, (middles_ms - begins_ms)[:, np.newaxis] / last_ms
+        at_end = part**2 * (3.0 - 2.0 * part)
+        bulge = part * (1.0 - part) * dt_s * ((1.0 - part) * velocities[unseen] - part * velocities[unseen + 1])
+        made = joints[unseen] + at_end * (joints[unseen + 1] - joints[unseen]) + bulge
+        off = np.abs(robot.to_steps(made) - robot.to_steps(middles)).max(axis=1)
+        split = (off > OFF_STEPS) & (last_ms[:, 0] >= 2 * _RECORD_MS_MIN)
         if not split.any():
-            return motion
-        knots_ms = np.sort(np.concatenate([knots_ms, middles_ms[split]]))
+            return Sampled.hermite(robot.joint_names, knots_ms / 1000, joints, velocities)
+        at = unseen[split] + 1
+        knots_ms = np.insert(knots_ms, at, middles_ms[split])
+        joints, velocities = (
+            np.insert(joints, at, middles[split], axis=0),
+            np.insert(velocities, at, speeds[split], axis=0),
+        )
+        halves = at + np.arange(len(at))
+        unseen = np.stack([halves - 1, halves], axis=1).ravel()
+
+
+def _on_path(path: LimitedPath, law: Averaged, times_ms: Int64Array) -> tuple[FloatArray, FloatArray]:
+    """Return joints and their velocities, at rest at both ends of the motion."""
+    s, rate = law.at(times_ms / 1000)
+    joints, first = path.at(s)
+    is_end = (times_ms <= 0) | (times_ms >= round(1000 * law.duration_s))
+    return joints, np.where(is_end[:, np.newaxis], 0.0, first * rate[:, np.newaxis])

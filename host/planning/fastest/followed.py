@@ -1,5 +1,6 @@
 """A path of the tool with the joints that follow it, by its length."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -15,6 +16,10 @@ from steptwin.host.robots.robot import Robot
 _APART_MM: Final = 0.25
 """Distance between two places of a path at which it is looked at, and the joints' turns are stored."""
 _GUIDES_MIN, _GUIDES_MAX = 64, 100_000
+
+
+def _after(at_mm: float) -> str:
+    return f"after {at_mm:.2f} mm"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,18 +45,20 @@ class FollowedPath:
     changes: tuple[tuple[float, str], ...] = ()
 
     @classmethod
-    def along(cls, robot: Robot, path: ToolPath, branch: str, start: FloatArray) -> Self:
+    def along(
+        cls, robot: Robot, path: ToolPath, branch: str, start: FloatArray, where: Callable[[float], str] = _after
+    ) -> Self:
         """Return a path that begins at the joints `start`, of shape (joints,), on a branch.
 
         Raises InputError if it leaves the mechanism's reach, comes near a singularity or does not begin at `start`; the
-        message says after how many mm. PathLimits of the joints are not checked.
+        message says `where`, usually after how many mm. PathLimits of the joints are not checked.
         """
         kinematics = make_kinematics(robot)
         if kinematics.attitude_follows:
             path = FreeAttitude(path)
         count = int(np.clip(np.ceil(path.length_mm / _APART_MM), _GUIDES_MIN, _GUIDES_MAX)) + 1
         guide_mm = np.linspace(0.0, path.length_mm, count)
-        solved = followed(robot, path.poses(guide_mm), lambda i: f"after {guide_mm[i]:.2f} mm", branch, start)
+        solved = followed(robot, path.poses(guide_mm), lambda i: where(float(guide_mm[i])), branch, start)
         check_start(robot, branch, start, solved.joints[0], "at its start")
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
         changes = tuple((float(guide_mm[i]), name) for i, name in solved.changes)

@@ -1,5 +1,6 @@
 """A path of the joints as pieces in a row: polynomials of the joints, and paths of the tool with their inverse."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Protocol, Self
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Protocol, Self
 import numpy as np
 import scipy
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.rows import PathLimits, PathRates
 from steptwin.host.robots.kinematics import make_kinematics
@@ -204,13 +205,23 @@ class PiecewisePath:
         each = np.repeat(np.array(paces), counts, axis=0)
         return PathLimits.of(self.robot, each[:, 0], each[:, 1:])
 
-    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, their first derivatives and the tool's ways and turns at parameters of shape (n,)."""
-        width = len(self.robot.joints)
-        joints, first, tool = np.empty((len(s), width)), np.empty((len(s), width)), np.empty((len(s), 2))
+    def at(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return joints and their first derivatives at parameters of shape (n,)."""
+        joints, first = (np.empty((len(s), len(self.robot.joints))) for _ in range(2))
+        for own, piece, at in self._pieces_at(s):
+            joints[own], first[own] = piece.joints(at, 0), piece.joints(at, 1)
+        return joints, first
+
+    def tool(self, s: FloatArray) -> FloatArray:
+        """Return the tool's ways and turns at parameters of shape (n,)."""
+        tool = np.empty((len(s), 2))
+        for own, piece, at in self._pieces_at(s):
+            tool[own] = piece.tool(at)
+        return tool
+
+    def _pieces_at(self, s: FloatArray) -> Iterator[tuple[BoolArray, PathPiece, FloatArray]]:
+        """Yield the pieces on which parameters are: which these are, the piece, and its own parameters there."""
         which = np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
         for i in np.unique(which):
             own, piece = which == i, self.pieces[i]
-            at = np.clip(s[own] - self.starts[i], 0.0, piece.length)
-            joints[own], first[own], tool[own] = piece.joints(at, 0), piece.joints(at, 1), piece.tool(at)
-        return joints, first, tool
+            yield own, piece, np.clip(s[own] - self.starts[i], 0.0, piece.length)

@@ -1,5 +1,6 @@
 """Compose a sequence move by move, as at a teach pendant: go to a position, along a line, switch an output."""
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
@@ -213,9 +214,13 @@ class Composer:
         self._check_length(duration_s)
         self._append(Standstill(self.robot.joint_names, tuple(self.joints.tolist()), duration_s))
 
-    def last_part(self, from_s: float) -> Trajectory | None:
-        """Return the last move if it began at this time or later; None if there is none."""
-        return self._parts[-1] if self._parts and self._starts_ms[-2] >= round(1000 * from_s) else None
+    def motion_since(self, from_s: float) -> Trajectory | None:
+        """Return the moves that began at this time or later; None if there are none."""
+        first = bisect_left(self._starts_ms, round(1000 * from_s))
+        parts, starts_ms = tuple(self._parts[first:]), self._starts_ms[first:]
+        if len(parts) <= 1:
+            return parts[0] if parts else None
+        return Sequence(self.robot.joint_names, parts, tuple(ms - starts_ms[0] for ms in starts_ms), ())
 
     def sequence(self, leaves_open: tuple[str, ...] = ()) -> Sequence:
         """Return the sequence of all moves so far, which leaves the drawers of some slots out."""

@@ -300,8 +300,9 @@ class _Walk:
                 self._gathered.append(_Gathered(place, step, before, has_leg=len(moves.leg_times) > own))
                 self._add_gathered()
             else:
-                part = moves.composer.last_part(from_s) if step.pace is not None else None
-                notes, moves.switched = tuple(map(switching_words, moves.switched)), ()
+                part = moves.composer.motion_since(from_s) if step.pace is not None else None
+                notes = (*moves.notes, *map(switching_words, moves.switched))
+                moves.notes, moves.switched = (), ()
                 way: BranchesOnWay = ("", ())
                 if isinstance(part, ToolMove):
                     way = part.branch, tuple((from_s + t_s, name) for t_s, name in part.changes)

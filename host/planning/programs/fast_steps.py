@@ -179,7 +179,7 @@ class MadeStep:
     def _with(self, pace: StepPace) -> Trajectory | None:
         moves = self.before.from_here()
         replace(self.step, pace=pace).add_to(moves)
-        return moves.composer.last_part(0.0)
+        return moves.composer.motion_since(0.0)
 
 
 @dataclass(frozen=True, slots=True)

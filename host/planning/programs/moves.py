@@ -104,6 +104,8 @@ class Moves:
         """The steps that flow into each other and have not ended yet."""
         self.switched: tuple[Switching, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""
+        self.notes: tuple[str, ...] = ()
+        """What else there is to say of the last step."""
         self.leg_times: list[LegTime] = []
         """When the steps were made that flowed into each other up to the last one that ended."""
 

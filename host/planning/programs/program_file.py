@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from reprlib import repr as short
 from typing import Final, TypeVar
@@ -14,6 +15,7 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, toml_table
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
+from steptwin.host.planning.programs.gcode_step import GCODE_KEYS, GcodeStep
 from steptwin.host.planning.programs.paces import (
     RAMP_S,
     SPEED_PERCENT,
@@ -78,8 +80,21 @@ def pass_words(first: Place, wrong: int, judged: int) -> str:
 
 SUFFIX: Final = ".toml"
 
-Usual = Mapping[str, object]
-"""Keys that each step has that moves, unless it says otherwise."""
+
+@dataclass(frozen=True, slots=True)
+class Usual:
+    """What all steps of a program share.
+
+    Attributes:
+        keys: keys that each step has that moves, unless it says otherwise.
+        folder: folder from which the paths in it count.
+        frames: the frames, None for one that is wrong.
+    """
+
+    keys: Mapping[str, object]
+    folder: Path
+    frames: Mapping[str, WorkFrame | None]
+
 
 _PROGRAM_KEYS: Final = (
     *("title", "robot", "law", "start", "leaves_open", "positions_file"),
@@ -113,12 +128,13 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
     with findings.collecting():
         start = read_target(table, "start") if "start" in table else None
     starts = start is not None or "start" not in table
-    usual: dict[str, object] = {}
+    keys: dict[str, object] = {}
     with findings.collecting():
         if "law" in table:
-            usual["law"] = table.choice("law", ProgramLaw).value
+            keys["law"] = table.choice("law", ProgramLaw).value
     names = Findings()
     frames = _frames(table, findings, names)
+    usual = Usual(keys, folder, frames)
     positions = _positions(table, frames, findings, names)
     saved_for = _add_saved(positions, table, folder, names)
     pallets = _pallets(table, frames, positions, findings, names)
@@ -274,13 +290,13 @@ def _steps(elements: Iterable[object], place: str, findings: Findings, usual: Us
 
 
 def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep:
-    verbs = [key for key in table if key in _VERBS or key in _REPEATING]
+    verbs = [key for key in table if key in _VERBS or key in _OTHERS]
     if len(verbs) != 1:
         meant = [f"{key!r} is unknown: did you mean {near}?" for key in table if (near := _meant(key))]
         if meant and not verbs:
             raise InputError(meant[0])
         given = " and ".join(verbs) or "none"
-        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, *_REPEATING))}, not {given}")
+        raise InputError(f"a step has exactly one of {', '.join((*_VERBS, *_OTHERS))}, not {given}")
     verb = verbs[0]
     if verb == "repeat":
         table.check_keys(("repeat", "steps"))
@@ -290,16 +306,19 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
         names = [table.text("each")] if isinstance(table.values["each"], str) else _texts(table, "each")
         cells = table.text("cells") if "cells" in table else None
         return Each(tuple(names), cells, _steps(_some(table, "steps"), place, findings, usual))
+    if verb == "gcode":
+        table.check_keys(("gcode", *GCODE_KEYS))
+        return GcodeStep.read(table, usual.folder, usual.frames)
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
     if "duration_s" not in table:
-        table = Table({**{key: value for key, value in usual.items() if key in keys}, **table.values}, "table")
+        table = Table({**{key: value for key, value in usual.keys.items() if key in keys}, **table.values}, "table")
     return read(table)
 
 
 def _meant(key: str) -> str | None:
     """Return the verb that an unknown key may stand for: other programs' words for it, or the nearest name."""
-    near = nearest(key, (*_VERBS, *_REPEATING))
+    near = nearest(key, (*_VERBS, *_OTHERS))
     return _OTHER_WORDS.get(key) or (near[0] if near else None)
 
 
@@ -389,8 +408,8 @@ def _call(table: Table) -> AnyStep:
 _JOINT_PACE: Final = ("law", "speed_percent", "duration_s", "blend_mm")
 _TOOL_PACE: Final = ("speed_mm_s", "speed_deg_s", "ramp_s", "law", "blend_mm", "outputs")
 
-_REPEATING: Final = ("repeat", "each")
-"""The verbs of steps that hold other steps."""
+_OTHERS: Final = ("gcode", "repeat", "each")
+"""The verb of a step with a file of its own, and those of steps that hold other steps."""
 
 _STANDING: Final = ("output", "wait", "pause")
 """The verbs of steps that let the robot stand."""

@@ -127,3 +127,20 @@ def test_a_place_twice_has_the_limits_of_both_sides() -> None:
         np.concatenate([ones, -ones], axis=1), np.zeros((4, 2)), np.full((4, 2), 10.0), np.array([9.0, 9.0, 4.0, 9.0])
     )
     assert fastest_squares(s, rows).tolist() == [0.0, 4.0, 4.0, 0.0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(2, 60), st.sampled_from([2, 8, 16]), st.integers(0, 2**31))
+def test_the_loops_give_the_same_bits_plain_and_compiled(places: int, count: int, seed: int) -> None:
+    pytest.importorskip("numba")
+    random = np.random.default_rng(seed)
+    s = np.cumsum(np.where(random.random(places) < 0.1, 0.0, random.random(places)))
+    a, b = (np.hstack([half, -half]) for half in random.normal(size=(2, places, count // 2)))
+    a[random.random(a.shape) < 0.05] = 0.0
+    rows = Rows(a, b, 0.1 + np.abs(random.normal(size=a.shape)), 10.0 * random.random(places))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("steptwin.host.planning.fastest.solve.find_spec", lambda _: None)
+        plain = fastest_squares(s, rows)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("steptwin.host.planning.fastest.solve._LONG", 0)
+        assert fastest_squares(s, rows).tobytes() == plain.tobytes()

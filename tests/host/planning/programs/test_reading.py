@@ -93,7 +93,7 @@ def test_everything_that_is_wrong_is_found_at_once() -> None:
         "step 1: speed: key 'speed' is unknown: did you mean speed_percent?",
         "step 2: speed_mm_s: is missing",
         "step 3: a step has exactly one of "
-        "go, line, arc, circle, through, by, output, wait, pause, call, repeat, each, not none",
+        "go, line, arc, circle, through, by, output, wait, pause, call, gcode, repeat, each, not none",
         "step 4.2: speed_mm_s: -4 is not above 0",
         "step 5: by.branch: a relative move keeps the branch",
         "titel: key 'titel' is unknown: did you mean title?",

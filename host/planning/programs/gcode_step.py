@@ -1,0 +1,252 @@
+"""A step that leads the tool as a file of G-code says."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import GCODE_BYTES_MAX
+from steptwin.host.common.own_files import read_text
+from steptwin.host.common.tables import Table
+from steptwin.host.planning import checks
+from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, timed
+from steptwin.host.planning.gcode import (
+    CutMove,
+    CutRun,
+    Dwell,
+    GcodeAction,
+    GcodeBlock,
+    HomeMove,
+    OutputWord,
+    Placing,
+    RapidMove,
+    actions,
+    cut_runs,
+    read_blocks,
+)
+from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.programs.flowing import check_none_gathered, switch_on_way
+from steptwin.host.planning.programs.moves import Moves
+from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace, check_blend
+from steptwin.host.planning.programs.pallets import STATION_FRAME, WorkFrame
+from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.poses import SCARA
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.programs.names import Names
+
+GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
+"""Keys of the step beside `gcode`."""
+
+_OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
+_SMALL_MM: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class GcodeStep:
+    """Lead the tool as a file of G-code says.
+
+    Attributes:
+        file: the file's name, as the program has it.
+        blocks: its lines.
+        frame: where its coordinates are.
+        tool_mm: length of what the robot's tool holds, along the frame's z axis.
+        feed_max_mm_s: highest feed; infinite without.
+        blend_mm: rounding of corners of which the file says nothing; 0 stops there.
+        outputs: the robot's output for each word.
+        pace: pace of G0.
+    """
+
+    file: str
+    blocks: tuple[GcodeBlock, ...] = field(repr=False)
+    frame: WorkFrame
+    tool_mm: float
+    feed_max_mm_s: float
+    blend_mm: float
+    outputs: Mapping[str, str]
+    pace: JointPace
+
+    @classmethod
+    def read(cls, table: Table, folder: Path, frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
+        """Return the step of a table; raise InputError for a wrong key, or with file, line and word for the file."""
+        name = table.text("gcode", empty=False)
+        frame = STATION_FRAME
+        if "frame" in table:
+            named = frames.get(table.text("frame", empty=False))
+            if named is None:
+                raise unknown("frame:", table.text("frame"), frames)
+            frame = named
+        blend_mm = table.number("blend_mm") if "blend_mm" in table else 0.0
+        check_blend(blend_mm)
+        feed_max_mm_s = table.number("feed_max_mm_s") if "feed_max_mm_s" in table else np.inf
+        if not feed_max_mm_s > 0:
+            raise InputError(f"feed_max_mm_s: {feed_max_mm_s:g} is not above 0")
+        percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
+        outputs = _outputs(table)
+        with prefixed(f"{name}: "):
+            blocks = read_blocks(read_text(str(folder / name), GCODE_BYTES_MAX))
+            _check_outputs(blocks, outputs)
+        tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
+        return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
+
+    def __str__(self) -> str:
+        return f"gcode {self.file}"
+
+    def check(self, names: "Names") -> None:
+        for output in self.outputs.values():
+            names.output(output)
+        if names.robot is None:
+            return
+        kinematics = make_kinematics(names.robot)
+        if not kinematics.task.width:
+            raise InputError(f"{names.robot.name} has no tool to lead")
+        if kinematics.task is SCARA and not kinematics.attitude_follows:
+            return
+        for block in self.blocks:
+            for word in ("A", "C"):
+                if word in block.numbers:
+                    raise InputError(
+                        f"{self.file}: line {block.line}: {word}: the tool of {names.robot.name} has no turn by itself"
+                    )
+
+    def add_to(self, moves: Moves) -> None:
+        check_none_gathered(moves.legs, "a path of G-code")
+        with prefixed(f"{self.file}: "):
+            _Cutting(self, moves).make()
+
+    def end(self, moves: Moves) -> FloatArray | None:
+        """Return None: where the file ends comes out when it is made."""
+        del moves
+        return None
+
+
+def _outputs(table: Table) -> dict[str, str]:
+    outputs = dict[str, str]()
+    if "outputs" in table:
+        with table.section("outputs") as own:
+            for key in own:
+                if not _OUTPUT_KEY.fullmatch(key):
+                    raise InputError(f"{shortened(key)!r} has no output: there are M3, M4, M7, M8, and P0, P1, ...")
+                outputs[key] = own.text(key, empty=False)
+    return outputs
+
+
+def _check_outputs(blocks: tuple[GcodeBlock, ...], outputs: Mapping[str, str]) -> None:
+    """Raise InputError, with the line, for a word whose output the step does not name."""
+    for block in blocks:
+        keys = [code for group in ("spindle", "coolant") if (code := block.codes.get(group)) not in (None, "M5", "M9")]
+        if "outputs" in block.codes and "P" in block.numbers:
+            keys.append(f"P{block.numbers['P']:g}")
+        for key in keys:
+            if key not in outputs:
+                raise InputError(
+                    f"line {block.line}: {key}: names no output of the robot; the step says which, such as"
+                    f' outputs = {{ {key} = "gripper" }}'
+                )
+
+
+class _Cutting:
+    """Adds what a step's file says to the moves."""
+
+    def __init__(self, step: GcodeStep, moves: Moves) -> None:
+        self._step, self._moves = step, moves
+        self._robot = moves.composer.robot
+        self._kinematics = make_kinematics(self._robot)
+        pose, task = moves.pose_by({}), self._kinematics.task
+        self._placing = Placing(
+            step.frame.place + step.frame.turned(np.array([0.0, 0.0, step.tool_mm])),
+            step.frame.turned(np.eye(3)),
+            step.frame.phi_deg or 0.0,
+            () if task.is_flat else pose[3:],
+            min(task.width, 4),
+        )
+        self._waiting: list[CutMove] = []
+        self._corners, self._stops, self._paths = 0, 0, 0
+
+    def make(self) -> None:
+        moves, placing = self._moves, self._placing
+        home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
+        for action in actions(self._step.blocks, placing.spot(moves.pose_by({})), placing.spot(home)):
+            if isinstance(action, CutMove) and _has_way(action):
+                self._waiting.append(action)
+                continue
+            self._cut()
+            with prefixed(f"line {action.line}: "):
+                self._stand_or_go(action)
+        self._cut()
+        moves.leg_times, moves.switched = [], ()
+        moves.notes = (
+            f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
+            f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
+        )
+
+    def _stand_or_go(self, action: GcodeAction) -> None:
+        moves, pace, outputs = self._moves, self._step.pace, self._step.outputs
+        match action:
+            case RapidMove(_, goal):
+                moves.go(moves.joints_of(self._placing.pose(goal)), pace)
+            case HomeMove():
+                moves.go(np.array(self._robot.home), pace)
+            case Dwell(_, time_s):
+                if time_s:
+                    moves.composer.pause(max(1, round(1000 * time_s)) / 1000)
+            case OutputWord(_, key, on):
+                moves.composer.switch(outputs[key], on=on)
+            case CutMove():  # a turn on the spot
+                for key, on in action.changes:
+                    moves.composer.switch(outputs[key], on=on)
+                moves.line(self._placing.pose(action.goal), ToolPace(action.feed_mm_s, law=LawName.FASTEST))
+
+    def _cut(self) -> None:
+        """Make the moves that wait, without a stop but where corners need it."""
+        if not self._waiting:
+            return
+        runs = cut_runs(self._waiting, self._placing, self._step.blend_mm)
+        self._paths += len(runs)
+        self._stops += len(runs) - 1
+        self._corners += sum(int(np.sum(run.contour.roundings)) for run in runs)
+        for run in runs:
+            self._take(run)
+        self._waiting.clear()
+
+    def _take(self, run: CutRun) -> None:
+        composer, contour = self._moves.composer, run.contour
+        np.minimum(contour.speeds_mm_s, self._step.feed_max_mm_s, out=contour.speeds_mm_s)
+
+        def where(at_mm: float) -> str:
+            return f"line {contour.lines[contour.place_of(np.array([at_mm]))[0][0]]}:"
+
+        branch = present_branch(self._robot, composer.joints)
+        followed = FollowedPath.along(self._robot, contour, branch, composer.joints, where)
+        self._check_range(followed, where)
+        from_ms, begins_s = round(1000 * composer.now_s), composer.now_s
+        made = timed(self._robot, ContourPath(self._robot, contour, followed), AVERAGE_S, from_ms)
+        composer.take(made.motion)
+        for move, begin_mm in zip(run.moves, run.begins_mm.tolist(), strict=True):
+            if move.changes:
+                changes = [OnTheWay(self._step.outputs[key], on, 0.0) for key, on in move.changes]
+                time_s = made.law.time_at(begin_mm) if begin_mm else 0.0
+                switch_on_way(composer, changes, [time_s] * len(changes), begins_s)
+
+    def _check_range(self, followed: FollowedPath, where: Callable[[float], str]) -> None:
+        """Raise InputError, with the line, for the first place where a joint leaves its range."""
+        for i, joint in enumerate(self._robot.joints):
+            column = followed.guides[:, i]
+            outside = np.flatnonzero((column < joint.lower - _SMALL_MM) | (column > joint.upper + _SMALL_MM))
+            if len(outside):
+                with prefixed(f"{where(float(followed.guide_mm[outside[0]]))} "):
+                    checks.check_within(joint, float(column[outside[0]]))
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _has_way(move: CutMove) -> bool:
+    return move.arc is not None or max(abs(a - b) for a, b in zip(move.start, move.goal[:3], strict=False)) > _SMALL_MM

@@ -1,0 +1,1 @@
+"""G-code: words, blocks, moves and paths of the tool."""
