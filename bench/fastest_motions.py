@@ -29,7 +29,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 ROBOT: Final = load_robot("teaching-scara")
 PICK: Final = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])
 """A pick and place: up, over, down."""
-GLUE_START: Final = (165.0, -50.0, -70.0, 0.0)
+GLUE_START: Final[tuple[float, ...]] = (165.0, -50.0, -70.0, 0.0)
 CORNERS: Final = 10_000
 
 
@@ -116,7 +116,7 @@ def _glues() -> Iterator[str]:
 
 def _glue(pace: Pace) -> list[ToolLeg]:
     """Return three lines of 100, 80 and 100 mm with quarter circles of 20 mm radius between them."""
-    here = GLUE_START
+    here: tuple[float, ...] = GLUE_START
     branch, legs = "right", list[ToolLeg]()
     joints = make_kinematics(ROBOT).solve(np.array([here]), branch, np.array(ROBOT.home)).joints[0]
 
