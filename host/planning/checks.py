@@ -85,7 +85,7 @@ class SampleCheck:
 
     def _look(self, samples: Samples) -> None:
         """Look at the next window."""
-        self._first, self._last = self._first or samples, samples
+        self._first, self._last = self._first or samples.row(0), samples.row(-1)
         for i, joint in enumerate(self._joints):
             positions = samples.positions[:, i]
             if error := _not_finite(joint, samples.t_s, positions, samples.velocities[:, i]):
@@ -109,11 +109,11 @@ class SampleCheck:
     def check_rest(self) -> None:
         """Check that the motion starts and ends at rest."""
         for i, joint in enumerate(self._joints):
-            for when, samples, row in (("starts", self._first, 0), ("ends", self._last, -1)):
-                velocity = samples.velocities[row, i] if samples else 0.0
+            for when, samples in (("starts", self._first), ("ends", self._last)):
+                velocity = samples.velocities[0, i] if samples else 0.0
                 if samples and abs(velocity) > REST_TOLERANCE:
                     raise NotAtRestError(
-                        f"{joint.name}: the motion {when} at t = {samples.t_s[row]:.3f} s"
+                        f"{joint.name}: the motion {when} at t = {samples.t_s[0]:.3f} s"
                         f" with {velocity:g} {joint.unit}/s instead of 0 {joint.unit}/s, at rest"
                     )
 

@@ -37,6 +37,10 @@ class Samples(NamedTuple):
     positions: FloatArray
     velocities: FloatArray
 
+    def row(self, i: int) -> "Samples":
+        """Return one millisecond, as a copy, which keeps nothing else of the window."""
+        return Samples(self.t_s[[i]], self.positions[[i]], self.velocities[[i]])
+
 
 def sampled(trajectory: Trajectory) -> Iterator[Samples]:
     """Yield a trajectory in windows; each begins with the millisecond with which the one before ends."""

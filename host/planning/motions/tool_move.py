@@ -141,6 +141,7 @@ class ToolMove:
         guide_joints: shape (m, joints), the joints at these times, without jumps of a whole turn.
         rotary: columns of the rotary joints.
         changes: times from which on the arm is on another branch, and its name; only where two branches meet.
+        keeps_limits: whether each joint is within its limits at each millisecond.
     """
 
     joint_names: tuple[str, ...]
@@ -151,7 +152,8 @@ class ToolMove:
     guide_s: FloatArray
     guide_joints: FloatArray
     rotary: tuple[int, ...]
-    changes: tuple[tuple[float, str], ...] = ()
+    changes: tuple[tuple[float, str], ...]
+    keeps_limits: bool
 
     switchings: ClassVar[tuple[Switching, ...]] = ()
 
@@ -173,6 +175,8 @@ class ToolMove:
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
         guide_ms, guide = [np.zeros(1, np.int64)], [np.array([start])]
         changes: list[tuple[float, str]] = []
+        lower, upper = (np.array([getattr(joint, end) for joint in robot.joints]) for end in ("lower", "upper"))
+        keeps_limits = True
         for times_ms in windows_ms(round(1000 * law.duration_s)):
             t_s = times_ms / 1000
             near = start if kinematics.keeps_branch else guide[-1][-1]
@@ -185,12 +189,24 @@ class ToolMove:
             else:  # the turns in which the window before has ended
                 joints[:, rotary] += 360.0 * np.round((guide[-1][-1] - joints[0])[list(rotary)] / 360.0)
             _check_steps(robot, kinematics, joints, from_s + t_s)
+            keeps_limits = keeps_limits and bool(((joints >= lower) & (joints <= upper)).all())
             stored = np.flatnonzero((times_ms[1:] % _STEP_MS == 0) | (times_ms[1:] == times_ms[-1])) + 1
             guide_ms.append(times_ms[stored])
             guide.append(joints[stored])
         guide_s = np.concatenate(guide_ms) / 1000
         guide_joints = np.concatenate(guide)
-        return cls(robot.joint_names, kinematics, branch, path, law, guide_s, guide_joints, rotary, tuple(changes))
+        return cls(
+            robot.joint_names,
+            kinematics,
+            branch,
+            path,
+            law,
+            guide_s,
+            guide_joints,
+            rotary,
+            tuple(changes),
+            keeps_limits,
+        )
 
     @property
     def duration_s(self) -> float:

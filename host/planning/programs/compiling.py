@@ -17,7 +17,7 @@ from steptwin.host.planning import checks
 from steptwin.host.planning.fastest import CornerError
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
-from steptwin.host.planning.peaks import Peak, sampled, shifted
+from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.flowing import BranchesOnWay, switching_words
 from steptwin.host.planning.programs.moves import Moves
@@ -47,24 +47,35 @@ class StepRow:
     """A step of a compiled program.
 
     Attributes:
-        place: its number in the program, with those of the sequence or repetition it is in, and its pass.
-        text: the step in words.
+        made: the step as it was made.
         from_s: time when it begins.
         duration_s: its duration.
-        peaks: highest speed, acceleration and step rate of each joint in it.
         branch: the branch on which the arm is when it begins; empty for a step that leads no tool along a path.
         changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
         notes: which outputs change on its way, and what becomes of the corner at its end, in words.
     """
 
-    place: Place
-    text: str
+    made: MadeStep
     from_s: float
     duration_s: float
-    peaks: tuple[Peak, ...]
     branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def place(self) -> Place:
+        """Its number in the program, with those of the sequence or repetition it is in, and its pass."""
+        return self.made.place
+
+    @property
+    def text(self) -> str:
+        """The step in words."""
+        return str(self.made.step)
+
+    @property
+    def peaks(self) -> tuple[Peak, ...]:
+        """Highest speed, acceleration and step rate of each joint in it; they take a look at each millisecond."""
+        return self.made.peaks
 
     def passed(self) -> Iterator[str]:
         """Yield a sentence for each change of the branch: what the arm passes and where, and the branches' names."""
@@ -84,18 +95,16 @@ class CompiledProgram:
     Attributes:
         trajectory: the motion.
         steps: the steps.
-        made: how each step was made, in the same order.
         is_whole: False if something is wrong, but for the speed of steps; the rest is then incomplete.
     """
 
     trajectory: Sequence
     steps: tuple[StepRow, ...]
-    made: tuple[MadeStep, ...]
     is_whole: bool
 
     def fast_steps(self) -> tuple[str, ...]:
         """Return a message for each step that is too fast, with the values of its own keys that pass."""
-        return tuple(fast_steps(self.made))
+        return tuple(fast_steps(row.made for row in self.steps))
 
     @contextmanager
     def explained(self, stretch: float = 1.0) -> Iterator[None]:
@@ -204,15 +213,12 @@ class _Walk:
         self._on_branch = True
         """Whether the robot is at least on the branch of where it was known to stand last."""
         self._rows: list[StepRow] = []
-        self._made: list[MadeStep] = []
         self._gathered: list[_Gathered] = []
         """The steps that flow into each other and have no times yet."""
 
     def compiled(self, leaves_open: tuple[str, ...], *, is_whole: bool) -> CompiledProgram:
         """Return what has been made so far, which leaves the drawers of some slots out."""
-        return CompiledProgram(
-            self._moves.composer.sequence(leaves_open), tuple(self._rows), tuple(self._made), is_whole
-        )
+        return CompiledProgram(self._moves.composer.sequence(leaves_open), tuple(self._rows), is_whole)
 
     @property
     def has_moved(self) -> bool:
@@ -358,13 +364,10 @@ class _Walk:
         way: BranchesOnWay = ("", ()),
         notes: tuple[str, ...] = (),
     ) -> None:
-        made = MadeStep(self._robot, place, step, before, round(1000 * from_s))
-        if part is not None:
-            check = checks.SampleCheck(self._robot)
-            made = made.looked_at(part, check.looking(shifted(sampled(part), from_s)))
-            self._check_positions(made, part, check)
-        self._rows.append(StepRow(place, str(step), from_s, duration_s, made.peaks, *way, notes))
-        self._made.append(made)
+        made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
+        if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
+            self._check_positions(made, part)
+        self._rows.append(StepRow(made, from_s, duration_s, *way, notes))
 
     def _stand_after(self, step: Step) -> None:
         """Stand where a step ends without making it; raise InputError if the robot cannot."""
@@ -372,7 +375,7 @@ class _Walk:
         if end is not None:
             self._stand_at(end)
 
-    def _check_positions(self, made: MadeStep, part: Trajectory, check: checks.SampleCheck) -> None:
+    def _check_positions(self, made: MadeStep, part: Trajectory) -> None:
         """Complain of each joint that leaves its limits, but not of one that an earlier step has left outside."""
         start, step = made.before.composer.joints, made.step
         ends = part.positions(np.array([part.duration_s]))[0].tolist()
@@ -382,6 +385,6 @@ class _Walk:
                 if isinstance(step, JointsBy | ToolBy) or end == start[i] or not checks.is_outside(joint, end):
                     continue
             try:
-                check.check_joint(i)
+                made.positions.check_joint(i)
             except InputError as error:
                 self.complaints.add(made.place, step, error)

@@ -4,12 +4,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
-from typing import Any, Final
+from functools import cached_property
+from typing import Any, Final, NamedTuple
 
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.motions.stretched import least_passing
-from steptwin.host.planning.peaks import Peak, Quantity, Samples, TooLongError, sampled, shifted
+from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
 from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import StepPace
@@ -130,7 +131,15 @@ def _passing_value(pace: StepPace, key: _Key, least_stretch: float, checks: tupl
     return key.value(number)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class _Look(NamedTuple):
+    """What each millisecond of a step's motion shows; `refused` is the error of one that PVT records cannot hold."""
+
+    peaks: tuple[Peak, ...]
+    refused: TooFastError | None
+    positions: checks.SampleCheck
+
+
+@dataclass(frozen=True, eq=False)
 class MadeStep:
     """A step as it was made at a place of a program.
 
@@ -140,8 +149,7 @@ class MadeStep:
         step: the step.
         before: moves that begin where the step begins.
         from_ms: time of the program when it begins.
-        peaks: the peaks of each joint; none without motion, or if PVT records cannot hold it.
-        refused: error of a motion that PVT records cannot hold.
+        part: its motion; None without any.
     """
 
     robot: Robot
@@ -149,27 +157,39 @@ class MadeStep:
     step: Step
     before: Moves
     from_ms: int
-    peaks: tuple[Peak, ...] = ()
-    refused: TooFastError | None = None
+    part: Trajectory | None
 
-    def looked_at(self, part: Trajectory, windows: Iterable[Samples]) -> "MadeStep":
-        """Return the step with what the windows of its motion show."""
+    @property
+    def peaks(self) -> tuple[Peak, ...]:
+        """The peaks of each joint; none without motion, or if PVT records cannot hold it."""
+        return self._look.peaks
+
+    @property
+    def positions(self) -> checks.SampleCheck:
+        """What its positions are, for `check_joint`."""
+        return self._look.positions
+
+    @cached_property
+    def _look(self) -> _Look:
+        """Look at the motion, once, when something is asked about it: a run asks the planner instead."""
+        positions = checks.SampleCheck(self.robot)
+        if self.part is None:
+            return _Look((), None, positions)
+        windows = positions.looking(shifted(sampled(self.part), self.from_ms / 1000))
         try:
-            return replace(self, peaks=step_peaks(self.robot, part, self.from_ms, windows), refused=None)
+            return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None, positions)
         except TooFastError as error:
-            return replace(self, peaks=(), refused=error)
+            return _Look((), error, positions)
 
     def check_speed(self) -> None:
         """Raise TooFastError if the step is too fast."""
-        if self.refused is not None:
-            raise self.refused
+        if self._look.refused is not None:
+            raise self._look.refused
         checks.check_peaks(sorted(self.peaks, key=lambda peak: peak.quantity is Quantity.STEP_RATE))
 
     def check_pace(self, pace: StepPace) -> None:
         """Raise TooFastError if the step is too fast with another pace."""
-        part = self._with(pace)
-        if part is not None:
-            self.looked_at(part, shifted(sampled(part), self.from_ms / 1000)).check_speed()
+        replace(self, part=self._with(pace)).check_speed()
 
     @property
     def situation(self) -> tuple[tuple[float, ...], int]:
