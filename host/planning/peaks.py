@@ -144,8 +144,8 @@ _RATES: Final = ("s", "s^2")
 
 
 def _with_axes(robot: Robot, joints: FloatArray) -> FloatArray:
-    """Return values of the joints, of shape (n, joints), beside those of the axes, shape (n, joints + axes)."""
-    return np.concatenate([joints, robot.coupling.to_axes(joints)], axis=1)
+    """Return values of the joints, of shape (n, joints), beside those of the axes where any are coupled."""
+    return np.concatenate([joints, robot.coupling.to_axes(joints)], axis=1) if robot.coupling.matrix else joints
 
 
 def _limited(robot: Robot) -> Iterator[tuple[Joint, int, _Limits]]:
