@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a program in a folder for a robot, by default for the one that it names."""
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
+    from steptwin.host.twin.motor_limits import motor_limits
 
     program = parse_program(text, findings, folder)
     robot = _robot(program, robot_name, findings)
     if robot is None:
         check_names(program, None, findings)
         return CheckedFile()
-    compiled = compile_program(program, robot, findings)
+    compiled = compile_program(program, robot, findings, drives=motor_limits)
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
     document = {
         "robot": robot.name,

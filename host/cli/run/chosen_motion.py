@@ -212,13 +212,14 @@ def _motion(
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Trajectory, None, _Explained]":
     from steptwin.host.planning.programs import compile_program, read_program
+    from steptwin.host.twin.motor_limits import motor_limits
 
     if options:
         raise InputError(f"option {next(iter(options))}: a program has no options")
     try:
         program = read_program(path)
         with prefixed(f"{path}: "):
-            compiled = compile_program(program, robot)
+            compiled = compile_program(program, robot, drives=motor_limits)
     except InputError as error:
         if len(error.messages) == 1:
             raise

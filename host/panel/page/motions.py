@@ -35,6 +35,7 @@ from steptwin.host.planning.trajectory_file import SUFFIXES, doubt, read_file_mo
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.motor_limits import motor_limits
 
 TITLES: Final[dict[str, str]] = {
     "approach_mm": "length of the approach",
@@ -111,7 +112,7 @@ def plan_upload(
     """
     with _as_file(name, content) as path:
         if path.endswith(SUFFIX):
-            program = compile_program(read_program(path), robot)
+            program = compile_program(read_program(path), robot, drives=motor_limits)
             with program.explained(stretch or 1.0):
                 return _planned(robot, program.trajectory, stretch), None
         motion = read_file_motion(path, robot, units=units)

@@ -1,9 +1,10 @@
 """Motions as fast as the limits allow: paths through rounded corners, and their timing from rest to rest."""
 
 from steptwin.host.planning.fastest.again import FASTEST, fastest_again
-from steptwin.host.planning.fastest.chain import AVERAGE_S, TimedChain, timed_chains
+from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, TimedChain, timed_chains
 from steptwin.host.planning.fastest.contour import Contour, ContourPath, rounding_coefficients
 from steptwin.host.planning.fastest.corners import Corner, CornerError, JointLeg, MotionLeg, ToolLeg
+from steptwin.host.planning.fastest.drives import AskedLimits, DriveAnswer, DriveLimits, LoadChange, MakeDrives
 from steptwin.host.planning.fastest.executed import timed
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.pieces import Pace
@@ -11,12 +12,18 @@ from steptwin.host.planning.fastest.pieces import Pace
 __all__ = [
     "AVERAGE_S",
     "FASTEST",
+    "AskedLimits",
+    "ChainDrives",
     "Contour",
     "ContourPath",
     "Corner",
     "CornerError",
+    "DriveAnswer",
+    "DriveLimits",
     "FollowedPath",
     "JointLeg",
+    "LoadChange",
+    "MakeDrives",
     "MotionLeg",
     "Pace",
     "TimedChain",

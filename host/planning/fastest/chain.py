@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from steptwin.host.planning.fastest.corners import Corner, Flow, MotionLeg, flowing
+from steptwin.host.planning.fastest.corners import Corner, CornerError, Flow, MotionLeg, flowing
+from steptwin.host.planning.fastest.driven import WeakDrivesError, driven, drives_along
+from steptwin.host.planning.fastest.drives import DriveLimits, LoadChange, PathLoad
 from steptwin.host.planning.fastest.executed import TimedPath, timed
 from steptwin.host.planning.fastest.solve import fastest_squares
 from steptwin.host.robots.robot import Robot
@@ -41,21 +43,70 @@ class TimedChain:
         return round(1000 * self.timed.law.duration_s)
 
 
+@dataclass(frozen=True, slots=True)
+class ChainDrives:
+    """The drives of a chain, and when the payload hangs at the tool.
+
+    Attributes:
+        limits: the drives.
+        held: whether the payload hangs where the chain begins.
+        changes: of each leg, by its own parameter; legs behind the last one have none.
+    """
+
+    limits: DriveLimits
+    held: bool = False
+    changes: tuple[tuple[LoadChange, ...], ...] = ()
+
+    def along(self, flow: Flow, first: int) -> "_DrivesOfPart":
+        """Return the drives of a part that begins with a leg."""
+        before = [change for leg in self.changes[:first] for change in leg]
+        starts = (0.0, *(corner.s for corner in flow.corners))
+        moved = (
+            LoadChange(start + change.from_s, start + change.until_s, change.held)
+            for start, leg in zip(starts, self.changes[first:], strict=False)
+            for change in leg
+        )
+        return _DrivesOfPart(self.limits, PathLoad(before[-1].held if before else self.held, tuple(moved)))
+
+
+@dataclass(frozen=True, slots=True)
+class _DrivesOfPart:
+    limits: DriveLimits
+    load: PathLoad
+
+
 def timed_chains(
-    robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float], from_ms: int = 0, average_s: float = AVERAGE_S
+    robot: Robot,
+    legs: Sequence[MotionLeg],
+    radii_mm: Sequence[float],
+    from_ms: int = 0,
+    average_s: float = AVERAGE_S,
+    drives: ChainDrives | None = None,
 ) -> list[TimedChain]:
     """Return the motion through legs, whose corners are rounded so far, as parts from rest to rest.
 
-    It begins `from_ms` after the whole motion.
+    It begins `from_ms` after the whole motion. With drives it is as fast as they manage, averaged over their time.
 
-    It is one part, except where a stop takes less time than the rounded corner. Raises CornerError as `flowing`.
+    It is one part, except where a stop takes less time than the rounded corner. Raises CornerError as `flowing`, and
+    for a part that the drives do not manage, with its first leg.
     """
 
-    def timed_part(flow: Flow, first: int, end: int, from_ms: int = 0) -> TimedChain:
-        return TimedChain(first, end - first, flow.corners, timed(robot, flow.path, average_s, from_ms))
+    def timed_part(flow: Flow, first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
+        try:
+            found = _timed(
+                robot,
+                flow,
+                None if drives is None else drives.along(flow, first),
+                (average_s, from_ms),
+                is_sure=is_sure,
+            )
+        except WeakDrivesError as error:
+            raise CornerError(first, str(error)) from error
+        return TimedChain(first, end - first, flow.corners, found)
 
-    def part(first: int, end: int, from_ms: int = 0) -> TimedChain:
-        return timed_part(flowing(robot, legs[first:end], radii_mm[first : end - 1]), first, end, from_ms)
+    def part(first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
+        flow = flowing(robot, legs[first:end], radii_mm[first : end - 1])
+        return timed_part(flow, first, end, from_ms, is_sure=is_sure)
 
     flow = flowing(robot, legs, radii_mm)
     whole, doubtful = timed_part(flow, 0, len(legs), from_ms), _doubtful(flow, average_s)
@@ -66,10 +117,25 @@ def timed_chains(
         found += halves if _lasts_ms(halves) < last.duration_ms else [last]
     if doubtful:  # one stop alone may save nothing, and all of them some time
         found = min(found, [part(*ends) for ends in pairwise(begins)], key=_lasts_ms)
-    if len(found) == 1:
+    if len(found) == 1 and drives is None:
         return found
-    starts_ms = accumulate((each.duration_ms for each in found), initial=from_ms)
-    return [part(each.first, each.first + each.legs, at_ms) for each, at_ms in zip(found, starts_ms, strict=False)]
+    sure = list[TimedChain]()
+    for each in found:
+        sure.append(part(each.first, each.first + each.legs, from_ms + _lasts_ms(sure), is_sure=True))
+    return sure
+
+
+def _timed(
+    robot: Robot, flow: Flow, drives: "_DrivesOfPart | None", when: tuple[float, int], *, is_sure: bool
+) -> TimedPath:
+    """Return the motion of a part; rotors turn by it only if it is sure that it is made."""
+    average_s, from_ms = when
+    if drives is None:
+        return timed(robot, flow.path, average_s, from_ms)
+    if is_sure:
+        return driven(robot, flow.path, drives.limits, drives.load, from_ms)
+    on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
+    return timed(robot, flow.path, on_path.average_s, from_ms, on_path)
 
 
 def _lasts_ms(parts: Sequence[TimedChain]) -> int:

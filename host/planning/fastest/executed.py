@@ -13,8 +13,9 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.planning.fastest.averaged import Averaged
-from steptwin.host.planning.fastest.rows import PathLimits, PathRates, with_axes
-from steptwin.host.planning.fastest.solve import Solver
+from steptwin.host.planning.fastest.drives import DriveAnswer, DrivesOnPath
+from steptwin.host.planning.fastest.rows import PathLimits, PathRates, Rows, with_axes
+from steptwin.host.planning.fastest.solve import Solver, fastest_squares
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.planner import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
@@ -48,11 +49,13 @@ class TimedPath:
         motion: the cubics of the joints; they are what the board executes.
         law: the path's parameter as a function of time.
         highest: largest part of a limit that a cubic uses, at most 1.
+        drives: what the drives say of it; None where only the joints limit it.
     """
 
     motion: Sampled
     law: Averaged
     highest: float
+    drives: DriveAnswer | None = None
 
 
 _LIMIT_PASSES: Final = 8
@@ -68,34 +71,91 @@ _ENOUGH: Final = 1.0 - 1e-7
 _TOOL_SLACK: Final = 1.004
 """Part of the tool's speed up to which a cubic passes: the tool's way on a cubic is looked at, not bounded."""
 
+_TORQUE_SLACK: Final = 1.005
+"""Part of a drive's torque up to which a cubic passes: of 70 % it is a third of a percent."""
+_LINEARISED: Final = 3
+"""Solutions by which the torques at the speeds that are reached are found: to about 0.1 %."""
+
 OFF_STEPS: Final = 0.005
 """Distance in steps of the motor between the path and the cubics, above which a record is halved."""
 _RECORD_MS_MIN: Final = 2
 
 
-def timed(robot: Robot, path: LimitedPath, average_s: float, from_ms: int = 0) -> TimedPath:
-    """Return the fastest motion from rest to rest along a path, within the limits of its pieces.
+def timed(
+    robot: Robot, path: LimitedPath, average_s: float, from_ms: int = 0, drives: DrivesOnPath | None = None
+) -> TimedPath:
+    """Return the fastest motion from rest to rest along a path, within the limits of its pieces and of the drives.
 
-    The motion begins `from_ms` after the whole one; its points are those of the whole one.
+    The motion begins `from_ms` after the whole one; its points are those of the whole one. With `drives` it keeps their
+    torques, too, but their rotors have not turned yet: `driven` does that.
     """
     rates, asked = path.rates(), path.limits()
     limits, caps, slower = asked, np.full(len(rates.s), np.inf), 1.0
-    solver = Solver.of(rates.s, asked.rows(robot, rates))
+    torques = _Torques.of(rates, drives, asked.rows(robot, rates))
     for number in count(1):
         rows = limits.rows(robot, rates)
-        squares = solver.squares(rows.c, np.minimum(rows.x_max, caps))
+        squares = torques.fastest(replace(rows, x_max=np.minimum(rows.x_max, caps)))
         law = Averaged.of(rates.s, squares, average_s, slower)
         motion = _cubics(robot, path, law, from_ms)
         use = _Use.of(robot, path, law, motion, asked, rates.s)
-        if use.highest <= _ENOUGH:
+        used = torques.used(motion, law)
+        highest = max(use.highest, float(used.max(initial=0.0)))
+        if highest <= _ENOUGH:
             break
         if number <= _LIMIT_PASSES:
             limits = use.lowered(limits, law, rates.s)
+            torques.lower(used, *use.reached(law, rates.s))
         elif number <= _PASSES:
-            caps = np.minimum(caps, squares / use.factors(law, rates.s))
+            caps = np.minimum(caps, squares / use.factors(used, law, rates.s))
         else:
-            slower *= max(1.0001, use.highest)
-    return TimedPath(motion, law, use.highest)
+            slower *= max(1.0001, highest)
+    return TimedPath(motion, law, highest)
+
+
+@dataclass(slots=True, eq=False)
+class _Torques:
+    """The torques of drives along a path, if any limit it.
+
+    Attributes:
+        rates: the path.
+        drives: the drives on it; None: nothing but its other limits counts.
+        solver: solver of the path without drives.
+        parts: shape (places, axes), what each drive may add to the weight that it carries, as a part of what it has.
+        squares: shape (places,), the last squares of the speed, about which torques are linear.
+    """
+
+    rates: PathRates
+    drives: DrivesOnPath | None
+    solver: Solver
+    parts: FloatArray
+    squares: FloatArray | None = None
+
+    @classmethod
+    def of(cls, rates: PathRates, drives: DrivesOnPath | None, rows: Rows) -> "_Torques":
+        return cls(rates, drives, Solver.of(rates.s, rows), np.ones((len(rates.s), drives.axes if drives else 0)))
+
+    def fastest(self, rows: Rows) -> FloatArray:
+        """Return the squares of the highest speeds within rows and torques."""
+        s = self.rates.s
+        if self.drives is None:
+            return self.solver.squares(rows.c, rows.x_max)
+        solutions = 1
+        if self.squares is None:
+            self.squares, solutions = self.solver.squares(rows.c, rows.x_max), _LINEARISED
+        for _ in range(solutions):
+            self.squares = fastest_squares(s, rows.beside(self.drives.rows(self.squares, self.parts)))
+        return self.squares
+
+    def used(self, motion: Sampled, law: Averaged) -> FloatArray:
+        """Return the part of its torque that each drive uses, shape (records, axes)."""
+        times_s = np.asarray(motion.curve.x)
+        if self.drives is None:
+            return np.zeros((len(times_s) - 1, 0))
+        return self.drives.used(motion, law.at(times_s)[0]) / _TORQUE_SLACK
+
+    def lower(self, used: FloatArray, begins: Int64Array, ends: Int64Array) -> None:
+        """Lower what drives may add around the records that use too much."""
+        self.parts = self.parts / _factors(used, len(self.parts), begins, ends)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +201,7 @@ class _Use:
 
     def lowered(self, limits: PathLimits, law: Averaged, places: FloatArray) -> PathLimits:
         """Return limits lowered around the records that exceed theirs, as far as the average reaches."""
-        reach = self._reach(law, places)
+        reach = self.reached(law, places)
         speeds, accelerations, tool = (
             limit / _factors(used, len(places), *reach)
             for used, limit in (
@@ -152,13 +212,17 @@ class _Use:
         )
         return replace(limits, speeds=speeds, accelerations=accelerations, tool=tool)
 
-    def factors(self, law: Averaged, places: FloatArray) -> FloatArray:
-        """Return by how much the squares of the speeds are to be lowered at each place, of shape (places,)."""
-        used = np.concatenate([self.speeds**2, self.accelerations, self.tool**2], axis=1).max(axis=1, keepdims=True)
-        return _factors(used, len(places), *self._reach(law, places))[:, 0]
+    def factors(self, torques: FloatArray, law: Averaged, places: FloatArray) -> FloatArray:
+        """Return by how much the squares of the speeds are to be lowered at each place, of shape (places,).
 
-    def _reach(self, law: Averaged, places: FloatArray) -> tuple[Int64Array, Int64Array]:
-        """Return the first place that reaches into each record by averaging, and the first behind the last."""
+        `torques` are the parts of their torques that the drives use, shape (records, drives).
+        """
+        parts = [self.speeds**2, self.accelerations, self.tool**2, torques]
+        used = np.concatenate(parts, axis=1).max(axis=1, keepdims=True)
+        return _factors(used, len(places), *self.reached(law, places))[:, 0]
+
+    def reached(self, law: Averaged, places: FloatArray) -> tuple[Int64Array, Int64Array]:
+        """Return the first place and the one after the last that each record is averaged from."""
         from_s, _ = law.at(np.clip(self.ends_s[:-1] - law.average_s, 0.0, law.duration_s))
         until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, 0.0, law.duration_s))
         return np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")

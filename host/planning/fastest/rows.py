@@ -53,6 +53,12 @@ class Rows:
     c: FloatArray
     x_max: FloatArray
 
+    def beside(self, more: Self) -> Self:
+        """Return these and more rows at the same places."""
+        pairs = ((self.a, more.a), (self.b, more.b), (self.c, more.c))
+        a, b, c = (np.concatenate(pair, axis=1) for pair in pairs)
+        return type(self)(a, b, c, np.minimum(self.x_max, more.x_max))
+
 
 _RATE: Final = 1.0 - 1e-4
 """Part of the drivers' step rate that is used: wire units round the speeds, and the firmware refuses any excess."""

@@ -198,6 +198,11 @@ class Composer:
             require_output(self.robot, change.output)
             self._switchings.append(change)
 
+    def is_on(self, output: str) -> bool:
+        """Return whether an output is on after all changes so far; at first it is off."""
+        changes = [change for change in self._switchings if change.output == output]
+        return bool(changes) and max(changes, key=lambda change: change.from_s).on
+
     def wait(self, sensor: str, *, on: bool, timeout_s: float, place: str = "") -> None:
         """Stand still until a digital input of the robot has a level; after the time-out the motion ends there.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
 from typing import Final, NamedTuple
@@ -14,7 +14,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.planning import checks
-from steptwin.host.planning.fastest import CornerError
+from steptwin.host.planning.fastest import CornerError, DriveAnswer, MakeDrives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.peaks import Peak
@@ -53,6 +53,7 @@ class StepRow:
         branch: the branch on which the arm is when it begins; empty for a step that leads no tool along a path.
         changes: times from which on the arm is on another branch, and its name: where two branches meet on a path.
         notes: which outputs change on its way, and what becomes of the corner at its end, in words.
+        drives: what the motors say of the motion that ends with it; None where they do not limit it.
     """
 
     made: MadeStep
@@ -61,6 +62,7 @@ class StepRow:
     branch: str = ""
     changes: tuple[tuple[float, str], ...] = ()
     notes: tuple[str, ...] = ()
+    drives: DriveAnswer | None = None
 
     @property
     def place(self) -> Place:
@@ -127,8 +129,10 @@ class CompiledProgram:
             raise InputError(f"{where}: {error}").plainly(f"{where}: {error.plain}") from error
 
 
-def compile_program(program: Program, robot: Robot, findings: Findings | None = None) -> CompiledProgram:
-    """Return a program's motion for a robot.
+def compile_program(
+    program: Program, robot: Robot, findings: Findings | None = None, *, drives: MakeDrives | None = None
+) -> CompiledProgram:
+    """Return a program's motion for a robot; `drives` knows its motors, for a program that asks for them.
 
     Without `findings` it raises InputError if something is wrong; speeds are left to the planner, which can stretch the
     motion. With them it goes on and finds everything, also the steps that are too fast. A mistake in a repetition is
@@ -143,7 +147,10 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
     checked = check_names(program, own_robot, found)
     positions = {name: at for name, at in checked.positions.items() if at is not None}
     pallets = {name: pallet for name, pallet in checked.pallets.items() if pallet is not None}
-    walk = _Walk(robot, Moves(robot, positions, pallets=pallets))
+    limits = None
+    with found.collecting():
+        limits = None if program.limits is None else program.limits.drives(robot, drives)
+    walk = _Walk(robot, Moves(robot, positions, pallets=pallets, drives=limits))
     for name, pallet in pallets.items():
         with found.collecting(f"pallets.{name}: "):
             if own_robot is not None:
@@ -155,6 +162,8 @@ def compile_program(program: Program, robot: Robot, findings: Findings | None = 
     with found.collecting():
         if not found.messages and not walk.has_moved:
             raise InputError("the program does not move, switch or wait")
+        if not found.messages and limits and not any(row.drives for row in walk.rows):
+            raise InputError("limits: from = 'motors' is for steps with law = 'fastest', and this program has none")
     compiled = walk.compiled(program.leaves_open, is_whole=not found.messages)
     if findings is None:
         found.raise_first()
@@ -212,13 +221,13 @@ class _Walk:
         """Whether it is known where the robot stands."""
         self._on_branch = True
         """Whether the robot is at least on the branch of where it was known to stand last."""
-        self._rows: list[StepRow] = []
+        self.rows: list[StepRow] = []
         self._gathered: list[_Gathered] = []
         """The steps that flow into each other and have no times yet."""
 
     def compiled(self, leaves_open: tuple[str, ...], *, is_whole: bool) -> CompiledProgram:
         """Return what has been made so far, which leaves the drawers of some slots out."""
-        return CompiledProgram(self._moves.composer.sequence(leaves_open), tuple(self._rows), is_whole)
+        return CompiledProgram(self._moves.composer.sequence(leaves_open), tuple(self.rows), is_whole)
 
     @property
     def has_moved(self) -> bool:
@@ -350,6 +359,7 @@ class _Walk:
                 self._add_row(
                     each.place, each.step, each.before, time.motion, time.from_s, duration_s, time.branches, time.notes
                 )
+                self.rows[-1] = replace(self.rows[-1], drives=time.drives)
         self._gathered.clear()
         self._moves.leg_times = []
 
@@ -367,7 +377,7 @@ class _Walk:
         made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
         if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
             self._check_positions(made, part)
-        self._rows.append(StepRow(made, from_s, duration_s, *way, notes))
+        self.rows.append(StepRow(made, from_s, duration_s, *way, notes))
 
     def _stand_after(self, step: Step) -> None:
         """Stand where a step ends without making it; raise InputError if the robot cannot."""

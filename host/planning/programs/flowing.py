@@ -7,7 +7,18 @@ from typing import Final
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest import FollowedPath, JointLeg, MotionLeg, TimedChain, ToolLeg, timed_chains
+from steptwin.host.planning.fastest import (
+    ChainDrives,
+    DriveAnswer,
+    DriveLimits,
+    FollowedPath,
+    JointLeg,
+    LoadChange,
+    MotionLeg,
+    TimedChain,
+    ToolLeg,
+    timed_chains,
+)
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.motions.held import TimeSpan
 from steptwin.host.planning.paths import ToolPath
@@ -35,6 +46,7 @@ class LegTime:
         passes_mm: distance at which the corner at its end is passed; None at the end of the motion.
         stops: True if it stops at its end although it need not, since that is faster.
         switched: outputs that change on its way.
+        drives: what the motors say of the whole motion that ends with it; None elsewhere.
     """
 
     from_s: float
@@ -44,6 +56,7 @@ class LegTime:
     passes_mm: float | None = None
     stops: bool = False
     switched: tuple[Switching, ...] = ()
+    drives: DriveAnswer | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -67,6 +80,7 @@ class FlowingLegs:
 
     robot: Robot
     start: FloatArray
+    drives: DriveLimits | None = None
     legs: list[MotionLeg] = field(default_factory=list, init=False)
     radii_mm: list[float] = field(default_factory=list, init=False)
     outputs: list[tuple[OnTheWay, ...]] = field(default_factory=list, init=False)
@@ -103,10 +117,22 @@ class FlowingLegs:
         """
         times: list[LegTime] = []
         from_ms = round(1000 * composer.now_s)
-        parts = timed_chains(self.robot, self.legs, self.radii_mm[: len(self.legs) - 1], from_ms)
+        radii_mm, drives = self.radii_mm[: len(self.legs) - 1], self._chain_drives(composer)
+        parts = timed_chains(self.robot, self.legs, radii_mm, from_ms, drives=drives)
         for part in parts:
             times += self._take(part, composer, stops=part is not parts[-1])
         return times
+
+    def _chain_drives(self, composer: Composer) -> ChainDrives | None:
+        """Return the drives of the legs, with the payload that an output takes or leaves on the way."""
+        if self.drives is None:
+            return None
+        held_by = self.robot.dynamics.payload_held_by if self.robot.dynamics else ""
+        changes = tuple(
+            tuple(_load_change(each, leg) for each in outputs if each.output == held_by)
+            for leg, outputs in zip(self.legs, self.outputs, strict=True)
+        )
+        return ChainDrives(self.drives, not held_by or composer.is_on(held_by), changes)
 
     def _take(self, part: TimedChain, composer: Composer, *, stops: bool) -> list[LegTime]:
         """Add a part from rest to rest; return the time of each of its legs."""
@@ -125,8 +151,20 @@ class FlowingLegs:
             if isinstance(leg, ToolLeg):
                 others = ((begins_s + law.time_at(starts[i] + mm), name) for mm, name in leg.followed.changes)
                 way = leg.followed.branch, tuple(others)
-            times.append(LegTime(begins_s + from_s, begins_s + until_s, own, way, passed, at_end, changes))
+            answer = part.timed.drives if passed is None else None
+            times.append(LegTime(begins_s + from_s, begins_s + until_s, own, way, passed, at_end, changes, answer))
         return times
+
+
+_WEIGHED_MM: Final = 10.0
+"""Way behind a change of an output on which the payload may hang or not, besides that of the time it may take."""
+
+
+def _load_change(each: OnTheWay, leg: MotionLeg) -> LoadChange:
+    """Return where the payload is taken or left: from the change of its output to a little behind the place."""
+    place_mm = each.place_mm(leg.length)
+    ahead_mm = each.ahead_s * min(leg.pace.tool_mm_s, leg.length / max(each.ahead_s, LATE_S))
+    return LoadChange(place_mm - ahead_mm, place_mm + _WEIGHED_MM, each.on)
 
 
 LATE_S: Final = 0.01

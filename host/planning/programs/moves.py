@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
@@ -88,11 +89,13 @@ class Moves:
         positions: Mapping[str, Position],
         joints: FloatArray | None = None,
         pallets: Mapping[str, Pallet] | None = None,
+        drives: DriveLimits | None = None,
     ) -> None:
         """Begin at joints of shape (joints,), or at the robot's home position."""
         self._robot = robot
         self._positions = positions
         self._pallets = pallets or {}
+        self._drives = drives
         self.cells: Cells = {}
         """The present cell of each pallet whose cells are visited."""
         self._kinematics = make_kinematics(robot)
@@ -100,7 +103,7 @@ class Moves:
         self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        self.legs = FlowingLegs(robot, self.composer.joints)
+        self.legs = FlowingLegs(robot, self.composer.joints, drives)
         """The steps that flow into each other and have not ended yet."""
         self.switched: tuple[Switching, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""
@@ -111,7 +114,7 @@ class Moves:
 
     def from_here(self) -> "Moves":
         """Return new moves, without any yet, that begin where these have come to."""
-        moves = Moves(self._robot, self._positions, self.composer.joints, self._pallets)
+        moves = Moves(self._robot, self._positions, self.composer.joints, self._pallets, self._drives)
         moves.cells = self.cells
         return moves
 
@@ -254,7 +257,7 @@ class Moves:
         Raises CornerError for a corner that cannot be rounded; the robot then stands at the end without a motion.
         """
         legs, end = self.legs, self.composer.joints
-        self.legs = FlowingLegs(self._robot, end)
+        self.legs = FlowingLegs(self._robot, end, self._drives)
         if legs:
             try:
                 self.composer.joints = legs.start
@@ -265,12 +268,12 @@ class Moves:
 
     def forget_flow(self) -> None:
         """Forget the steps that flow: the next one begins where the robot stands."""
-        self.legs = FlowingLegs(self._robot, self.composer.joints)
+        self.legs = FlowingLegs(self._robot, self.composer.joints, self._drives)
 
     def _flows(self, pace: StepPace) -> bool:
         """Return whether a step is timed together with others, or by the law of such a motion."""
         if not self.legs:
-            self.legs = FlowingLegs(self._robot, self.composer.joints)
+            self.legs = FlowingLegs(self._robot, self.composer.joints, self._drives)
         return pace.is_whole or self.legs.is_open
 
     def _gather_joints(self, goal: FloatArray, pace: StepPace) -> None:

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import is_file
+from steptwin.host.planning.fastest import AskedLimits
 from steptwin.host.planning.programs.pallets import Cells, Pallet, cell_numbers
 from steptwin.host.planning.programs.positions import Position, Target
 from steptwin.host.planning.programs.steps import Step
@@ -75,6 +76,7 @@ class Program:
         sequences: sequences of steps by name, for `call`.
         steps: the steps.
         pallets: pallets by name; None for one that is wrong.
+        limits: what its fastest steps keep to besides the joints' limits; None: nothing.
         leaves_open: slots of the robot's shelf whose drawers it leaves out.
         folder: folder from which the paths in it count.
         starts: False if the position where it begins is wrong.
@@ -89,6 +91,7 @@ class Program:
     sequences: Mapping[str, tuple[AnyStep, ...]]
     steps: tuple[AnyStep, ...]
     pallets: Mapping[str, Pallet | None] = field(default_factory=dict)
+    limits: AskedLimits | None = None
     leaves_open: tuple[str, ...] = ()
     folder: Path = Path()
     starts: bool = True

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from reprlib import repr as short
 from typing import Final, TypeVar
@@ -13,6 +14,7 @@ from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.planning.fastest import AskedLimits
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
 from steptwin.host.planning.programs.gcode_step import GCODE_KEYS, GcodeStep
@@ -97,7 +99,7 @@ class Usual:
 
 
 _PROGRAM_KEYS: Final = (
-    *("title", "robot", "law", "start", "leaves_open", "positions_file"),
+    *("title", "robot", "law", "limits", "start", "leaves_open", "positions_file"),
     *("frames", "positions", "pallets", "sequences", "step"),
 )
 _REPEAT_MAX: Final = 10_000
@@ -132,6 +134,9 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
     with findings.collecting():
         if "law" in table:
             keys["law"] = table.choice("law", ProgramLaw).value
+    limits = None
+    with findings.collecting():
+        limits = read_limits(table) if "limits" in table else None
     names = Findings()
     frames = _frames(table, findings, names)
     usual = Usual(keys, folder, frames)
@@ -149,6 +154,7 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         sequences=sequences,
         steps=_steps(_list(table, "step", findings), "step ", findings, usual),
         pallets=pallets,
+        limits=limits,
         leaves_open=_leaves_open(table, findings),
         folder=folder,
         starts=starts,
@@ -160,6 +166,20 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
     return program
+
+
+class LimitsFrom(StrEnum):
+    """Where the limits of fastest motions come from besides the joints."""
+
+    MOTORS = "motors"
+
+
+def read_limits(table: Table) -> AskedLimits:
+    """Return what `[limits]` asks for, such as `from = "motors"` and `left_percent = 30`; InputError if it is wrong."""
+    with table.section("limits") as own:
+        own.check_keys(("from", "left_percent"))
+        own.choice("from", LimitsFrom)
+        return AskedLimits(own.number("left_percent")) if "left_percent" in own else AskedLimits()
 
 
 def _leaves_open(table: Table, findings: Findings) -> tuple[str, ...]:

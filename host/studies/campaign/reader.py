@@ -38,6 +38,7 @@ from steptwin.host.studies.campaign.sources import Sources
 from steptwin.host.studies.campaign.trial import placed, random_moves
 from steptwin.host.studies.campaign.values import Template, drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, Setup
+from steptwin.host.twin.motor_limits import motor_limits
 from steptwin.host.twin.motors import check_described
 
 _SEED_MAX: Final = 1 << 53
@@ -200,7 +201,7 @@ class _Reader:
             if is_trajectory_file(name):
                 return read_trajectory(path, robot)
             if name.endswith(PROGRAM_SUFFIX):
-                return compile_program(read_program(path), robot).trajectory
+                return compile_program(read_program(path), robot, drives=motor_limits).trajectory
         endings = ", ".join(SUFFIXES)
         raise InputError(f"file: {name} is neither a trajectory ({endings}) nor a program ({PROGRAM_SUFFIX})")
 
