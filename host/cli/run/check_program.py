@@ -83,7 +83,8 @@ def _print_steps(steps: "Sequence[StepRow]") -> None:
     }
     print_rows({**texts, **numbers}, steps, text_columns=len(texts))
     for row in steps:
-        say(*(f"{row.place}: {sentence}" for sentence in (*row.passed(), *row.notes)))
+        drives = () if row.drives is None else (str(row.drives),)
+        say(*(f"{row.place}: {sentence}" for sentence in (*row.passed(), *row.notes, *drives)))
 
 
 def _step_document(row: "StepRow") -> dict[str, Any]:
@@ -98,6 +99,7 @@ def _step_document(row: "StepRow") -> dict[str, Any]:
         "acceleration_percent": acceleration.percent if acceleration else 0.0,
         **({"branch_changes": [{"t_s": t_s, "branch": name} for t_s, name in row.changes]} if row.changes else {}),
         **({"notes": list(row.notes)} if row.notes else {}),
+        **({"motors": row.drives.to_dict()} if row.drives else {}),
     }
 
 

@@ -225,7 +225,8 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Traje
             raise
         raise InputError(f"{error}; more is wrong, `steptwin check` tells it all") from error
     for row in compiled.steps:
-        say(*(f"{path}: {row.place}: {sentence}" for sentence in row.passed()), err=True)
+        drives = () if row.drives is None else (str(row.drives),)
+        say(*(f"{path}: {row.place}: {sentence}" for sentence in (*row.passed(), *drives)), err=True)
 
     @contextmanager
     def explained(stretch: float) -> Iterator[None]:

@@ -61,6 +61,7 @@ class DriveAnswer:
         at_s: when, from the begin of the motion.
         load_deg: greatest load angle of a rotor, in electrical degrees.
         average_s: time over which the motion was averaged.
+        slips_at: stretch of the motion, below 1, at which a rotor would slip; None if none does down to 0.5.
         tries: number of motions that were tried.
     """
 
@@ -69,7 +70,16 @@ class DriveAnswer:
     at_s: float
     load_deg: float
     average_s: float
+    slips_at: float | None = None
     tries: int = 1
+
+    def __str__(self) -> str:
+        slips = "keep step at twice the pace" if self.slips_at is None else f"would slip at stretch {self.slips_at:.2f}"
+        tries = "" if self.tries == 1 else f", the {self.tries}. that was tried"
+        return (
+            f"motors: {self.left_percent:.0f} % of {self.joint}'s torque is left at {self.at_s:.3f} s; rotors are at most"
+            f" {self.load_deg:.0f} degrees behind and {slips}; averaged over {self.average_s:.3f} s{tries}"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""

@@ -54,7 +54,22 @@ def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, av
         )
     if slip := first_slip(driving.stretched(FASTER)):
         return DriveTrial(f"{slip.joint}'s rotor would slip at {slip.at_s:.3f} s in {FASTER:g} of the time", answer)
-    return DriveTrial("", answer)
+    return DriveTrial("", replace(answer, slips_at=_slips_at(driving)))
+
+
+_SLOWEST, _BISECTIONS = 0.5, 6
+"""Least part of its time in which a motion is tried, and how often the interval up to FASTER is halved."""
+
+
+def _slips_at(driving: Driving) -> float | None:
+    """Return the part of its time in which a rotor begins to slip, to 0.006; None if none does in half of it."""
+    slips, keeps = _SLOWEST, FASTER
+    if first_slip(driving.stretched(slips)) is None:
+        return None
+    for _ in range(_BISECTIONS):
+        middle = (slips + keeps) / 2.0
+        slips, keeps = (slips, middle) if first_slip(driving.stretched(middle)) is None else (middle, keeps)
+    return slips
 
 
 def _payload(driving: Driving, motion: Sampled, s: FloatArray, load: PathLoad) -> PayloadTimes:
