@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.options import with_options
-from steptwin.host.cli.output import Columns, print_rows, say
+from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
     """Check a program in a folder for a robot, by default for the one that it names."""
     from steptwin.host.planning.programs import check_names, compile_program, parse_program
-    from steptwin.host.twin.motor_limits import motor_limits
+    from steptwin.host.twin.motor_limits import motor_forecast, motor_limits
 
     program = parse_program(text, findings, folder)
     robot = _robot(program, robot_name, findings)
@@ -28,17 +28,26 @@ def check_program(folder: Path, text: str, robot_name: str | None, findings: Fin
         return CheckedFile()
     compiled = compile_program(program, robot, findings, drives=motor_limits)
     advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
+    is_foretold = compiled.is_whole and not findings.messages and program.limits is None
+    forecast = motor_forecast(robot, compiled.trajectory) if is_foretold else None
     document = {
         "robot": robot.name,
         "duration_s": compiled.trajectory.duration_s,
         "steps": [_step_document(row) for row in compiled.steps],
+        **({"motors": forecast} if forecast else {}),
     }
     waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
     said = (
         f"{robot.name} {program.title or 'program'}: {len(compiled.steps)} steps in"
         f" {compiled.trajectory.duration_s:.3f} s{waits}"
     )
-    return CheckedFile(document, (lambda: _print_steps(compiled.steps), said), advice)
+
+    def tell() -> None:
+        _print_steps(compiled.steps)
+        if forecast:
+            warn(forecast)
+
+    return CheckedFile(document, (tell, said), advice)
 
 
 def _robot(program: "Program", name: str | None, findings: Findings) -> "Robot | None":

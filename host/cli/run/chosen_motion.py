@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from steptwin.host.cli.arguments import AnswerOptions, check_percent, positive_number
 from steptwin.host.cli.options import given_options, naming_options, option, with_options
@@ -173,8 +173,12 @@ def choose_motion(
     robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, speed_options: SpeedOptions
 ) -> ChosenMotion:
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
-    trajectory, file, explained = _motion(robot, job, options, file_options)
+    from steptwin.host.twin.motor_limits import motor_forecast
+
+    trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options)
     plan = _planned(robot, trajectory, speed_options, explained)
+    if is_foretold and (forecast := motor_forecast(robot, plan.trajectory)):
+        warn(f"{job}: {forecast}")
     if file is None or file_options.units:
         return ChosenMotion(job, plan, file)
     from steptwin.host.planning.trajectory_file import doubt
@@ -188,17 +192,24 @@ _Explained = Callable[[float], AbstractContextManager[None]]
 """Says more about the refusal of a motion that was stretched by a factor."""
 
 
-def _motion(
-    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions
-) -> "tuple[Trajectory, FileMotion | None, _Explained]":
-    """Return a motion, with its points if a trajectory file has them, and what explains its refusal."""
+class _Motion(NamedTuple):
+    """A motion, its points if a trajectory file has them, what explains its refusal, and if its motors are foretold."""
+
+    trajectory: "Trajectory"
+    file: "FileMotion | None"
+    explained: _Explained
+    is_foretold: bool = False
+
+
+def _motion(robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions) -> _Motion:
+    """Return the motion that a command line names."""
     from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
     if is_trajectory_file(job):
         file = file_options.read(robot, job, options)
-        return file.trajectory, file, file.explained
+        return _Motion(file.trajectory, file, file.explained)
     file_options.refuse()
     if job.endswith(SUFFIX):
         return _program(robot, job, options)
@@ -207,10 +218,10 @@ def _motion(
     here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
     if here and job not in job_names(robot):
         raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")
-    return make_job(robot, job, options), None, lambda _: nullcontext()
+    return _Motion(make_job(robot, job, options), None, lambda _: nullcontext())
 
 
-def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Trajectory, None, _Explained]":
+def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:
     from steptwin.host.planning.programs import compile_program, read_program
     from steptwin.host.twin.motor_limits import motor_limits
 
@@ -233,7 +244,7 @@ def _program(robot: "Robot", path: str, options: dict[str, str]) -> "tuple[Traje
         with prefixed(f"{path}: "), compiled.explained(stretch):
             yield
 
-    return compiled.trajectory, None, explained
+    return _Motion(compiled.trajectory, None, explained, program.limits is None)
 
 
 def _planned(robot: "Robot", trajectory: "Trajectory", speed_options: SpeedOptions, explained: _Explained) -> "Plan":

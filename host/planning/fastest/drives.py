@@ -77,8 +77,8 @@ class DriveAnswer:
         slips = "keep step at twice the pace" if self.slips_at is None else f"would slip at stretch {self.slips_at:.2f}"
         tries = "" if self.tries == 1 else f", the {self.tries}. that was tried"
         return (
-            f"motors: {self.left_percent:.0f} % of {self.joint}'s torque is left at {self.at_s:.3f} s; rotors are at most"
-            f" {self.load_deg:.0f} degrees behind and {slips}; averaged over {self.average_s:.3f} s{tries}"
+            f"motors: {self.left_percent:.0f} % of {self.joint}'s torque is left at {self.at_s:.3f} s; rotors are at"
+            f" most {self.load_deg:.0f} degrees behind and {slips}; averaged over {self.average_s:.3f} s{tries}"
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,0 +1,57 @@
+"""Tell before a motion runs whether a robot's motors have the torque for it, by what they need at each millisecond.
+
+It is the steady torque alone: what swings is the business of rotors that turn, `run --motors` and `[limits]`.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from steptwin.emulator.motors.needed_torque import needed_torque_nm
+from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.planning.fastest.drives import LEFT_PERCENT
+from steptwin.host.planning.peaks import Samples, sampled
+from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.motor_limits.motor_rows import MotorLimits
+from steptwin.host.twin.motors.poses import rotors_of
+
+_REMEDY: Final = 'law = "fastest" with [limits] from = "motors" is as fast as they manage (docs/motors.md)'
+
+
+def forecast(robot: Robot, motion: Trajectory) -> str | None:
+    """Return what to say of the motors in a motion of a robot whose file describes them; None if 30 % are left."""
+    limits = MotorLimits.of(robot, 0.0)
+    left, axis, at_s = min(_least_left(limits, motion, samples) for samples in sampled(motion))
+    if left >= LEFT_PERCENT - 1.0:
+        return None
+    needs = f"{robot.axis_names[axis]}'s motor needs {100.0 - left:.0f} % of its torque at {at_s:.3f} s"
+    if left < 0.0:
+        return f"{needs}: its rotor will slip; {_REMEDY}"
+    usual = f"{100.0 - LEFT_PERCENT:g} %"
+    return f"{needs}, more than the usual {usual}: its rotor may slip; `run --motors` turns it, and {_REMEDY}"
+
+
+def _least_left(limits: MotorLimits, motion: Trajectory, samples: Samples) -> tuple[float, int, float]:
+    """Return the least part of a motor's torque that is left in a window, in percent, which axis and when it is."""
+    rad, rad_s = (rotors_of(limits.robot, each) for each in (samples.positions, samples.velocities))
+    rad_s2 = np.gradient(rad_s, samples.t_s, axis=0)
+    available = limits.available_nm(rad_s)
+    held = _held(limits.robot, motion, samples.t_s)
+    used = np.zeros_like(rad)
+    for arm, where in zip(limits.arms, (~held, held), strict=True):
+        if where.any():
+            needed = np.abs(needed_torque_nm(limits.drives, arm, rad[where], rad_s[where], rad_s2[where]))
+            used[where] = needed / available[where]
+    row, axis = np.unravel_index(int(np.argmax(used)), used.shape)
+    return 100.0 * (1.0 - float(used[row, axis])), int(axis), float(samples.t_s[row])
+
+
+def _held(robot: Robot, motion: Trajectory, t_s: FloatArray) -> BoolArray:
+    """Return when the payload hangs at the tool: always, unless an output takes and leaves it."""
+    held_by = robot.dynamics.payload_held_by if robot.dynamics else ""
+    held = np.full(len(t_s), not held_by)
+    for change in motion.switchings if held_by else ():
+        if change.output == held_by:
+            held[t_s >= change.from_s] = change.on
+    return held

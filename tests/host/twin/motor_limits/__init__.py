@@ -1,0 +1,1 @@
+"""Fastest motions within what a machine's motors manage."""
