@@ -13,6 +13,7 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.fastest import DriveLimits
     from steptwin.host.planning.plan import Plan
     from steptwin.host.planning.polygon import Departure
     from steptwin.host.planning.trajectory import Trajectory
@@ -59,7 +60,9 @@ class FileOptions:
             text = f"{value:g}" if isinstance(value, float) else value
             raise InputError(f"{name} {text}: is for a trajectory file")
 
-    def read(self, robot: "Robot", path: str, options: dict[str, str]) -> "FileMotion":
+    def read(
+        self, robot: "Robot", path: str, options: dict[str, str], drives: "DriveLimits | None" = None
+    ) -> "FileMotion":
         """Return the motion in a file; raise InputError as `read_trajectory` does, or for a job's options."""
         from steptwin.host.planning.trajectory_file import read_file_motion
 
@@ -75,22 +78,36 @@ class FileOptions:
                 elbow=options.get("elbow"),
                 units=self.units,
                 law=options.get("law"),
+                drives=drives,
             )
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedOptions:
-    """The options that make a motion slower; None where one is not given."""
+    """The options that make a motion slower, or as fast as the motors manage; None where one is not given."""
 
     stretch: str | None = option(
         "FACTOR|auto", "Make the motion this many times slower; auto: just as slow as it must be."
     )
     speed: str | None = option("PERCENT", "Speed of the motion, from 1: 50 is the same as --stretch 2.")
+    left_percent: float | None = option(
+        "PERCENT", "With --law fastest: as fast as the motors manage, with so much of their torque left, such as 30."
+    )
 
     @property
     def given(self) -> bool:
         """True if the motion is to be slower."""
         return self.stretch is not None or self.speed is not None
+
+    def drives(self, robot: "Robot") -> "DriveLimits | None":
+        """Return the motors that limit the motion; None without the option."""
+        if self.left_percent is None:
+            return None
+        from steptwin.host.planning.fastest import AskedLimits
+        from steptwin.host.twin.motor_limits import motor_limits
+
+        with prefixed("--left-percent: "):
+            return AskedLimits(self.left_percent).drives(robot, motor_limits)
 
     def factor(self) -> float | None:
         """Return how many times slower the motion is to be; None without either option, and for `--stretch auto`."""
@@ -175,7 +192,7 @@ def choose_motion(
     """Return the motion that a command line names; raise InputError, with the option, if the robot cannot make it."""
     from steptwin.host.twin.motor_limits import motor_forecast
 
-    trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options)
+    trajectory, file, explained, is_foretold = _motion(robot, job, options, file_options, speed_options.drives(robot))
     plan = _planned(robot, trajectory, speed_options, explained)
     if is_foretold and (forecast := motor_forecast(robot, plan.trajectory)):
         warn(f"{job}: {forecast}")
@@ -201,24 +218,30 @@ class _Motion(NamedTuple):
     is_foretold: bool = False
 
 
-def _motion(robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions) -> _Motion:
+def _motion(
+    robot: "Robot", job: str, options: dict[str, str], file_options: FileOptions, drives: "DriveLimits | None"
+) -> _Motion:
     """Return the motion that a command line names."""
     from steptwin.host.planning.jobs import job_names, make_job
     from steptwin.host.planning.programs import SUFFIX
     from steptwin.host.planning.trajectory_file import SUFFIXES, is_trajectory_file
 
     if is_trajectory_file(job):
-        file = file_options.read(robot, job, options)
+        file = file_options.read(robot, job, options, drives)
         return _Motion(file.trajectory, file, file.explained)
     file_options.refuse()
     if job.endswith(SUFFIX):
+        if drives is not None:
+            raise InputError("--left-percent: a program asks itself, by [limits] left_percent (docs/motors.md)")
         return _program(robot, job, options)
     if Path(job).is_file():
         raise InputError(f"{job}: a trajectory file ends in {', '.join(SUFFIXES)}")
     here = [name for suffix in (SUFFIX, *SUFFIXES) if Path(name := f"{job}{suffix}").is_file()]
     if here and job not in job_names(robot):
         raise InputError(f"job {job!r} is unknown: did you mean {' or '.join(here)}, the file here?")
-    return _Motion(make_job(robot, job, options), None, lambda _: nullcontext())
+    with naming_options("law"):
+        motion = make_job(robot, job, options, drives=drives)
+    return _Motion(motion, None, lambda _: nullcontext())
 
 
 def _program(robot: "Robot", path: str, options: dict[str, str]) -> _Motion:

@@ -4,7 +4,14 @@ from steptwin.host.planning.fastest.again import FASTEST, fastest_again
 from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, TimedChain, timed_chains
 from steptwin.host.planning.fastest.contour import Contour, ContourPath, rounding_coefficients
 from steptwin.host.planning.fastest.corners import Corner, CornerError, JointLeg, MotionLeg, ToolLeg
-from steptwin.host.planning.fastest.drives import AskedLimits, DriveAnswer, DriveLimits, LoadChange, MakeDrives
+from steptwin.host.planning.fastest.drives import (
+    AskedLimits,
+    DriveAnswer,
+    DriveLimits,
+    LoadChange,
+    MakeDrives,
+    check_drives,
+)
 from steptwin.host.planning.fastest.executed import timed
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.pieces import Pace
@@ -28,6 +35,7 @@ __all__ = [
     "Pace",
     "TimedChain",
     "ToolLeg",
+    "check_drives",
     "fastest_again",
     "rounding_coefficients",
     "timed",

@@ -16,8 +16,10 @@ import scipy
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest.chain import AVERAGE_S, timed_chains
-from steptwin.host.planning.fastest.corners import JointLeg, MotionLeg, ToolLeg
+from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, timed_chains
+from steptwin.host.planning.fastest.corners import CornerError, JointLeg, MotionLeg, ToolLeg
+from steptwin.host.planning.fastest.driven import driven
+from steptwin.host.planning.fastest.drives import DriveLimits, PathLoad
 from steptwin.host.planning.fastest.executed import timed
 from steptwin.host.planning.fastest.followed import FollowedPath
 from steptwin.host.planning.fastest.pieces import JointPiece, Pace, PiecewisePath
@@ -26,6 +28,7 @@ from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory, left_open, states, waits_of
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
 FASTEST: Final = "fastest"
@@ -37,23 +40,29 @@ _STRIDES_MS: Final = (16, 8, 4, 2, 1)
 """Times between the places through which that curve is laid; the first that is near enough is taken."""
 _MOVED_STEPS: Final = 1e-6
 """Least way between two places of a curve: over a shorter one its direction would be rounding errors."""
+_OF_MOTORS: Final = 0.02
+"""Part of the motors' way that counts for a length besides the tool's."""
+_LEAST_MM_A_STEP: Final = 0.001
+"""Least way of the tool for a step, by which its turns on the spot have a length."""
 _KINK_COS: Final = cos(radians(30.0))
 """Cosine of the turn between two milliseconds from which on the joints turn back or round a corner, so they stop."""
 
 
-def fastest_again(robot: Robot, motion: Trajectory) -> Sequence:
+def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None = None) -> Sequence:
     """Return a motion along a motion's path, in its own time: as fast as the limits of joints and axes allow.
+
+    With `drives`, such as `motor_limits` returns, it is as fast as the motors manage within these limits.
 
     The joints stop where they stop in the motion itself, and where its path has a corner. Pauses, outputs that change
     in them, and waits stay.
 
     Raises:
-        InputError: the motion lasts more than an hour, or changes an output on its way.
+        InputError: the motion lasts more than an hour, changes an output on its way, or the motors do not manage it.
     """
     check_length("the motion", whole_ms("the duration", motion.duration_s))
     if any(change.on_the_way for change in motion.switchings):
         raise InputError(f"law={FASTEST}: the motion changes outputs on its way; a program's own steps can do both")
-    made = _Made(robot)
+    made = _Made(robot, motion, drives)
     for part in _parts(motion):
         made.take(part)
     return Sequence(
@@ -74,12 +83,16 @@ class _Made:
     """The parts of the new motion so far.
 
     Attributes:
+        motion: the motion itself.
+        drives: the motors that limit the new one; None without.
         parts: its parts.
         starts_ms: start of each, and end of the last.
         old_ms: times of the motion itself at which these were reached.
     """
 
     robot: Robot
+    motion: Trajectory
+    drives: DriveLimits | None
     parts: list[Trajectory] = field(default_factory=list)
     starts_ms: list[int] = field(default_factory=lambda: [0])
     old_ms: list[int] = field(default_factory=lambda: [0])
@@ -115,8 +128,26 @@ class _Made:
                 yield from self._curve(part)
 
     def _leg(self, leg: MotionLeg) -> Iterator[Trajectory]:
-        for chain in timed_chains(self.robot, [leg], [], self.starts_ms[-1]):
+        drives = None if self.drives is None else ChainDrives(self.drives, self._is_held)
+        try:
+            chains = timed_chains(self.robot, [leg], [], self.starts_ms[-1], drives=drives)
+        except CornerError as error:  # the drives refuse the leg: it has no corner
+            raise InputError(str(error)) from error
+        for chain in chains:
             yield chain.timed.motion
+
+    @property
+    def _is_held(self) -> bool:
+        """Whether the payload hangs at the tool in the next part; without an output that takes it, it always does."""
+        held_by = self.robot.dynamics.payload_held_by if self.robot.dynamics else ""
+        before = [each for each in self.motion.switchings if 1000 * each.from_s <= self.old_ms[-1]]
+        own = [each.on for each in before if each.output == held_by]
+        return not held_by or (bool(own) and own[-1])
+
+    def _along(self, path: PiecewisePath, from_ms: int) -> Trajectory:
+        if self.drives is None:
+            return timed(self.robot, path, AVERAGE_S, from_ms).motion
+        return driven(self.robot, path, self.drives, PathLoad(self._is_held), from_ms).motion
 
     def _curve(self, part: Trajectory) -> Iterator[Trajectory]:
         """Yield the stretches of a motion between its stops."""
@@ -132,7 +163,7 @@ class _Made:
                 new: Trajectory = Standstill(part.joint_names, tuple(positions[begin].tolist()), stands_s)
             else:
                 path = PiecewisePath(self.robot, (_piece(self.robot, positions[own], steps[own]),))
-                new = timed(self.robot, path, AVERAGE_S, from_ms).motion
+                new = self._along(path, from_ms)
             yield new
             from_ms += round(1000 * new.duration_s)
 
@@ -162,10 +193,10 @@ def _stops(steps: FloatArray, velocities: FloatArray) -> list[int]:
 
 
 def _piece(robot: Robot, positions: FloatArray, steps: FloatArray) -> JointPiece:
-    """Return the path through positions, of shape (n, joints), by its length in steps of the motors."""
+    """Return the path through positions, of shape (n, joints), by its length."""
+    s = _lengths(robot, positions, steps)
     for stride in _STRIDES_MS:
         kept = np.unique(np.append(np.arange(0, len(steps), stride), len(steps) - 1))
-        s = _lengths(steps)
         kept = _moving(s, kept)
         ends: Literal["natural", "not-a-knot"] = "natural" if len(kept) < 4 else "not-a-knot"
         curve = scipy.interpolate.CubicSpline(s[kept], positions[kept], bc_type=ends)
@@ -175,9 +206,18 @@ def _piece(robot: Robot, positions: FloatArray, steps: FloatArray) -> JointPiece
     return JointPiece.through(robot, curve, Pace())
 
 
-def _lengths(steps: FloatArray) -> FloatArray:
-    """Return the length of the way up to each row."""
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(steps, axis=0), axis=1))])
+def _lengths(robot: Robot, positions: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the length of the way up to each row: the tool's, and a little of the motors' for turns on the spot.
+
+    A motion is averaged over its length. By the tool's length, along a curve of the tool, that disturbs least.
+    """
+    ways = np.linalg.norm(np.diff(steps, axis=0), axis=1)
+    kinematics = make_kinematics(robot)
+    if kinematics.task.width:
+        tool_mm = kinematics.forward(positions)[:, :3]
+        mm = np.linalg.norm(np.diff(tool_mm, axis=0), axis=1)
+        ways = mm + _OF_MOTORS * ways * max(mm.sum() / ways.sum(), _LEAST_MM_A_STEP)
+    return np.concatenate([[0.0], np.cumsum(ways)])
 
 
 def _moving(s: FloatArray, rows: Int64Array) -> Int64Array:

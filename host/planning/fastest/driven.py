@@ -2,11 +2,11 @@
 
 Torques that suffice at a steady speed may not do: a plan that leaves 30 % of them can make the arm swing on its motors
 until a rotor slips. So the motion is averaged over the time that the drives name, and the rotors turn by it. One that
-slips, or would if it were somewhat faster, is made smoother, and then gentler, until they keep step.
+slips, or would if it were somewhat faster, is made smoother and gentler in turn, until they keep step.
 """
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.fastest.drives import DriveLimits, DrivesOnPath, PathLoad
@@ -14,12 +14,21 @@ from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, time
 from steptwin.host.planning.fastest.rows import PathRates
 from steptwin.host.robots.robot import Robot
 
-TRIES_MAX: Final = 6
-"""Times that a motion which the rotors refuse is made smoother or gentler."""
-_SMOOTHER: Final = 1.25
-"""Factor of the averaging time for the first half of them."""
-_GENTLER_PERCENT: Final = 10.0
-"""Torque that is left in addition, for the second half."""
+
+class _Change(NamedTuple):
+    """What is changed in a motion that the rotors refuse: its averaging time, by a factor, and the torque left."""
+
+    smoother: float = 1.0
+    left_percent: float = 0.0
+
+
+_CHANGES: Final = (
+    *(_Change(smoother=1.25), _Change(smoother=1.25)),
+    *(_Change(left_percent=5.0), _Change(left_percent=5.0)),
+    *(_Change(smoother=1.25), _Change(left_percent=10.0)),
+)
+"""Changes one after the other. A longer average costs less time than a gentler motion, but the arm swings on."""
+TRIES_MAX: Final = len(_CHANGES)
 
 
 class WeakDrivesError(InputError):
@@ -37,16 +46,15 @@ def driven(
     rates = path.rates()
     drives = drives_along(limits, rates, load)
     average_s, refused = drives.average_s, ""
-    for number in range(tries + 1):
-        if number > tries / 2:
-            limits = limits.left_more(_GENTLER_PERCENT)
+    for number, change in enumerate((_Change(), *_CHANGES[:tries]), 1):
+        average_s *= change.smoother
+        if change.left_percent:
+            limits = limits.left_more(change.left_percent)
             drives = drives_along(limits, rates, load)
-        elif number:
-            average_s *= _SMOOTHER
         found = timed(robot, path, average_s, from_ms, drives)
         trial = drives.tried(found.motion, found.law.at(found.motion.curve.x)[0], average_s)
         if not trial.refused:
-            return replace(found, drives=replace(trial.answer, tries=number + 1))
+            return replace(found, drives=replace(trial.answer, tries=number))
         refused = f"{trial.refused} in a motion that leaves {trial.answer.left_percent:.0f} % of the torque"
     changed = f", the last of {tries + 1} that were tried" if tries else ""
     raise WeakDrivesError(f"{refused}, averaged over {average_s:.3f} s{changed}: the motors do not keep step")

@@ -145,6 +145,12 @@ LEFT_PERCENT: Final = 30.0
 """Torque that is usually left: what builders keep in hand for what a model does not know."""
 
 
+def check_drives(drives: "DriveLimits | None", *, is_fastest: bool) -> None:
+    """Raise InputError for drives that limit a motion by another law."""
+    if drives is not None and not is_fastest:
+        raise InputError("law=fastest is needed: the motors limit no other law")
+
+
 @dataclass(frozen=True, slots=True)
 class AskedLimits:
     """What a file asks for: motions as fast as the motors manage, with some of their torque left."""
@@ -153,7 +159,7 @@ class AskedLimits:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.left_percent <= 90.0:
-            raise InputError(f"left_percent: {self.left_percent:g} % is not from 0 to 90 %")
+            raise InputError(f"{self.left_percent:g} % is not from 0 to 90 %")
 
     def drives(self, robot: Robot, make: MakeDrives | None) -> DriveLimits:
         """Return the drives of a robot; raise InputError if nothing here knows them."""

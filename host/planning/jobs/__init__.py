@@ -8,6 +8,7 @@ import numpy as np
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.planning.errand import Carry
+from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job, fitted
@@ -77,13 +78,17 @@ def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
     return _job(robot, job_name).fields(robot)
 
 
-def make_job(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Trajectory:
+def make_job(
+    robot: Robot, job_name: str, options: Mapping[str, str] | None = None, *, drives: DriveLimits | None = None
+) -> Trajectory:
     """Return a job's trajectory; options are texts, as on the command line, and may be left out.
+
+    With `drives`, such as `motor_limits` returns, a job with law=fastest is as fast as the motors manage.
 
     Raises:
         InputError: an unknown job or option, a value out of range, or a motion that the robot cannot make.
     """
-    return _job(robot, job_name).make(robot, options or {})
+    return _job(robot, job_name).make(robot, options or {}, drives)
 
 
 def job_carries(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:

@@ -10,7 +10,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
 from steptwin.host.planning.errand import Carry
-from steptwin.host.planning.fastest import FASTEST, fastest_again
+from steptwin.host.planning.fastest import FASTEST, DriveLimits, check_drives, fastest_again
 from steptwin.host.planning.jobs.options import (
     OptionField,
     Options,
@@ -111,12 +111,13 @@ class Job(Generic[Options]):
     build: Callable[[Robot, Options], Trajectory]
     carries: Callable[[Robot, Options], tuple[Carry, ...]] | None = None
 
-    def make(self, robot: Robot, texts: Mapping[str, str]) -> Trajectory:
+    def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Trajectory:
         """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do.
 
         A place out of the robot's reach or a joint beyond its limits is an error that names the options to set.
         """
         options, is_fastest = self._read(robot, texts)
+        check_drives(drives, is_fastest=is_fastest)
         places = place_options(self.options)
         try:
             trajectory = self.build(robot, options)
@@ -125,7 +126,7 @@ class Job(Generic[Options]):
         except OutOfReachError as error:
             hint = f"; the {'option sets' if len(places) == 1 else 'options set'} the place: {' '.join(places)}"
             raise InputError(f"{error}{hint if places else ''}") from error
-        return fastest_again(robot, trajectory) if is_fastest else trajectory
+        return fastest_again(robot, trajectory, drives) if is_fastest else trajectory
 
     def carried(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Carry, ...]:
         """Return the boxes that the job carries with these options; raise InputError as `parse_options` does."""

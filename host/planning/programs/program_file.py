@@ -179,7 +179,10 @@ def read_limits(table: Table) -> AskedLimits:
     with table.section("limits") as own:
         own.check_keys(("from", "left_percent"))
         own.choice("from", LimitsFrom)
-        return AskedLimits(own.number("left_percent")) if "left_percent" in own else AskedLimits()
+        if "left_percent" not in own:
+            return AskedLimits()
+        with prefixed("left_percent: "):
+            return AskedLimits(own.number("left_percent"))
 
 
 def _leaves_open(table: Table, findings: Findings) -> tuple[str, ...]:

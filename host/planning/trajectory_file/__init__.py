@@ -17,7 +17,7 @@ from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import CSV_BYTES_MAX, JSON_BYTES_MAX, YAML_BYTES_MAX
 from steptwin.host.common.own_files import opened_text, read_text
-from steptwin.host.planning.fastest import FASTEST
+from steptwin.host.planning.fastest import FASTEST, DriveLimits, check_drives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.trajectory_file.csv_points import read_csv
@@ -57,6 +57,7 @@ def read_trajectory(
     elbow: str | None = None,
     units: str | None = None,
     law: str | None = None,
+    drives: DriveLimits | None = None,
 ) -> Sampled | Sequence:
     """Return the trajectory in a file whose name ends in one of SUFFIXES.
 
@@ -72,13 +73,14 @@ def read_trajectory(
             degrees and millimetres. A robot's joint that slides has a length.
         law: `fastest` makes the motion through the points as fast as the robot's limits allow, from rest to rest; by
             default it takes the file's times.
+        drives: What limits the fastest motion besides, such as `motor_limits` returns.
 
     Raises:
         InputError: the file cannot be read or a value in it is wrong; the message names the file and the place in it.
             Or an argument is wrong, or does not go with the file.
     """
     return read_file_motion(
-        path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow, units=units, law=law
+        path, robot, interpolate=interpolate, ramps_s=ramps_s, elbow=elbow, units=units, law=law, drives=drives
     ).trajectory
 
 
@@ -91,19 +93,21 @@ def read_file_motion(
     elbow: str | None = None,
     units: str | None = None,
     law: str | None = None,
+    drives: DriveLimits | None = None,
 ) -> FileMotion:
     """Return the motion in a file with its points, to compare both; arguments and errors are `read_trajectory`'s."""
     if interpolate is not None and interpolate not in list(PointCurve):
         raise unknown("interpolate:", interpolate, PointCurve)
     if law not in (None, FASTEST):
         raise InputError(f"law={law}: a trajectory file keeps its own times, or has law={FASTEST}")
+    check_drives(drives, is_fastest=law is not None)
     interpolation = None if interpolate is None else PointCurve(interpolate)
     read_in = USUAL if units is None else FileUnits.named(units)
     with prefixed(f"{path}: "):
         all_whole_ms = interpolation in (PointCurve.LINEAR, PointCurve.STOP)
         points = _points(path).in_units(read_in, robot).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
         points.check_within(robot)
-        return FileMotion.of(robot, points, interpolation, ramps_s, is_fastest=law is not None)
+        return FileMotion.of(robot, points, interpolation, ramps_s, is_fastest=law is not None, drives=drives)
 
 
 def read_trajectory_until(until_s: float, path: str, robot: Robot) -> Sampled | Sequence:

@@ -16,7 +16,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import apart, whole_ms
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import NotAtRestError, OutsideError, TooFastError
-from steptwin.host.planning.fastest import FASTEST, fastest_again
+from steptwin.host.planning.fastest import FASTEST, DriveLimits, fastest_again
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import change_times_s
 from steptwin.host.planning.motions.sampled import Sampled, blended_lines
@@ -165,6 +165,7 @@ class FileMotion:
         ramps_s: float,
         *,
         is_fastest: bool = False,
+        drives: DriveLimits | None = None,
     ) -> "FileMotion":
         """Return the motion; `interpolate` and ramps are as in `read_trajectory`, which names the errors."""
         if points.velocities is not None and interpolate is not None:
@@ -178,7 +179,9 @@ class FileMotion:
             raise InputError(f"ramps_s={ramps_s:g}: law={FASTEST} starts and ends at rest, along the file's own path")
         through = _through(robot, points, interpolation, moving=bool(ramps_s))
         if is_fastest:
-            return cls(robot, points, interpolation, ramps_s, through, fastest_again(robot, through), is_fastest)
+            return cls(
+                robot, points, interpolation, ramps_s, through, fastest_again(robot, through, drives), is_fastest
+            )
         trajectory = with_ramps(through, ramps_s) if ramps_s else through
         return cls(robot, points, interpolation, ramps_s, through, trajectory)
 
