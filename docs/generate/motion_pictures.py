@@ -1,6 +1,7 @@
-"""Draw the pictures of docs/motions.md and docs/gcode.md: rounded corners, a motion at its limits, an engraving."""
+"""Draw the pictures of docs/motions.md, docs/gcode.md and docs/motors.md: corners, limits, an engraving, torques."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,11 +12,17 @@ from docs.generate.commands import DOCS
 from docs.generate.pictures import write_picture
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs import compile_program, parse_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
+from steptwin.host.robots.motor import JointMotor
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.motor_limits import motor_limits
+from steptwin.host.twin.motors import motors_of_run
 
 _ROBOT: Final = load_robot("teaching-scara")
 _SLOWER: Final = "#d08a1d"
@@ -62,6 +69,8 @@ def write_motion_pictures() -> None:
     write_picture(DOCS / "pictures" / "motions-corner.png", _corner)
     write_picture(DOCS / "pictures" / "motions-fastest.png", _fastest)
     write_picture(DOCS / "pictures" / "gcode-engraving.png", _engraving)
+    write_picture(DOCS / "pictures" / "motors-fastest.png", _motors)
+    write_picture(DOCS / "pictures" / "motors-cycle.png", _cycle)
 
 
 def _motions(program: str, variants: dict[str, tuple[str, str, str]], key: str) -> Iterator[tuple[str, Trajectory]]:
@@ -74,6 +83,81 @@ def _tool_mm(motion: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Return each millisecond, and the tool there."""
     t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
     return t_s, make_kinematics(_ROBOT).forward(motion.positions(t_s))[:, :3]
+
+
+_LAB: Final = "lab-scara"
+_SWING: Final = """
+law = "fastest"
+start = "a"
+{limits}
+[positions]
+a = {{ d1 = 100.0, th2 = -30.0, th3 = 60.0, th4 = 0.0 }}
+b = {{ d1 = 100.0, th2 = 40.0, th3 = -20.0, th4 = 90.0 }}
+[[step]]
+go = "b"
+speed_percent = 100.0
+[[step]]
+go = "a"
+speed_percent = 100.0
+"""
+_LEFT_PERCENT: Final = (5, 10, 20, 30, 40, 50, 60, 70)
+_STRONGER: Final = "23HS22-2804S"
+
+
+def _swing(robot: Robot, left_percent: float | None) -> Trajectory:
+    """Return the page's swing of the laboratory's arm, within some percent of the motors' torque or by joints alone."""
+    limits = "" if left_percent is None else f'[limits]\nfrom = "motors"\nleft_percent = {left_percent:g}'
+    program = parse_program(_SWING.format(limits=limits), Findings())
+    return compile_program(program, robot, drives=motor_limits).trajectory
+
+
+def _motors() -> Figure:
+    """Draw the torque that the shoulder's motor needs in the swing, by its speed, and what there is."""
+    robot = load_robot(_LAB)
+    axis = robot.axis_names.index("th2")
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    figure.suptitle("lab-scara, th2: torque that a swing of 70 degrees needs, beside its motor's", x=0.01, ha="left")
+    axes = figure.subplots()
+    for label, left, color, style in (
+        ("limits of the joints alone", None, _SLOWER, "--"),
+        ("30 % left", 30.0, COUNTED, "-"),
+    ):
+        run = motors_of_run(robot, execute(plan(robot, _swing(robot, left)), "").comparison)
+        torques, rpm = run.torques.needed_nm[:, axis], np.abs(run.torques.rpm[:, axis])
+        axes.plot(rpm, np.abs(torques), style, color=color, linewidth=1.0, label=label)
+    curve = run.torques.curves[axis]
+    axes.plot(curve.rpm, curve.torque_nm, color=LIMIT, label="pull-out torque")
+    axes.plot(curve.rpm, 0.7 * curve.torque_nm, ":", color=LIMIT, label="70 % of it")
+    axes.set(xlabel="speed of the motor [rpm]", ylabel="torque [Nm]", xlim=(0.0, 100.0), ylim=(0.0, 1.2))
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _cycle() -> Figure:
+    """Draw how long the swing takes by the torque that is left, also with a stronger motor at the shoulder."""
+    robot = load_robot(_LAB)
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    figure.suptitle("lab-scara: there and back, by the torque that its motors are to have left", x=0.01, ha="left")
+    axes = figure.subplots()
+    shoulder = robot.joint("th2")
+    stronger = replace(
+        robot,
+        joints=tuple(
+            replace(each, motor=JointMotor(model=_STRONGER)) if each is shoulder else each for each in robot.joints
+        ),
+    )
+    for label, of, color, style in (
+        (f"th2: {shoulder.motor.model if shoulder.motor else ''}", robot, COUNTED, "o-"),
+        (f"th2: {_STRONGER}", stronger, _SLOWER, "s--"),
+    ):
+        times_s = [_swing(of, left).duration_s for left in _LEFT_PERCENT]
+        axes.plot(_LEFT_PERCENT, times_s, style, color=color, markersize=4, label=label)
+    axes.axhline(
+        _swing(robot, None).duration_s, color=LIMIT, linewidth=1.0, label="limits of the joints: steps are lost"
+    )
+    axes.set(xlabel="left_percent [%]", ylabel="duration [s]", xlim=(0, 70), ylim=(0.0, None))
+    axes.legend(loc="lower right")
+    return figure
 
 
 def _engraving() -> Figure:

@@ -167,5 +167,5 @@ class AskedLimits:
             raise InputError(
                 "limits.from: 'motors': planning alone knows no motors; `steptwin run` and `check` do, and in Python"
                 " `compile_program(program, robot, drives=motor_limits)`"
-            )
+            ).plainly("limits: nothing here knows the motors")
         return make(robot, self.left_percent)
