@@ -2,7 +2,7 @@
 
 Torques that suffice at a steady speed may not do: a plan that leaves 30 % of them can make the arm swing on its motors
 until a rotor slips. So the motion is averaged over the time that the drives name, and the rotors turn by it. One that
-slips, or would if it were somewhat faster, is made smoother and gentler in turn, until they keep step.
+slips, or would if it were somewhat faster, is made gentler and smoother in turn, until they keep step.
 """
 
 from dataclasses import replace
@@ -23,11 +23,10 @@ class _Change(NamedTuple):
 
 
 _CHANGES: Final = (
-    *(_Change(smoother=1.25), _Change(smoother=1.25)),
-    *(_Change(left_percent=5.0), _Change(left_percent=5.0)),
-    *(_Change(smoother=1.25), _Change(left_percent=10.0)),
+    *(_Change(left_percent=5.0), _Change(left_percent=5.0), _Change(smoother=1.25)),
+    *(_Change(left_percent=5.0), _Change(smoother=1.25), _Change(left_percent=10.0)),
 )
-"""Changes one after the other. A longer average costs less time than a gentler motion, but the arm swings on."""
+"""Changes one after the other: a little more torque that is left costs less time than a longer average."""
 TRIES_MAX: Final = len(_CHANGES)
 
 
