@@ -29,7 +29,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 ROBOT: Final = load_robot("teaching-scara")
 PICK: Final = np.array([[0.0, 90, 50, 0], [0, 90, 5, 0], [-60, 60, 5, 20], [-60, 60, 50, 20]])
 """A pick and place: up, over, down."""
-GLUE_START: Final[tuple[float, ...]] = (165.0, -50.0, -70.0, 0.0)
+GLUE_START: Final[tuple[float, ...]] = (172.0, -55.0, -70.0, 0.0)
 CORNERS: Final = 10_000
 
 
