@@ -1,5 +1,7 @@
 """`steptwin motors DIR|ROBOT`: turn the motors by a stored run, or tell which motors would do for a robot."""
 
+from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,15 +12,18 @@ from steptwin.host.cli.output import Columns, print_rows, print_table, say, warn
 from steptwin.host.cli.run.motor_report import (
     LoadOptions,
     check_motors,
+    keep_cycles,
     keep_pictures,
     margins_of,
     motors_of,
     print_margins,
     print_motors,
     warn_of_payloads,
+    write_cycles,
     write_pictures,
 )
 from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -136,10 +141,62 @@ def _shortage(fit: "Fit") -> str:
     return f"needs {fit.torque_needed_nm:.3f} of {fit.torque_available_nm:.3f} Nm at {fit.rpm:.0f} turns a minute"
 
 
+@dataclass(frozen=True, slots=True)
+class CycleOptions:
+    """The options that let a program be as fast as motors manage."""
+
+    program: str | None = option("FILE", "Program of ROBOT: how long it takes by the torque that is to be left.")
+    instead: list[str] | None = option(
+        "JOINT=MOTOR", "With --program: another motor of the catalogue beside the robot's own; repeatable."
+    )
+
+
+def tell_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
+    """Print how long a program takes by the torque that the motors are to have left, and draw it."""
+    from steptwin.host.planning.programs import compile_program, read_program
+    from steptwin.host.studies.motors.cycle_times import cycle_times, with_motors_of
+
+    path = asked.program or ""
+    program = read_program(path)
+    models = name_value_pairs(asked.instead or [])
+    with prefixed("--instead: "):
+        other = with_motors_of(robot, models)
+    with prefixed(f"{path}: "):
+        by_joints_s = compile_program(replace_fields(program, limits=None), robot).trajectory.duration_s
+        cycles = {"the robot's own motors": cycle_times(program, robot)}
+        if models:
+            cycles["with " + " ".join(f"{name}={model}" for name, model in models.items())] = cycle_times(
+                program, other
+            )
+    document = {
+        "robot": robot.name,
+        "program": path,
+        "by_joints_s": by_joints_s,
+        "cycles": {name: [each.to_dict() for each in times] for name, times in cycles.items()},
+    }
+    rows = [(name, each) for name, times in cycles.items() for each in times]
+    answer.tell(
+        document, lambda: print_rows(_CYCLES, rows, text_columns=1), f"by the joints alone: {by_joints_s:.3f} s"
+    )
+    if out is not None:
+        write_cycles(out, robot, cycles, by_joints_s)
+        answer.add_files("the picture is", out)
+
+
+_CYCLES: Final[Columns] = {
+    "motors": "{0[0]}",
+    "left %": "{0[1].left_percent:g}",
+    "lasts s": lambda row: "-" if row[1].duration_s is None else f"{row[1].duration_s:.3f}",
+    "least left": lambda row: row[1].joint or "-",
+    "tries": lambda row: str(row[1].tries or "-"),
+}
+
+
 @command("out/store --payload 1.5 --margin", "lab-scara --supply 12")
 def motors(
     load: LoadOptions,
     which: RobotOptions,
+    cycle: CycleOptions,
     subject: str | None = argument(
         "DIR|ROBOT", "Folder written by `steptwin run --out`, or a robot or its .toml file."
     ),
@@ -150,14 +207,24 @@ def motors(
     """Turn the rotors of a stored run by its phase currents, with the arm's masses; exit code 1 if one slips.
 
     The drivers count steps whether a rotor follows or not: this tells what the motors would really do. Of a robot it
-    tells, without a run, the motors' pull-out torques, and which motors would do at the joints' limits.
+    tells, without a run, the motors' pull-out torques, and which motors would do at the joints' limits; with --program
+    how long a program takes by the torque that its motors are to have left.
     """
     if which.robot_file is not None or subject is None or _is_robot(subject):
+        robot = load.on(which.robot(subject))
+        if cycle.program is not None:
+            keep_cycles(out, replace=replace)
+            tell_cycles(which, robot, cycle, out)
+            return
+        if cycle.instead:
+            raise InputError(f"--instead {cycle.instead[0]}: goes with --program")
         for option, given in (("--margin", margin), ("--out", out is not None)):
             if given:
                 raise InputError(f"{option}: is for the folder of a run, not for a robot")
-        tell_fits(which, load.on(which.robot(subject)), load.current)
+        tell_fits(which, robot, load.current)
         return
+    if cycle.program is not None or cycle.instead:
+        raise InputError("--program: is for a robot, not for the folder of a run")
     if out is not None:
         keep_pictures(out, replace=replace)
     _tell_run(which, Path(subject), load, out, margin=margin)

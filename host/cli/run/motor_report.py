@@ -1,7 +1,7 @@
 """What `run --motors` and `motors` say of a robot's motors."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.studies.motors.cycle_times import CycleTime
     from steptwin.host.studies.motors.margins import Border, MotorMargins
     from steptwin.host.twin.motors import MotorRun, MotorVerdict
     from steptwin.host.twin.motors.after_run import RotorTrace
@@ -114,6 +115,32 @@ def keep_pictures(folder: "Path", *, replace: bool) -> None:
     from steptwin.host.studies.motors.motor_pictures import PICTURES
 
     keep_files((folder / f"{name}.png" for name in PICTURES), replace=replace)
+
+
+CYCLE: Final = "motor-cycle.png"
+"""The picture of a program's durations."""
+
+
+def keep_cycles(folder: "Path | None", *, replace: bool) -> None:
+    """Raise InputError if `write_cycles` would replace its picture unasked, or could not draw it."""
+    if folder is not None:
+        if not find_spec("matplotlib"):
+            raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+        keep_files((folder / CYCLE,), replace=replace)
+
+
+def write_cycles(
+    folder: "Path", robot: "Robot", cycles: "Mapping[str, Sequence[CycleTime]]", by_joints_s: float
+) -> None:
+    """Draw how long a program takes by the torque that is left."""
+    import matplotlib as mpl
+
+    from steptwin.host.record.plots.canvas import STYLE, save_figure
+    from steptwin.host.studies.motors.cycle_times import draw_cycles
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context(STYLE):
+        save_figure(draw_cycles(robot, cycles, by_joints_s), folder / CYCLE, {})
 
 
 def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
