@@ -193,6 +193,8 @@ class ErrorCode(IntEnum):
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
     SYNC_LENGTH = 0x8240
+    RPDO_TIMEOUT = 0x8250
+    """An RPDO came too late or not at all (1400h:05). The detail is its number."""
     OVERSPEED = 0x8400
     FOLLOWING_ERROR = 0x8611
     LIMIT_SWITCH = 0x8612
@@ -218,7 +220,7 @@ class ErrorCode(IntEnum):
     @property
     def lost_connection(self) -> bool:
         """True for errors of a lost connection: a drive goes into fault by them if its option code (6007h) is 1."""
-        return self in (ErrorCode.COMMUNICATION, ErrorCode.HEARTBEAT_LOST, ErrorCode.CAN_BUS_OFF_RECOVERED)
+        return self in _LOST_CONNECTION
 
     @property
     def register(self) -> int:
@@ -228,5 +230,8 @@ class ErrorCode(IntEnum):
         return 0x01 | (0x10 if self.communication else _REGISTER_BITS[self >> 12])
 
 
+_LOST_CONNECTION = frozenset(
+    (ErrorCode.COMMUNICATION, ErrorCode.HEARTBEAT_LOST, ErrorCode.CAN_BUS_OFF_RECOVERED, ErrorCode.RPDO_TIMEOUT)
+)
 _REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x5: 0x00, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
 """Bits by the code's first hexadecimal digit: voltage, temperature, profile (6 and 8), manufacturer; 5 and 9: none."""

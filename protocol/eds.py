@@ -6,7 +6,7 @@ import io
 from steptwin.protocol import od
 from steptwin.protocol.entry import Access, DictionaryObject, Entry, Mapping, ObjectCode
 from steptwin.protocol.frame import BITRATES
-from steptwin.protocol.objects import OBJECTS, PDO_COUNT
+from steptwin.protocol.objects import DUMMY_BITS, OBJECTS, PDO_COUNT
 
 _MANDATORY = frozenset(address >> 8 for address in (od.DEVICE_TYPE, od.ERROR_REGISTER, od.VENDOR_ID))
 _MANUFACTURER_FIRST, _MANUFACTURER_LAST = 0x2000, 0x5FFF
@@ -23,7 +23,7 @@ def render_eds() -> str:
     eds.optionxform = str  # type: ignore[assignment,method-assign]  # keys keep their case, as configparser documents
     eds["FileInfo"] = _file_info()
     eds["DeviceInfo"] = _device_info()
-    eds["DummyUsage"] = {f"Dummy{i:04d}": "0" for i in range(1, 8)}
+    eds["DummyUsage"] = {f"Dummy{index:04X}": "1" for index in DUMMY_BITS}
     eds["Comments"] = {"Lines": "1", "Line1": "StepTwin: a simulated STM32F103 + TB6560 axis"}
     for title, objects in _groups().items():
         indices = {str(i): f"0x{o.index:04X}" for i, o in enumerate(objects, start=1)}
@@ -63,7 +63,7 @@ def _device_info() -> dict[str, str]:
         **rates,
         "SimpleBootUpMaster": "0",
         "SimpleBootUpSlave": "1",
-        "Granularity": "8",
+        "Granularity": str(min(DUMMY_BITS.values())),
         "DynamicChannelsSupported": "0",
         "GroupMessaging": "0",
         "NrOfRXPDO": str(PDO_COUNT),

@@ -80,6 +80,7 @@ class EntryUnit(Enum):
     US = "us"
     HUNDRED_US = "100 us"
     MS = "ms"
+    MV = "mV"
     TEN_MV = "10 mV"
     TENTH_DEGC = "0.1 degC"
     PERCENT = "percent"

@@ -26,7 +26,7 @@ class PdoDefault:
         transmission_type: of CiA 301, section 7.5.2.37.
         mapping: addresses of the entries that it carries, in their order on the wire.
         inhibit_100us: least time between two transmissions in 100 us.
-        event_timer_ms: a transmit PDO is sent at least this often; 0 for no timer.
+        event_timer_ms: a transmit PDO is sent at least this often, a receive PDO is expected to come; 0 for no timer.
         enabled: False if its COB-ID is marked invalid.
     """
 
@@ -56,6 +56,11 @@ TPDO_DEFAULTS: Final = (
 )
 
 
+DUMMY_BITS: Final = {0x0001: 1, 0x0002: 8, 0x0003: 16, 0x0004: 32, 0x0005: 8, 0x0006: 16, 0x0007: 32}
+"""Bits of the data types that an RPDO may map to leave a place out, by index (CiA 301, section 7.4.8.2 and table 44).
+
+So one RPDO serves several nodes: each maps its own entries, and dummies for those of the others.
+"""
 PDO_COUNT = len(RPDO_DEFAULTS)
 PDO_ENTRIES_MAX: Final = 8
 
@@ -72,6 +77,14 @@ def _communication(kind: str, index: int, cob_id: int, pdo: PdoDefault) -> None:
         pdo.transmission_type,
         write="ProcessData.check_transmission_type",
     )
+    od.rw(
+        place + od.PDO_EVENT_TIMER,
+        U16,
+        "Event timer in {unit}",
+        pdo.event_timer_ms,
+        unit=od.MS,
+        write="ProcessData.check_configurable",
+    )
 
 
 def _transmission(index: int, pdo: PdoDefault) -> None:
@@ -84,14 +97,6 @@ def _transmission(index: int, pdo: PdoDefault) -> None:
         pdo.inhibit_100us,
         unit=od.HUNDRED_US,
         write=while_invalid,
-    )
-    od.rw(
-        place + od.PDO_EVENT_TIMER,
-        U16,
-        "Event timer in {unit}",
-        pdo.event_timer_ms,
-        unit=od.MS,
-        write="ProcessData.check_configurable",
     )
     od.rw(place + od.PDO_SYNC_START, U8, "SYNC start value", 0, 0, 240, write=while_invalid)
 

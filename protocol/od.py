@@ -48,7 +48,7 @@ STRING: Final = DataType.VISIBLE_STRING
 RX, TX, RXTX = Mapping.RECEIVE, Mapping.TRANSMIT, Mapping.BOTH
 POSITION, VELOCITY, ACCELERATION = EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit.ACCELERATION
 NS, US, HUNDRED_US, MS = EntryUnit.NS, EntryUnit.US, EntryUnit.HUNDRED_US, EntryUnit.MS
-TEN_MV, TENTH_DEGC, PERCENT = EntryUnit.TEN_MV, EntryUnit.TENTH_DEGC, EntryUnit.PERCENT
+MV, TEN_MV, TENTH_DEGC, PERCENT = EntryUnit.MV, EntryUnit.TEN_MV, EntryUnit.TENTH_DEGC, EntryUnit.PERCENT
 STEPS, REVOLUTIONS, RECORDS = EntryUnit.STEPS, EntryUnit.REVOLUTIONS, EntryUnit.RECORDS
 
 UNITS_PER_FULL_STEP: Final = 16_384
@@ -61,6 +61,10 @@ _UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
 
 IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
 """CiA 402 (0x192 = 402), bit 18: stepper motor."""
+MICRO_STEP_MOTOR: Final = 9
+"""The motor type (6402h) of a stepper motor that makes microsteps."""
+PROFILE_VERSION: Final = 0x0003_0000
+"""The version number (67FEh) of the profile that the node follows: CiA 402-2, version 3.0."""
 PULSE_NS_MIN: Final = 4_000
 TIMING_NS_MAX: Final = 1_000_000
 """Bounds of the step timing (2001h): no CLK phase below 4 us, which is 125 kHz, and no timing above 1 ms."""
@@ -422,6 +426,7 @@ FOLLOWING_ERROR_TIMEOUT_MS = rw(0x6066_00, U16, "Following error time out in {un
 POSITION_WINDOW = rw(0x6067_00, U32, "Position window in {unit}; all ones: off", WINDOW_OFF, unit=POSITION)
 POSITION_WINDOW_TIME_MS = rw(0x6068_00, U16, "Position window time in {unit}", 0, unit=MS)
 VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="AxisMotion.velocity_units_per_s")
+DC_LINK_VOLTAGE = ro(0x6079_00, U32, "DC link circuit voltage in {unit}", MV, TX, read="BoardReadings.supply_mv")
 TARGET_POSITION = rw(
     0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point"
 )
@@ -524,4 +529,6 @@ DIGITAL_OUTPUTS_MASK = rw(
 TARGET_VELOCITY = rw(
     0x60FF_00, I32, "Target velocity", unit=VELOCITY, mapping=RX, write="ProfileVelocity.follow_target"
 )
+MOTOR_TYPE = const(0x6402_00, U16, "Motor type: 9 is a micro-step stepper motor", MICRO_STEP_MOTOR)
 SUPPORTED_DRIVE_MODES = const(0x6502_00, U32, "Supported drive modes", sum(mode.supported_bit for mode in Mode))
+VERSION_NUMBER = const(0x67FE_00, U32, "Version number of the profile: major in bits 16 to 23", PROFILE_VERSION)

@@ -6,7 +6,11 @@ one whose changes the drive announces (`ANNOUNCED`) or, if none of these is mapp
 announced, such as positions, are sampled. A receive PDO of type 0 to 240 takes effect with the next SYNC.
 
 PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
-decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations.
+decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations. A receive PDO may
+map data types as dummies: their bits are skipped.
+
+A receive PDO with an event timer is expected within that time from each of its frames on, while the node is OPERATIONAL
+(deadline monitoring, CiA 301, section 7.5.2.35). Monitoring begins with the first frame, and again after a time-out.
 """
 
 from typing import Final, NamedTuple
@@ -17,7 +21,7 @@ from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import Cell, ObjectDictionary, check_cob_id
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import ANY_CHANGE, PDO_COUNT
+from steptwin.protocol.objects import ANY_CHANGE, DUMMY_BITS, PDO_COUNT
 from steptwin.protocol.od import address_of
 
 _LAST_SYNCHRONOUS: Final = 240
@@ -37,6 +41,8 @@ _COMMUNICATION: Final = dict(
     zip((*od.RPDO_MAPPING, *od.TPDO_MAPPING), (*od.RPDO_COMMUNICATION, *od.TPDO_COMMUNICATION), strict=True)
 )
 """Index of a PDO's communication parameter, by that of its mapping."""
+_DUMMIES: Final = frozenset(address_of(index) << 8 | bits for index, bits in DUMMY_BITS.items())
+"""The dummies as a mapping names them."""
 
 
 class _Field(NamedTuple):
@@ -50,15 +56,16 @@ class _Field(NamedTuple):
 
 
 def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Field], int]:
-    """Return the fields of a mapping and its length in bytes."""
+    """Return the fields of a mapping, without dummies, and its length in bytes: the last may be used in part."""
     fields, shift = [], 0
     for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
         word = dictionary.get(address_of(mapping_index, subindex))
         address, bits = word >> 8, word & 0xFF
-        sign_bit = 1 << bits - 1 if dictionary.entries[address].data_type.signed else 0
-        fields.append(_Field(address, dictionary.cell(address), shift, (1 << bits) - 1, sign_bit))
+        if address >> 8 not in DUMMY_BITS:
+            sign_bit = 1 << bits - 1 if dictionary.entries[address].data_type.signed else 0
+            fields.append(_Field(address, dictionary.cell(address), shift, (1 << bits) - 1, sign_bit))
         shift += bits
-    return fields, shift // 8
+    return fields, -(-shift // 8)
 
 
 class ReceivePdo:
@@ -70,6 +77,10 @@ class ReceivePdo:
         self.exists = not self.cob_id & COB_ID_INVALID
         """True if its COB-ID is valid."""
         self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
+        self.timeout_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
+        """Longest time between two frames; 0: any."""
+        self.deadline_us: int | None = None
+        """Time when the next frame is late; None while none is awaited."""
         fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
         self._targets = [(field, field.cell, field.cell.plain) for field in fields]
         self._latched: bytes | None = None
@@ -86,6 +97,13 @@ class ReceivePdo:
         else:
             self._apply(data)
         return ErrorCode.PDO_TOO_LONG if excess else _NO_ERROR
+
+    def timed_out(self, now_us: int) -> bool:
+        """Return whether the next frame is late by now, once."""
+        if self.deadline_us is None or now_us < self.deadline_us:
+            return False
+        self.deadline_us = None
+        return True
 
     def on_sync(self) -> None:
         """Apply the frame that was latched last, if one came since the last SYNC."""
@@ -287,6 +305,8 @@ class ProcessData:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         entry = self._dictionary.entries.get(word >> 8)
         kind = Mapping.RECEIVE if address >> 8 in od.RPDO_MAPPING else Mapping.TRANSMIT
+        if kind is Mapping.RECEIVE and word in _DUMMIES:
+            return
         if word and (entry is None or not _mappable(entry, kind, word & 0xFF)):
             raise SdoAbortError(AbortCode.CANNOT_BE_MAPPED)
 

@@ -25,6 +25,11 @@ class BoardReadings:
     supply_10mv: int = 2400
     temperature_decidegc: int = 250
 
+    @property
+    def supply_mv(self) -> int:
+        """The same supply as CiA 402 has it, object 6079h: a stepper board's DC link is its motor supply."""
+        return 10 * self.supply_10mv
+
 
 class PositionReference:
     """The position reference of one axis: set by homing, lost when the driver is cut off in motion.

@@ -11,6 +11,7 @@ from steptwin.protocol.frame import COB_ID_INVALID, Frame
 from steptwin.protocol.heartbeat_consumer import HeartbeatConsumer
 
 _PDO_LENGTH_ERRORS: Final = (ErrorCode.PDO_TOO_SHORT, ErrorCode.PDO_TOO_LONG)
+_PDO_ERRORS: Final = (*_PDO_LENGTH_ERRORS, ErrorCode.RPDO_TIMEOUT)
 
 
 class AxisErrors(EmergencyProducer):
@@ -36,9 +37,10 @@ class AxisErrors(EmergencyProducer):
         """Resolve an error with one detail, or with all its details."""
         self._resolve(lambda active, of: active is code and detail in (None, of))
 
-    def pdo_received(self, number: int) -> None:
-        """Resolve a receive PDO's length error, after a frame of the right length."""
-        self._resolve(lambda code, detail: code in _PDO_LENGTH_ERRORS and detail == number + 1)
+    def pdo_received(self, number: int, *, in_fault: bool) -> None:
+        """Resolve a receive PDO's errors, after a frame of the right length; in fault, not that it had been late."""
+        ended = _PDO_LENGTH_ERRORS if in_fault else _PDO_ERRORS
+        self._resolve(lambda code, detail: code in ended and detail == number + 1)
 
     def acknowledge_faults(self) -> None:
         """Resolve the drive's errors, those of a lost connection, and the lost heartbeats whose producer has returned.

@@ -38,8 +38,8 @@ class AxisNode:
         """Time of the next call of `poll`; None if the node waits for nothing."""
         self.routes_changed = True
         """True when the COB-IDs that this node listens to may have changed, until the firmware resets it."""
-        self.connection_lost = False
-        """True when a heartbeat has been lost, until `abort_connection`."""
+        self.connection_loss: ConnectionLoss | None = None
+        """Why the master is lost, when a time-out says so, until `abort_connection`."""
         self._resetting = False
         """True while the axis comes to rest before the node is reset."""
         self._context = context = AxisContext(axis, node_id, flash_page, board)
@@ -158,7 +158,7 @@ class AxisNode:
         self._heartbeats.restart()
         self._outbox.reset()
         self._charge.forget()
-        self.connection_lost = False
+        self.connection_loss = None
         self.nmt_state = NmtState.PRE_OPERATIONAL
         self.process_data.configurable = True
         self.process_data.invalidate()
@@ -181,11 +181,15 @@ class AxisNode:
             return
         context = self._context
         context.now_us = now_us
-        error = self.process_data.receive_pdos[number].receive(data)
+        pdo = self.process_data.receive_pdos[number]
+        error = pdo.receive(data)
         if error:
             self._errors.report(error, number + 1)
         elif self._errors.register:
-            self._errors.pdo_received(number)
+            self._errors.pdo_received(number, in_fault=self.drive.state in _FAULT_STATES)
+        if pdo.timeout_us:
+            pdo.deadline_us = now_us + pdo.timeout_us
+            self._note_deadline(pdo.deadline_us)
         if context.touched:  # most frames are PVT records, which change nothing that is sent at once
             self._end_call()
 
@@ -225,25 +229,36 @@ class AxisNode:
             self._errors.acknowledge_faults()
             self._end_call()
             return
-        deadline_us = self._heartbeats.due_us
-        # A heartbeat usually moves the deadline later. Then `due_us` stays, and `poll` schedules again when it comes.
-        if deadline_us is not None and (self.due_us is None or deadline_us < self.due_us):
+        if self._heartbeats.due_us is not None:
+            self._note_deadline(self._heartbeats.due_us)
+
+    def _note_deadline(self, deadline_us: int) -> None:
+        """Schedule the next poll again, if a deadline is earlier.
+
+        A frame usually moves its deadline later. Then `due_us` stays, and `poll` schedules again when it comes.
+        """
+        if self.due_us is None or deadline_us < self.due_us:
             self._set_due_time()
 
     # --- errors of the bus
 
     def _watch_connection(self) -> None:
-        """Report the heartbeat producers that have fallen silent."""
+        """Report the heartbeat producers that have fallen silent, and the RPDOs that are late."""
+        if self.nmt_state is NmtState.OPERATIONAL:
+            for number, pdo in enumerate(self.process_data.receive_pdos, start=1):
+                if pdo.timed_out(self._context.now_us):
+                    self._errors.report(ErrorCode.RPDO_TIMEOUT, number)
+                    self.connection_loss = ConnectionLoss.RPDO_TIMEOUT
         for producer_id in self._heartbeats.poll(self._context.now_us):
             self._errors.report(ErrorCode.HEARTBEAT_LOST, producer_id)
             self._charge.forget()
-            self.connection_lost = True
+            self.connection_loss = ConnectionLoss.HEARTBEAT
 
-    def abort_connection(self, now_us: int) -> None:
-        """React to a lost heartbeat, after the polls of all nodes."""
+    def abort_connection(self, loss: ConnectionLoss, now_us: int) -> None:
+        """React to a time-out by which the master is lost, after the polls of all nodes."""
         self._context.now_us = now_us
-        self.connection_lost = False
-        self._lose_connection(ConnectionLoss.HEARTBEAT)
+        self.connection_loss = None
+        self._lose_connection(loss)
         self._end_call()
 
     def on_bus_off(self, now_us: int) -> None:
@@ -325,6 +340,7 @@ class AxisNode:
             dues.append(self._errors.due_us)
         if self.nmt_state is NmtState.OPERATIONAL:
             dues += [pdo.due_us for pdo in self.process_data.transmit_pdos if pdo.exists]
+            dues += [pdo.deadline_us for pdo in self.process_data.receive_pdos]
         known = [due for due in dues if due is not None]
         self.due_us = min(known) if known else None
 

@@ -230,8 +230,8 @@ class Firmware:
                 node.poll(now_us)
                 self._fetch_from(node, now_counts)
         for node in self.nodes:
-            if node.connection_lost:
-                node.abort_connection(now_us)
+            if node.connection_loss is not None:
+                node.abort_connection(node.connection_loss, now_us)
                 self._fetch_from(node, now_counts)
 
     @property

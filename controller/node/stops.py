@@ -16,6 +16,7 @@ class ConnectionLoss(Enum):
 
     HEARTBEAT = "a heartbeat that the node monitors is lost"
     BUS_OFF = "the board's CAN controller goes into bus-off"
+    RPDO_TIMEOUT = "a receive PDO with an event timer does not come in time"
     NMT_STOPPED = "the node enters the NMT state STOPPED"
     RESET_COMMUNICATION = "the communication is reset"
     RESET_APPLICATION = "the node is reset"
@@ -38,11 +39,12 @@ class LossEffect(NamedTuple):
 LOSS_EFFECTS: Final = {
     ConnectionLoss.HEARTBEAT: LossEffect(ErrorCode.HEARTBEAT_LOST, by_error_behaviour=True),
     ConnectionLoss.BUS_OFF: LossEffect(ErrorCode.CAN_BUS_OFF_RECOVERED, by_error_behaviour=True),
+    ConnectionLoss.RPDO_TIMEOUT: LossEffect(ErrorCode.RPDO_TIMEOUT),
     ConnectionLoss.NMT_STOPPED: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.STOP),
     ConnectionLoss.RESET_COMMUNICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_COMMUNICATION),
     ConnectionLoss.RESET_APPLICATION: LossEffect(ErrorCode.COMMUNICATION, NmtCommand.RESET_NODE),
 }
-"""By event; the error of a lost heartbeat is reported before, with the lost node's id as its detail."""
+"""By event; the errors of a lost heartbeat and a late RPDO are reported before, with node id and number as details."""
 
 
 class StopKind(Enum):

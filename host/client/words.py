@@ -32,6 +32,7 @@ ERRORS: Final[dict[ErrorCode, str]] = {
     ErrorCode.PDO_TOO_SHORT: "a message was too short",
     ErrorCode.PDO_TOO_LONG: "a message was too long",
     ErrorCode.SYNC_LENGTH: "a message had the wrong length",
+    ErrorCode.RPDO_TIMEOUT: "the messages that it expects have stopped",
     ErrorCode.OVERSPEED: "it was asked to move too fast",
     ErrorCode.FOLLOWING_ERROR: "the motor does not follow: is it blocked?",
     ErrorCode.LIMIT_SWITCH: "it has reached a limit switch",

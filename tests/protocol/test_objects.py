@@ -27,6 +27,8 @@ def test_the_pdos_parameters_are_in_the_table() -> None:
     indices = [item.index for item in OBJECTS if 0x1400 <= item.index < 0x1C00]
     assert indices == sorted(PDO_PARAMETERS)
     subindices = (od.PDO_COB_ID, od.PDO_TRANSMISSION_TYPE, od.PDO_INHIBIT_TIME, od.PDO_EVENT_TIMER, od.PDO_SYNC_START)
+    for index in od.RPDO_COMMUNICATION:
+        assert [address & 0xFF for address in ENTRIES if address >> 8 == index] == [0, 1, 2, od.PDO_EVENT_TIMER]
     for index in od.TPDO_COMMUNICATION:
         assert [address & 0xFF for address in ENTRIES if address >> 8 == index] == [0, *subindices]
 

@@ -362,3 +362,62 @@ class TestConfiguration:
         pdos.configurable = False
         for index, subindex in ((0x1400, 1), (0x1400, 2), (0x1800, 3), (0x1800, 5), (0x1600, 0), (0x1A00, 1)):
             assert refused(dictionary, index, subindex, 0) is AbortCode.DEVICE_STATE
+
+
+DUMMIES = {
+    "BOOLEAN": 0x0001_0001,
+    "INTEGER8": 0x0002_0008,
+    "INTEGER16": 0x0003_0010,
+    "INTEGER32": 0x0004_0020,
+    "UNSIGNED8": 0x0005_0008,
+    "UNSIGNED16": 0x0006_0010,
+    "UNSIGNED32": 0x0007_0020,
+}
+"""Dummy entries as a mapping names them: index, sub-index 0, bits (CiA 301, table 44)."""
+
+
+def remapped(*words: int) -> tuple[ObjectDictionary, ProcessData]:
+    """Return a node whose RPDO1 maps these."""
+    dictionary, pdos = process_data()
+    write(dictionary, 0x1400, 1, 0x210 | INVALID)
+    write(dictionary, 0x1600, 0, 0)
+    for number, word in enumerate(words, start=1):
+        write(dictionary, 0x1600, number, word)
+    write(dictionary, 0x1600, 0, len(words))
+    write(dictionary, 0x1400, 1, 0x210)
+    assert pdos.refresh(0)
+    return dictionary, pdos
+
+
+class TestDummies:
+    @pytest.mark.parametrize("word", DUMMIES.values(), ids=DUMMIES)
+    def test_each_leaves_its_bits_out(self, word: int) -> None:
+        dictionary, pdos = remapped(word, 0x6040_0010)
+        bits = word & 0xFF
+        frame = (0x001F << bits | (1 << bits) - 1).to_bytes(-(-(bits + 16) // 8), "little")
+        assert pdos.receive_pdos[0].receive(frame) is ErrorCode.NONE
+        assert dictionary.get(od.CONTROLWORD) == 0x1F
+        assert dictionary.get(od.RPDO_VALUES_REFUSED) == 0
+        assert pdos.receive_pdos[0].receive(frame[:-1]) is ErrorCode.PDO_TOO_SHORT
+
+    @pytest.mark.parametrize("word", DUMMIES.values(), ids=DUMMIES)
+    def test_none_can_be_sent_or_read(self, word: int) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1A01, 0, 0)
+        assert refused(dictionary, 0x1A01, 1, word) is AbortCode.CANNOT_BE_MAPPED
+        with pytest.raises(SdoAbortError) as caught:
+            dictionary.read(word >> 8)
+        assert caught.value.code is AbortCode.NO_OBJECT
+
+    @pytest.mark.parametrize("word", [0x0005_0010, 0x0005_0108, 0x0008_0020, 0x0010_0018, 0x0001_0008])
+    def test_other_widths_places_and_types_are_refused(self, word: int) -> None:
+        dictionary, _ = process_data()
+        write(dictionary, 0x1400, 1, 0x210 | INVALID)
+        write(dictionary, 0x1600, 0, 0)
+        assert refused(dictionary, 0x1600, 1, word) is AbortCode.CANNOT_BE_MAPPED
+
+    def test_they_count_towards_the_64_bits(self) -> None:
+        remapped(DUMMIES["UNSIGNED32"], 0x607A_0020)
+        with pytest.raises(SdoAbortError) as caught:
+            remapped(DUMMIES["UNSIGNED32"], 0x607A_0020, DUMMIES["BOOLEAN"])
+        assert caught.value.code is AbortCode.PDO_TOO_LONG
