@@ -39,7 +39,15 @@ class Samples(NamedTuple):
 
     def row(self, i: int) -> "Samples":
         """Return one millisecond, as a copy, which keeps nothing else of the window."""
-        return Samples(self.t_s[[i]], self.positions[[i]], self.velocities[[i]])
+        return self.rows(np.array([i]))
+
+    def rows(self, chosen: Int64Array) -> "Samples":
+        """Return some milliseconds, as copies."""
+        return Samples(self.t_s[chosen], self.positions[chosen], self.velocities[chosen])
+
+    def followed_by(self, later: "Samples") -> "Samples":
+        """Return these and later ones."""
+        return Samples(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
 
 
 def sampled(trajectory: Trajectory) -> Iterator[Samples]:
@@ -173,16 +181,19 @@ _BETWEEN_POINTS: Final = 5e-4
 """Part of a limit by which a cubic between two points may exceed it: a motion at its limit is not itself a cubic."""
 
 
-def excess_between_points(
-    robot: Robot, times_ms: Int64Array, positions: FloatArray, velocities: FloatArray
-) -> Iterator[Peak]:
+def excess_between_points(robot: Robot, points: Samples) -> Iterator[Peak]:
     """Yield the peaks beyond a limit of the cubics between a motion's points, which the board executes.
 
     A motion keeps its limits in each millisecond, and its cubics keep them too, unless its acceleration jumps between
-    two points. Positions and velocities are those at the points, of shape (points, joints). A cubic's acceleration is
-    linear, so its mean over 1 ms is highest in the first or in the last one.
+    two points. A cubic's acceleration is linear, so its mean over 1 ms is highest in the first or in the last one.
     """
-    t_s = times_ms / 1000
+    if len(points.t_s) < 2:
+        return
+    with np.errstate(over="ignore", invalid="ignore"):  # speeds beyond all limits are refused anyway
+        yield from _excess(robot, *points)
+
+
+def _excess(robot: Robot, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> Iterator[Peak]:
     dt_s = np.diff(t_s)[:, np.newaxis]
     places, speeds = _with_axes(robot, positions), _with_axes(robot, velocities)
     begin, end, chord = speeds[:-1], speeds[1:], (places[1:] - places[:-1]) / dt_s

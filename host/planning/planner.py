@@ -119,7 +119,7 @@ def step_peaks(robot: Robot, part: Trajectory, from_ms: int, windows: Iterable[S
     """
     own_ms = _point_times_ms(part, DEFAULT_POINT_MS, from_ms)
     looked = _Looked.at(robot, own_ms, windows)
-    return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess(own_ms))
+    return (*looked.step_rates(own_ms + from_ms), *looked.peaks, *looked.excess)
 
 
 def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
@@ -132,7 +132,7 @@ def _plan(robot: Robot, trajectory: Trajectory, point_ms: int) -> Plan:
     check.check_rest()
     peaks = (*looked.step_rates(times_ms), *looked.peaks)
     checks.check_peaks(peaks)
-    checks.check_peaks(looked.excess(times_ms))
+    checks.check_peaks(looked.excess)
     points, velocities = (each.astype(np.int64) for each in (looked.points, looked.velocities))
     return Plan(robot, trajectory, times_ms, points, velocities, peaks)
 
@@ -145,41 +145,40 @@ class _Looked(NamedTuple):
         points: shape (points, axes), positions in wire units, as floats, which cannot overflow.
         velocities: shape (points, axes), velocities in 1/64 unit per ms, likewise.
         peaks: peaks of speed and acceleration.
-        places: shape (points, joints), positions of the joints.
-        speeds: shape (points, joints), their velocities.
+        excess: peaks beyond a limit of the cubics between the points; they count if the other peaks pass.
     """
 
     robot: Robot
     points: FloatArray
     velocities: FloatArray
     peaks: tuple[Peak, ...]
-    places: FloatArray
-    speeds: FloatArray
+    excess: tuple[Peak, ...]
 
     @classmethod
     def at(cls, robot: Robot, times_ms: Int64Array, windows: Iterable[Samples]) -> "_Looked":
         """Look at a motion, whose points are at these times."""
-        places = np.empty((len(times_ms), len(robot.joints)))
-        speeds = np.empty_like(places)
-        peaks, begin_ms = [], 0
+        points = np.empty((len(times_ms), len(robot.axes)))
+        velocities = np.empty_like(points)
+        peaks, excess, begin_ms, first = [], list[Peak](), 0, 0
+        kept: Samples | None = None
         for samples in windows:
             end_ms = begin_ms + len(samples.t_s) - 1
-            into = slice(*np.searchsorted(times_ms, (begin_ms, end_ms + 1)))  # the first row again, if both have it
-            rows = times_ms[into] - begin_ms
-            places[into], speeds[into] = samples.positions[rows], samples.velocities[rows]
+            last = int(np.searchsorted(times_ms, end_ms, side="right"))
+            own = samples.rows(times_ms[first:last] - begin_ms)
+            points[first:last] = robot.to_units(own.positions)
+            velocities[first:last] = robot.coupling.to_axes(own.velocities)
             peaks.append(tuple(speed_peaks(robot, samples)))
-            begin_ms = end_ms
-        per_ms = robot.coupling.to_axes(speeds) * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000
-        return cls(robot, robot.to_units(places), np.round(per_ms), highest(peaks), places, speeds)
+            own = own if kept is None else kept.followed_by(own)
+            excess += excess_between_points(robot, own)
+            kept = own.rows(np.array([-1])) if len(own.t_s) else None
+            begin_ms, first = end_ms, last
+        per_ms = velocities * robot.wire_units_per_unit * VELOCITY_PER_UNIT_PER_MS / 1000
+        return cls(robot, points, np.round(per_ms), highest(peaks), tuple(excess))
 
     def step_rates(self, times_ms: Int64Array) -> tuple[Peak, ...]:
         """Return the peaks of the step rates, at these times; raise TooFastError if PVT records cannot hold them."""
         checks.check_record_widths(self.robot, times_ms, self.points, self.velocities)
         return step_rate_peaks(self.robot, times_ms, self.points, self.velocities)
-
-    def excess(self, times_ms: Int64Array) -> tuple[Peak, ...]:
-        """Return the peaks beyond a limit between the points; the other peaks have been checked."""
-        return tuple(excess_between_points(self.robot, times_ms, self.places, self.speeds))
 
 
 def _point_times_ms(trajectory: Trajectory, point_ms: int, from_ms: int = 0) -> Int64Array:

@@ -97,7 +97,7 @@ class TestATrajectoryFile:
     def test_has_no_options(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
         file = tmp_path / "motion.csv"
         file.write_text(CSV, encoding="utf-8")
-        line = refusal(capsys, "run", ROBOT, str(file), "-o", "law=cubic")
+        line = refusal(capsys, "run", ROBOT, str(file), "-o", "duration_s=2")
         assert line.endswith("a trajectory from a file has no options")
         line = refusal(capsys, "run", ROBOT, str(file), "--elbow", "left")
         assert line.endswith("--elbow left: is for a file of the tool's poses; this one has joints")

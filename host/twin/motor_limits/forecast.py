@@ -3,6 +3,7 @@
 It is the steady torque alone: what swings is the business of rotors that turn, `run --motors` and `[limits]`.
 """
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -22,7 +23,7 @@ _REMEDY: Final = 'law = "fastest" with [limits] from = "motors" is as fast as th
 def forecast(robot: Robot, motion: Trajectory) -> str | None:
     """Return what to say of the motors in a motion of a robot whose file describes them; None if 30 % are left."""
     limits = MotorLimits.of(robot, 0.0)
-    left, axis, at_s = min(_least_left(limits, motion, samples) for samples in sampled(motion))
+    left, axis, at_s = min(_least_left(limits, motion, part) for samples in sampled(motion) for part in _parts(samples))
     if left >= LEFT_PERCENT - 1.0:
         return None
     needs = f"{robot.axis_names[axis]}'s motor needs {100.0 - left:.0f} % of its torque at {at_s:.3f} s"
@@ -30,6 +31,16 @@ def forecast(robot: Robot, motion: Trajectory) -> str | None:
         return f"{needs}: its rotor will slip; {_REMEDY}"
     usual = f"{100.0 - LEFT_PERCENT:g} %"
     return f"{needs}, more than the usual {usual}: its rotor may slip; `run --motors` turns it, and {_REMEDY}"
+
+
+_PART_MS: Final = 1 << 13
+"""Part of a window whose torques are computed at once, which bounds the memory."""
+
+
+def _parts(samples: Samples) -> Iterator[Samples]:
+    """Yield a window in parts; each begins with the millisecond with which the one before ends."""
+    for begin in range(0, max(len(samples.t_s) - 1, 1), _PART_MS):
+        yield Samples(*(each[begin : begin + _PART_MS + 1] for each in samples))
 
 
 def _least_left(limits: MotorLimits, motion: Trajectory, samples: Samples) -> tuple[float, int, float]:
