@@ -19,19 +19,22 @@ from steptwin.host.verify.evidence import (
     ShelfEvidence,
     Slips,
 )
+from steptwin.host.verify.gates import (
+    OWN_FIRMWARE,
+    POSITION_ERROR_LIMIT_STEPS,
+    THRESHOLD_TOLERANCE_STEPS,
+    Gates,
+    any_step_rule,
+)
 from steptwin.host.verify.rates import AS_PLANNED, RateRamps
 from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
-from steptwin.host.verify.verifier import (
-    POSITION_ERROR_LIMIT_STEPS,
-    THRESHOLD_TOLERANCE_STEPS,
-    verify,
-    verify_comparison,
-)
+from steptwin.host.verify.verifier import verify, verify_comparison
 
 __all__ = [
     "AS_PLANNED",
     "NO_SLIPS",
+    "OWN_FIRMWARE",
     "POSITION_ERROR_LIMIT_STEPS",
     "SIXTEENTHS",
     "THRESHOLD_TOLERANCE_STEPS",
@@ -42,6 +45,7 @@ __all__ = [
     "DriverViolations",
     "Evidence",
     "Expectation",
+    "Gates",
     "LevelEdges",
     "OutputChange",
     "Phases",
@@ -51,6 +55,7 @@ __all__ = [
     "ShelfEvent",
     "ShelfEvidence",
     "Slips",
+    "any_step_rule",
     "compare",
     "contradictions",
     "motor_moves",

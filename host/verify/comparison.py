@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -16,7 +17,9 @@ from steptwin.host.robots.poses import SCARA, Task
 from steptwin.host.robots.robot import Robot
 from steptwin.host.verify.counted import CountedSteps, counted_steps
 from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.gates import OWN_FIRMWARE, Gates
 from steptwin.host.verify.matching import Matching, match_steps, timing_errors_us
+from steptwin.host.verify.net_counts import match_any_rule
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 
 
@@ -142,6 +145,11 @@ class Expectation:
         """Return the axes' positions or speeds in driver steps, from joints' of shape (..., joints)."""
         return np.asarray(self.coupling.to_axes(joints) * self.steps_per_unit)
 
+    def axis_position(self, axis: int, t_s: FloatArray) -> FloatArray:
+        """Return an axis' planned position in driver steps at instants of shape (n,); outside the motion it stands."""
+        within_s = np.clip(t_s, 0.0, self.trajectory.duration_s)
+        return np.asarray(self.axis_motion.positions(within_s)[:, axis] * self.steps_per_unit[axis])
+
     def joints(self, steps: FloatArray | Int64Array) -> FloatArray:
         """Return the joint positions at the drivers' counts, of shape (..., axes)."""
         return self.coupling.to_joints(np.asarray(steps / self.steps_per_unit))
@@ -153,13 +161,17 @@ class Expectation:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One run: for each axis in its order the ideal steps, the counted steps, and the pairs of both."""
+    """One run: for each axis in its order the ideal steps, the counted steps, and the pairs of both.
+
+    `gates` say what the run must keep to.
+    """
 
     expected: Expectation
     evidence: Evidence
     ideal: tuple[IdealSteps, ...]
     counted: tuple[CountedSteps, ...]
     matchings: tuple[Matching, ...]
+    gates: Gates = OWN_FIRMWARE
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -176,8 +188,13 @@ class Comparison:
         return timing_errors_us(self.ideal[axis], self.counted[axis], self.matchings[axis])
 
 
-def compare(expected: Expectation, evidence: Evidence) -> Comparison:
+def compare(expected: Expectation, evidence: Evidence, gates: Gates = OWN_FIRMWARE) -> Comparison:
     """Compute the ideal steps from the drivers' counts at t = 0 and match the accepted steps to them.
+
+    Args:
+        expected: the planned motion.
+        evidence: the drivers' counts.
+        gates: what the run must keep to; they say by which step rule the steps are matched.
 
     Raises:
         ValueError: the evidence's axes are not the planned ones in the same order.
@@ -192,5 +209,9 @@ def compare(expected: Expectation, evidence: Evidence) -> Comparison:
     )
     starts = tuple(axis.start_steps for axis in counted)
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, starts)
-    matchings = tuple(match_steps(*pair) for pair in zip(ideal, counted, strict=True))
-    return Comparison(expected, evidence, ideal, counted, matchings)
+    pairs = enumerate(zip(ideal, counted, strict=True))
+    matchings = tuple(
+        match_steps(*pair) if gates.step_rule else match_any_rule(*pair, partial(expected.axis_position, axis))
+        for axis, pair in pairs
+    )
+    return Comparison(expected, evidence, ideal, counted, matchings, gates)

@@ -30,11 +30,15 @@ class Matching:
         ideal: shape (pairs,), index of each crossing.
         counted: shape (pairs,), index of the step that answers it.
         unmatched: number of crossings and of steps without a partner, added.
+        grazing: number of those that another step rule explains; 0 where the oracle's own is asked for.
+        off_steps: how far from its threshold the motion was, at most, when a step was made by any rule.
     """
 
     ideal: IndexArray
     counted: IndexArray
     unmatched: int
+    grazing: int = 0
+    off_steps: float = 0.0
 
 
 def match_steps(ideal: IdealSteps, counted: CountedSteps) -> Matching:
@@ -42,6 +46,11 @@ def match_steps(ideal: IdealSteps, counted: CountedSteps) -> Matching:
     if np.array_equal(ideal.signs, counted.signs):
         index = np.arange(len(ideal.signs))
         return Matching(index, index, 0)
+    return match_nearest(ideal, counted)
+
+
+def match_nearest(ideal: IdealSteps, counted: CountedSteps) -> Matching:
+    """Pair the crossings and steps of one axis that are each other's nearest in their direction."""
     pairs = _nearest_pairs(ideal, counted)
     unmatched = len(ideal.signs) + len(counted.signs) - 2 * len(pairs[0])
     return Matching(*pairs, unmatched)

@@ -3,7 +3,7 @@
 A correct board differs from the ideal step sequence only at a grazing step: the motion turns around so near a threshold
 that rounding decides. The step rule itself tells grazing steps from lost ones. The count follows the rule if it is
 never further from the planned position than the threshold plus the tolerance, and if no step is made further from its
-threshold than the tolerance.
+threshold than the tolerance. What another controller is held to, by a rule of its own, its comparison's gates say.
 """
 
 from collections.abc import Iterator
@@ -17,6 +17,8 @@ from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
+from steptwin.host.verify.gates import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS
+from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import (
@@ -30,14 +32,6 @@ from steptwin.host.verify.report import (
 )
 from steptwin.host.verify.shelf_verdict import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
-
-THRESHOLD_TOLERANCE_STEPS = 0.0075
-"""Largest distance of a step from its threshold: several times the error of the board's wire units,
-cubics and chords.
-"""
-
-POSITION_ERROR_LIMIT_STEPS = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
-"""0.57: a perfect counter is up to H = 0.5625 step away when it steps; the tolerance is the rest."""
 
 
 @dataclass(slots=True)
@@ -104,9 +98,8 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     """Return the report of a comparison that exists already."""
     worst = _worst(comparison)
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.axis_names)))
-    ends = [ideal.end_steps for ideal in comparison.ideal]
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
-    reasons += [line for axis, end in zip(axes, ends, strict=True) for line in _reasons(axis, end)]
+    reasons += [line for index, axis in enumerate(axes) for line in _reasons(comparison, index, axis)]
     reasons += _powerless(comparison)
     skews = _skew_reports(comparison, worst)
     reasons += [
@@ -140,8 +133,10 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
     facts = pulse_facts(evidence)
     position_steps = float(worst.position_steps[axis])
     threshold_steps = float(worst.threshold_steps[axis])
-    unmatched = comparison.matchings[axis].unmatched
-    follows_rule = _follows_step_rule(position_steps, threshold_steps)
+    matching = comparison.matchings[axis]
+    unmatched, grazing = matching.unmatched, matching.grazing
+    if comparison.gates.step_rule and _follows_step_rule(position_steps, threshold_steps):
+        unmatched, grazing = 0, unmatched
     late_us = np.abs(comparison.timing_errors_us(axis))
     p50_us, p99_us, max_us = np.percentile(late_us, [50, 99, 100]).tolist() if late_us.size else [0.0] * 3
     return AxisReport(
@@ -158,8 +153,8 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
         clk_high_us_min=facts.clk_high_us_min,
         clk_low_us_min=facts.clk_low_us_min,
         violations=evidence.violations.counts.size,
-        unmatched_steps=0 if follows_rule else unmatched,
-        grazing_steps=unmatched if follows_rule else 0,
+        unmatched_steps=unmatched,
+        grazing_steps=grazing,
         threshold_error_steps_max=threshold_steps,
         mean_step_interval_us=facts.mean_step_interval_us,
         active_edge=evidence.active_edge.value,
@@ -197,24 +192,42 @@ def _powerless(comparison: Comparison) -> Iterator[str]:
             yield f"{axis.name}: {count} steps came while the driver's outputs were off: the motor did not follow"
 
 
-def _reasons(axis: AxisReport, planned_end_steps: int) -> list[str]:
+def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
     """Return one line for each reason why an axis fails."""
-    position_steps, threshold_steps = axis.position_error_steps_max, axis.threshold_error_steps_max
-    wrong_end = axis.steps_end != planned_end_steps and not _follows_step_rule(position_steps, threshold_steps)
+    gates, position_steps, threshold_steps = (
+        comparison.gates,
+        axis.position_error_steps_max,
+        axis.threshold_error_steps_max,
+    )
     checks = (
         (axis.violations > 0, f"driver violations {axis.violations} (limit 0)"),
         (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0)"),
-        (wrong_end, f"end count {axis.steps_end} (planned {planned_end_steps})"),
         (
-            not position_steps <= POSITION_ERROR_LIMIT_STEPS,
-            f"position error {position_steps:.9g} steps (limit {POSITION_ERROR_LIMIT_STEPS:g})",
+            not _right_end(comparison, index, axis),
+            f"end count {axis.steps_end} (planned {comparison.ideal[index].end_steps})",
         ),
         (
-            not threshold_steps <= THRESHOLD_TOLERANCE_STEPS,
+            not position_steps <= gates.position_error_steps,
+            f"position error {position_steps:.9g} steps (limit {gates.position_error_steps:g})",
+        ),
+        (
+            gates.step_rule and not threshold_steps <= THRESHOLD_TOLERANCE_STEPS,
             f"threshold error {threshold_steps:.9g} steps (limit {THRESHOLD_TOLERANCE_STEPS:g})",
         ),
     )
     return [f"{axis.name}: {line}" for failed, line in checks if failed]
+
+
+def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:
+    """Return whether the count at the end is the planned one, or one that its step rule leaves there."""
+    if axis.steps_end == comparison.ideal[index].end_steps:
+        return True
+    gates, expected = comparison.gates, comparison.expected
+    if gates.step_rule:
+        return _follows_step_rule(axis.position_error_steps_max, axis.threshold_error_steps_max)
+    planned = float(expected.axis_position(index, np.array([expected.trajectory.duration_s]))[0])
+    least, most = any_rule_end(planned, comparison.matchings[index].off_steps, gates.position_error_steps)
+    return least <= axis.steps_end <= most
 
 
 def _skew_reports(comparison: Comparison, worst: _Worst) -> tuple[SkewReport, ...]:

@@ -30,7 +30,7 @@ from steptwin.host.record.plots.canvas import (
     write_inside,
 )
 from steptwin.host.robots.joint import Joint
-from steptwin.host.verify import POSITION_ERROR_LIMIT_STEPS, Comparison, RunInfo
+from steptwin.host.verify import Comparison, RunInfo
 from steptwin.host.verify.deviation import ToolDeviation, deviations
 
 _ANGLES: Final = {"scara": "attitude", "direction": "direction", "position": ""}
@@ -209,17 +209,17 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
     figure = new_figure(run, "counted minus planned", ERROR_ROW_INCHES * len(series))
     ratios = WIDTH_RATIOS if any(one.edges.size for one in series) else WIDTH_RATIOS[:1]
     rows = figure.subplots(len(series), len(ratios), squeeze=False, width_ratios=ratios)
-    end_s = comparison.expected.trajectory.duration_s
+    end_s, limit_steps = comparison.expected.trajectory.duration_s, comparison.gates.position_error_steps
     for n, (row, one) in enumerate(zip(rows, series, strict=True)):
         _draw_whole(row[0], one, end_s)
         for right in row[1:]:
             _draw_close(right, one)
         if n < len(moving):
-            _draw_error_limits(row)
+            _draw_error_limits(row, limit_steps)
         row[0].tick_params(labelbottom=n == len(series) - 1)
     for right in rows[0][1:]:
         right.set_title("the largest, close up", loc="left")
-    dashed = f"; dashed: limit of {POSITION_ERROR_LIMIT_STEPS:g} steps" if moving else ""
+    dashed = f"; dashed: limit of {limit_steps:g} steps" if moving else ""
     rows[0][0].set_title(f"whole motion{dashed}", loc="left")
     rows[-1][0].set_xlabel("time [s]")
     note_still_axes(figure, comparison, moving)
@@ -292,8 +292,8 @@ def _draw_line(axes: Axes, times: FloatArray, values: FloatArray) -> None:
     axes.plot(np.repeat(times, 2), values.T.ravel(), color=COUNTED, linewidth=0.9)
 
 
-def _draw_error_limits(row: Iterable[Axes]) -> None:
+def _draw_error_limits(row: Iterable[Axes], limit_steps: float) -> None:
     for axes in row:
-        for limit in (-POSITION_ERROR_LIMIT_STEPS, POSITION_ERROR_LIMIT_STEPS):
+        for limit in (-limit_steps, limit_steps):
             if axes.axison:
                 axes.axhline(limit, color=LIMIT, linestyle="--", linewidth=0.8)

@@ -1,0 +1,44 @@
+"""State how close the counted steps must be to the planned motion for a run to pass.
+
+Our own firmware follows the step rule of the oracle, so its runs are held to that rule within a small tolerance. Any
+other controller makes its steps by a rule of its own: sooner or later within a step, on the grid of a timer. Of such
+a machine only a distance from the plan can be asked, and that no step is missing or too many.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from steptwin.host.verify.oracle import THRESHOLD_STEPS
+
+THRESHOLD_TOLERANCE_STEPS: Final = 0.0075
+"""Largest distance of a step from its threshold: several times the error of the board's wire units,
+cubics and chords.
+"""
+
+POSITION_ERROR_LIMIT_STEPS: Final = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
+"""0.57: a perfect counter is up to H = 0.5625 step away when it steps; the tolerance is the rest."""
+
+TOLERANCE_STEPS: Final = 1.0
+"""Usual distance that is asked of another controller: counters that step at whole steps are up to 1 step away."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """What a run must keep to.
+
+    Attributes:
+        position_error_steps: largest distance of the count from the planned position at any instant.
+        step_rule: True if the steps must come at the oracle's thresholds, within THRESHOLD_TOLERANCE_STEPS; False for
+            any step rule, whose steps are counted run by run between the motion's turning points.
+    """
+
+    position_error_steps: float = POSITION_ERROR_LIMIT_STEPS
+    step_rule: bool = True
+
+
+OWN_FIRMWARE: Final = Gates()
+
+
+def any_step_rule(tolerance_steps: float = TOLERANCE_STEPS) -> Gates:
+    """Return the gates of a controller whose step rule is not known."""
+    return Gates(tolerance_steps, step_rule=False)

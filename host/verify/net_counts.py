@@ -1,0 +1,124 @@
+"""Match the steps of a controller whose step rule is not known to the ideal crossings, run by run.
+
+A run is a stretch of the motion in one direction. Another rule shifts all steps of a direction by about the same part
+of a step, and a timer's grid delays each a little. So a step and a crossing that remain without a partner in the same
+run are one step that came at another time; what is left over in a run is missing, or too many.
+
+Near the end of a run, where the motion turns around or comes to rest, the rule alone decides whether a last step is
+made. Such a step is grazing if the motion passes its threshold by no more than the steps of this axis are off theirs.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.verify.counted import CountedSteps
+from steptwin.host.verify.gates import THRESHOLD_TOLERANCE_STEPS
+from steptwin.host.verify.matching import SLOW_CROSSING, Matching, match_nearest, match_steps
+from steptwin.host.verify.oracle import HYSTERESIS_STEPS, THRESHOLD_STEPS, IdealSteps
+
+PositionAt = Callable[[FloatArray], FloatArray]
+"""Returns an axis' planned position in steps, at instants of the trajectory's time of shape (n,)."""
+
+
+_SAME_STEP: Final = 1.0
+"""Distance from its threshold up to which a step can be the one of that crossing, whatever its rule."""
+
+_ONE_RULE: Final = 0.75
+"""Largest difference between two steps' distances from their thresholds, in one direction, that one rule explains; a
+step too many or too few changes it by 1.
+"""
+
+
+def match_any_rule(ideal: IdealSteps, counted: CountedSteps, position_at: PositionAt) -> Matching:
+    """Pair one axis' ideal crossings with its steps, made by any rule; count what is missing or too many.
+
+    Returns:
+        The pairs. `unmatched` is the sum over the runs of the steps missing or too many, and `grazing` the number of
+        steps that the rule explains.
+    """
+    matching = match_steps(ideal, counted)
+    off = _off_steps(ideal, counted, matching, position_at)
+    off_steps = float(np.abs(off).max(initial=0.0))
+    if not matching.unmatched and off_steps <= _SAME_STEP and _by_one_rule(off, ideal.signs):
+        return replace(matching, off_steps=off_steps)
+    matching = match_nearest(ideal, counted)
+    matching = match_nearest(_shifted(ideal, counted, matching), counted)
+    off_steps = float(np.abs(_off_steps(ideal, counted, matching, position_at)).max(initial=0.0))
+    missing = np.setdiff1d(np.arange(ideal.time_s.size), matching.ideal)
+    extra = np.setdiff1d(np.arange(counted.time_s.size), matching.counted)
+    time_s = np.concatenate([ideal.time_s[missing], counted.time_s[extra]])
+    moves = np.concatenate([-ideal.signs[missing], counted.signs[extra]])
+    runs = _runs(ideal, time_s)
+    grazing = _near_an_end(time_s, ideal, position_at, min(off_steps, 1.0) + 2 * THRESHOLD_TOLERANCE_STEPS)
+    left = np.zeros(int(runs.max(initial=0)) + 1, np.int64)
+    np.add.at(left, runs[~grazing], moves[~grazing])
+    return replace(
+        matching,
+        unmatched=int(np.abs(left).sum()),
+        grazing=int(np.count_nonzero(grazing)),
+        off_steps=off_steps,
+    )
+
+
+def _shifted(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> IdealSteps:
+    """Return the crossings, each later by as large a part of a step as most steps of its direction are.
+
+    The part is a mean on the circle of a step, since a step that is late by 0.6 looks early by 0.4.
+    """
+    time_s = ideal.time_s.copy()
+    speeds_hz = np.maximum(ideal.speeds_hz, SLOW_CROSSING * ideal.speeds_hz.max(initial=0.0))
+    late_s = counted.time_s[matching.counted] - ideal.time_s[matching.ideal]
+    angles = 2.0 * np.pi * late_s * speeds_hz[matching.ideal]
+    for sign in (-1, 1):
+        own = ideal.signs == sign
+        paired = own[matching.ideal]
+        if paired.any():
+            late_steps = np.angle(np.exp(1j * angles[paired]).mean()) / (2.0 * np.pi)
+            time_s[own] += late_steps / speeds_hz[own]
+    return replace(ideal, time_s=np.maximum.accumulate(time_s))
+
+
+def _off_steps(ideal: IdealSteps, counted: CountedSteps, matching: Matching, position_at: PositionAt) -> FloatArray:
+    """Return each pair's distance of the planned position from the threshold when the step was made."""
+    signs = ideal.signs.astype(np.int64)
+    before = ideal.start_steps + np.cumsum(signs) - signs
+    thresholds = before + signs * THRESHOLD_STEPS
+    off: FloatArray = position_at(counted.time_s[matching.counted]) - thresholds[matching.ideal]
+    return off
+
+
+def _by_one_rule(off_steps: FloatArray, signs: NDArray[np.int8]) -> bool:
+    """Return whether the distances of all steps of a direction are as alike as those of one rule."""
+    return all(float(np.ptp(off_steps[signs == sign])) <= _ONE_RULE for sign in np.unique(signs))
+
+
+def _runs(ideal: IdealSteps, time_s: FloatArray) -> NDArray[np.int64]:
+    """Return the number of the run in which each instant is."""
+    turns = np.flatnonzero(np.diff(ideal.signs)) + 1
+    turned_s = np.searchsorted(ideal.turning_s, ideal.time_s[turns - 1])
+    ends_s = ideal.turning_s[np.minimum(turned_s, ideal.turning_s.size - 1)]
+    return np.searchsorted(ends_s, time_s)
+
+
+def _near_an_end(time_s: FloatArray, ideal: IdealSteps, position_at: PositionAt, off_steps: float) -> NDArray[np.bool_]:
+    """Return whether the motion has come from, or goes on by, no more than what the rule explains to an end of its run.
+
+    Behind a turn the first crossing is further away, by the hysteresis.
+    """
+    ends_s = np.concatenate(([0.0], ideal.turning_s))
+    after = np.clip(np.searchsorted(ends_s, time_s), 1, ends_s.size - 1)
+    here, before, behind = position_at(np.concatenate([time_s, ends_s[after - 1], ends_s[after]])).reshape(3, -1)
+    near: NDArray[np.bool_] = np.abs(here - behind) <= off_steps
+    near |= np.abs(here - before) <= off_steps + 2 * HYSTERESIS_STEPS
+    return near
+
+
+def any_rule_end(planned_steps: float, off_steps: float, tolerance_steps: float) -> tuple[int, int]:
+    """Return the least and the largest count that a rule may leave at the end of a motion to a position."""
+    within = min(THRESHOLD_STEPS + off_steps + THRESHOLD_TOLERANCE_STEPS, tolerance_steps)
+    return int(np.ceil(planned_steps - within)), int(np.floor(planned_steps + within))
