@@ -114,14 +114,24 @@ def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     Raises InputError, with the reason and the part of the step that would pass, if the path leaves the mechanism's
     reach or a joint's limits or comes near a singularity.
     """
+    _check_step(robot, step)
+    try:
+        return _gentle_plan(robot, standing, step)
+    except InputError as error:
+        raise InputError(f"{step}: {error}; {_passing_text(robot, standing, step)}") from error
+
+
+def _check_step(robot: Robot, step: ToolStep) -> None:
+    """Raise InputError if the robot's tool cannot be moved so, wherever it is."""
     kinematics = make_kinematics(robot)
     if "phi" in step.distances and kinematics.attitude_follows:
         raise InputError(f"{step}: the tool of {robot.name} does not turn by itself")
     kinematics.task.check_steps(step.distances)
-    try:
-        plan, stretch = _plan(robot, standing, step, _RAMP_S)
-    except InputError as error:
-        raise InputError(f"{step}: {error}; {_passing_text(robot, standing, step)}") from error
+
+
+def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
+    """Plan a step; raise InputError with the reason alone, for to find the part that passes takes many plans."""
+    plan, stretch = _plan(robot, standing, step, _RAMP_S)
     if stretch > 1.0:  # a ramp of the square of it needs no more acceleration, and leaves the speed
         with suppress(InputError):
             gentle, _ = _plan(robot, standing, step, _RAMP_S * stretch**2)
@@ -269,11 +279,12 @@ def plan_tool_jog(
     longest = TURN_MAX_DEG if STEP_UNITS[coordinate] == "deg" else WAY_MAX_MM
     percent = 100.0 * abs(speed) / tool_speed_max(coordinate)
     whole = ToolStep({coordinate: longest if speed > 0 else -longest}, percent, frame)
+    _check_step(robot, whole)
     way, fraction = _farthest(_speeds_along(robot, within_limits(robot, standing), whole), abs(speed))
     for _ in range(_SHORTENINGS if way else 0):
         with suppress(InputError):
             slower = replace(whole.part(way / longest), speed_percent=fraction * percent)
-            return plan_tool_step(robot, standing, slower)
+            return _gentle_plan(robot, standing, slower)
         way *= _SHORTER
     part = farthest_part(robot, standing, whole) or whole.part(1 / (_PER_UNIT * longest))
     return plan_tool_step(robot, standing, part)  # where not even the least passes, it says why
