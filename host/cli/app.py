@@ -77,7 +77,7 @@ class Group(NamedTuple):
 
 GROUPS: Final = (
     Group("Robots and maths", "robots", "listing fk ik workspace paper calibrate urdf"),
-    Group("Run and verify", "run", "new check run verify campaign bench"),
+    Group("Run and verify", "run", "new check run verify captured campaign bench"),
     Group("Live board", "live", "serve panel status monitor move jog positions halting inject"),
     Group("Files and tools", "files", "convert trace plot motors show replay exports"),
 )

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -60,6 +60,9 @@ class AxisTrajectory:
         """Return axis velocities, of shape (n, axes)."""
         return self.coupling.to_axes(self.trajectory.velocities(t_s))
 
+
+_AT_ONCE: Final = 1 << 16
+"""Instants at which all joints are computed at once, which bounds the memory."""
 
 Forward = Callable[[FloatArray], FloatArray]
 """Forward kinematics, from joints of shape (n, joints) to poses of shape (n, task.width)."""
@@ -148,7 +151,11 @@ class Expectation:
     def axis_position(self, axis: int, t_s: FloatArray) -> FloatArray:
         """Return an axis' planned position in driver steps at instants of shape (n,); outside the motion it stands."""
         within_s = np.clip(t_s, 0.0, self.trajectory.duration_s)
-        return np.asarray(self.axis_motion.positions(within_s)[:, axis] * self.steps_per_unit[axis])
+        positions = np.empty(t_s.shape)
+        for begin in range(0, t_s.size, _AT_ONCE):
+            part = slice(begin, begin + _AT_ONCE)
+            positions[part] = self.axis_motion.positions(within_s[part])[:, axis]
+        return np.asarray(positions * self.steps_per_unit[axis])
 
     def joints(self, steps: FloatArray | Int64Array) -> FloatArray:
         """Return the joint positions at the drivers' counts, of shape (..., axes)."""

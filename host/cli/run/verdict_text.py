@@ -32,7 +32,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     print_waits(document)
     _print_shelf(document)
     _print_violations(document["violations"])
-    tool, bus = document["tool"], document["bus"]
+    tool = document["tool"]
     if tool:
         say(
             f"tool: {tool['position_error_mm_max']:.4f} mm max, {tool['position_error_mm_rms']:.4f} mm rms, "
@@ -49,10 +49,21 @@ def print_report(document: Mapping[str, Any]) -> None:
             f"actual tool, with the robot's dh_errors: {actual['position_error_mm_max']:.4f} mm max,"
             f" {actual['position_error_mm_rms']:.4f} mm rms, {actual['attitude_error_deg_max']:.4f} deg max"
         )
+    if document["simulated"]:
+        _print_traffic(document)
+    _print_verdict(document)
+
+
+def _print_traffic(document: Mapping[str, Any]) -> None:
+    """Print the bus' load and how fast the run was; a capture of a real controller has neither."""
+    bus = document["bus"]
     say(f"bus: {bus['frames']} frames at {bus['bitrate'] // 1000} kbit/s, {bus['load_percent']:.1f} % load")
     simulated_s, wall_s = document["simulated_s"], document["wall_s"]
     speed = f", {simulated_s / wall_s:.0f} x real time" if wall_s else ""  # a stored report may say 0
     say(f"SIMULATED {simulated_s:.2f} s in {wall_s:.2f} s{speed}")
+
+
+def _print_verdict(document: Mapping[str, Any]) -> None:
     verdict, *reasons = _verdict(document)
     say(f"{document['robot']} {document['job']}: {verdict}", *(f"  {reason}" for reason in reasons))
 

@@ -25,6 +25,7 @@ from steptwin.host.record.folder.reading import (
     read_recording,
     read_robot,
     read_run,
+    stored_motion,
 )
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
 from steptwin.host.record.folder.report_file import read_report
@@ -64,6 +65,7 @@ __all__ = [
     "read_robot",
     "read_run",
     "run_files",
+    "stored_motion",
     "trajectory_head",
     "trajectory_row",
     "verify_folder",

@@ -136,6 +136,11 @@ def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:
         raise InputError(f"{path}: axes: {' '.join(names)}, but {ROBOT} has {' '.join(robot.axis_names)}")
 
 
+def stored_motion(folder: Path, robot: Robot) -> Trajectory:
+    """Return the motion of a folder without its outputs; raises InputError if its file is missing or wrong."""
+    return read_motion(folder, robot, ())
+
+
 def read_recording(folder: Path) -> UnfinishedRecording | None:
     """Return the recording without an end that a folder holds; None if it holds none. Raises as its reader does."""
     return read_unfinished(folder) if unfinished(folder) else None
@@ -180,7 +185,7 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
     if "shelf" in report.document and report.passed is not None:
         shelf, stock = read_shelf(folder)
         evidence = replace(evidence, shelf=shelf)
-    return StoredRun(robot, report, compare(Expectation.of(robot, motion, stock), evidence))
+    return StoredRun(robot, report, compare(Expectation.of(robot, motion, stock), evidence, report.gates))
 
 
 def _as_far(

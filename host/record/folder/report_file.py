@@ -20,11 +20,24 @@ from steptwin.host.planning.trajectory import Switching
 from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, check_version, existing_file
 from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
-from steptwin.host.verify import BusReport, RunInfo, ShelfEvent, ShelfEvidence
+from steptwin.host.verify import OWN_FIRMWARE, BusReport, Gates, RunInfo, ShelfEvent, ShelfEvidence, any_step_rule
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _FRAMES_MAX: Final = 1e15
 """Largest number of frames in a report: more than any bus carries in a machine's life."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCapture:
+    """What a report says of the logic analyser's file from which its edges are.
+
+    Attributes:
+        tolerance_steps: largest distance of a count from the plan.
+        reasons: why it failed, as far as the folder does not show it: wrong wiring, and clocks that differ.
+    """
+
+    tolerance_steps: float
+    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +54,7 @@ class StoredReport:
         document: the whole document.
         recording: the recording without an end from which the report was made; None for a report from a file.
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
+        capture: of a real controller's edges; None for a run that was emulated.
     """
 
     run: RunInfo
@@ -52,6 +66,12 @@ class StoredReport:
     document: Mapping[str, Any]
     recording: UnfinishedRecording | None = None
     next_motion_s: float | None = None
+    capture: StoredCapture | None = None
+
+    @property
+    def gates(self) -> Gates:
+        """What the run is held to: another controller has a step rule of its own."""
+        return OWN_FIRMWARE if self.capture is None else any_step_rule(self.capture.tolerance_steps)
 
 
 def read_report(folder: Path) -> StoredReport:
@@ -78,7 +98,16 @@ def _report(table: Table) -> StoredReport:
         fault=_fault(table),
         next_motion_s=_next_motion_s(table),
         document=table.values,
+        capture=_capture(table) if "capture" in table else None,
     )
+
+
+def _capture(table: Table) -> StoredCapture:
+    with table.section("capture") as capture:
+        tolerance_steps = capture.number("tolerance_steps")
+        if not tolerance_steps > 0.0:
+            raise InputError(f"tolerance_steps: {tolerance_steps:g} is not above 0")
+        return StoredCapture(tolerance_steps, tuple(map(str, capture.elements("reasons"))))
 
 
 def _of_recording(recording: UnfinishedRecording) -> StoredReport:

@@ -34,6 +34,8 @@ class FolderVerdict:
         tampered: one line for each sign that the files were changed after the run.
         fault: the fault that ended the run, from the stored report; None if the run came to its end.
         interruption: how far a recording goes that has no end, which cannot pass; None if it has one.
+        noted: of a capture, the reasons that were seen in the file of the logic analyser alone.
+        simulated: False for a capture of a real controller.
     """
 
     report: Report
@@ -41,12 +43,14 @@ class FolderVerdict:
     tampered: tuple[str, ...]
     fault: Mapping[str, Any] | None
     interruption: str | None = None
+    noted: tuple[str, ...] = ()
+    simulated: bool = True
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why the folder fails."""
         interrupted = () if self.interruption is None else (self.interruption,)
-        return interrupted + self.tampered + self.report.reasons
+        return interrupted + self.tampered + self.noted + self.report.reasons
 
     @property
     def passed(self) -> bool:
@@ -71,7 +75,16 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     interruption = stored.interruption
     if interruption and not (tampered or report.reasons):
         interruption += "; so far it is right"
-    return FolderVerdict(report, stored.report.driver_profile, tampered, stored.report.fault, interruption)
+    said = stored.report
+    return FolderVerdict(
+        report,
+        said.driver_profile,
+        tampered,
+        said.fault,
+        interruption,
+        said.capture.reasons if said.capture else (),
+        simulated=said.capture is None,
+    )
 
 
 def _after_the_end(stored: StoredRun) -> list[str]:
@@ -104,7 +117,8 @@ def _differences(stored: StoredRun, report: Report) -> list[str]:
     if stored.report.passed is None:
         return []
     given, said = report.to_dict(), stored.report
-    passed = report.passed and said.fault is None
+    noted = said.capture.reasons if said.capture else ()
+    passed = report.passed and said.fault is None and not noted
     pairs: list[tuple[str, Any, Any]] = [
         ("passed", said.passed, passed),
         ("duration_s", said.run.duration_s, round(stored.duration_s, _MS)),

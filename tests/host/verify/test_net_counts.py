@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify import Evidence, Report, any_step_rule, compare, verify, verify_comparison
@@ -68,7 +70,7 @@ def made_by(name: str, grid_us: int = 2) -> Evidence:
     return evidence
 
 
-def _with(evidence: Evidence, axis: int, counts: FloatArray, signs: FloatArray) -> Evidence:
+def _with(evidence: Evidence, axis: int, counts: NDArray[Any], signs: NDArray[Any]) -> Evidence:
     rises = {"step_counts": counts, "clk_rise_counts": counts, "clk_fall_counts": counts + CLK_HIGH_COUNTS}
     return altered(evidence, axis, step_signs=signs, **rises)
 

@@ -1,0 +1,173 @@
+"""ProbeLine a capture's channels to the axes of a robot: STEP, DIR and, if it was recorded, ENABLE of each.
+
+`th1=D0,D1` and `th2=D2,!D3,D6` name the channels of an axis in this order; `!` inverts one. Without a map the channels'
+own names tell it if they are those of StepTwin's waveforms, such as `th1_step`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
+from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.record.captures.capture import Capture, Channel
+
+_PARTS: Final = ("step", "dir", "enable")
+_SHORT_PART: Final = 0.1
+"""A pulse shorter than this part of the axis' median looks like a glitch."""
+
+
+class ProbeLine(NamedTuple):
+    """A channel as an axis sees it: inverted or not, and without the glitches that were dropped."""
+
+    name: str
+    level: int
+    times_s: FloatArray
+    glitches: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisSignals:
+    """The signals of one axis; all instants are in seconds since the capture's beginning.
+
+    Attributes:
+        name: of the axis.
+        step: STEP.
+        direction: DIR.
+        enable: ENABLE; None: it was not recorded.
+        rises_s: shape (pulses,), the rises of STEP that have their fall on record.
+        falls_s: shape (pulses,), these falls.
+    """
+
+    name: str
+    step: ProbeLine
+    direction: ProbeLine
+    enable: ProbeLine | None
+    rises_s: FloatArray
+    falls_s: FloatArray
+
+    @property
+    def glitches(self) -> int:
+        """Number of glitches that were dropped."""
+        return self.step.glitches + self.direction.glitches + (self.enable.glitches if self.enable else 0)
+
+    @property
+    def suspicious(self) -> int:
+        """Number of pulses that look like glitches: far shorter than most."""
+        widths_s = self.falls_s - self.rises_s
+        return int(np.count_nonzero(widths_s < _SHORT_PART * np.median(widths_s))) if widths_s.size else 0
+
+    def signs_at(self, times_s: FloatArray) -> Int8Array:
+        """Return the direction of a step at each instant: +1 with DIR high, -1 with DIR low."""
+        passed = np.searchsorted(self.direction.times_s, times_s, side="right")
+        signs: Int8Array = (2 * ((self.direction.level + passed) & 1) - 1).astype(np.int8)
+        return signs
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMap:
+    """Which channels an axis has, by their names in the file."""
+
+    axis: str
+    step: str
+    direction: str
+    enable: str | None = None
+
+    @classmethod
+    def read(cls, text: str, axes: Sequence[str]) -> "ChannelMap":
+        """Return what a text such as `th1=D0,D1` says; raise InputError for another."""
+        axis, equals, channels = text.partition("=")
+        names = [name.strip() for name in channels.split(",")]
+        if not equals or not 2 <= len(names) <= len(_PARTS) or not all(names):
+            raise InputError(f"map={text}: is not AXIS=STEP,DIR or AXIS=STEP,DIR,ENABLE, such as {axes[0]}=D0,D1")
+        if axis.strip() not in axes:
+            raise unknown(f"map={text}: axis", axis.strip(), axes)
+        return cls(axis.strip(), *names)
+
+    def __str__(self) -> str:
+        return f"{self.axis}={','.join(name for name in (self.step, self.direction, self.enable) if name)}"
+
+
+def wired(
+    capture: Capture, axes: Sequence[str], maps: Sequence[str] = (), glitch_s: float = 0.0
+) -> tuple[tuple[AxisSignals, ...], tuple[ChannelMap, ...]]:
+    """Return the signals of each axis in order, and the wiring.
+
+    Args:
+        capture: the capture.
+        axes: names of all axes of the robot.
+        maps: one text an axis, or none if the channels' names tell it.
+        glitch_s: two edges of a channel that are closer are dropped, and counted.
+
+    Raises:
+        InputError: an axis has no channels, or two, or two axes share one.
+    """
+    wirings = _named(capture, axes) if not maps else [ChannelMap.read(text, axes) for text in maps]
+    by_axis = {wiring.axis: wiring for wiring in wirings}
+    if len(by_axis) < len(wirings):
+        double = next(wiring for wiring in wirings if by_axis[wiring.axis] is not wiring)
+        raise InputError(f"map={double}: {double.axis} has channels already")
+    for axis in axes:
+        if axis not in by_axis:
+            raise InputError(f"map: {axis} has no channels; map={axis}=STEP,DIR names them")
+    made = tuple(_signals(capture, by_axis[axis], glitch_s) for axis in axes)
+    used = [wire.name for axis in made for wire in (axis.step, axis.direction)]
+    if len(set(used)) < len(used):
+        raise InputError(f"map: channel {next(name for name in used if used.count(name) > 1)} is named twice")
+    return made, tuple(by_axis[axis] for axis in axes)
+
+
+def _named(capture: Capture, axes: Sequence[str]) -> list[ChannelMap]:
+    """Return the wiring that channels' names such as th1_step tell."""
+    own = {channel.name.lower() for channel in capture.channels}
+    names = {axis: [f"{axis}_{part}".lower() for part in _PARTS] for axis in axes}
+    missing = [name for axis in axes for name in names[axis][:2] if name not in own]
+    if missing:
+        raise InputError(
+            f"no channel is called {missing[0]}: map={axes[0]}=STEP,DIR names those of each axis, such as"
+            f" map={axes[0]}={','.join(channel.name for channel in capture.channels[:2])}"
+        )
+    return [
+        ChannelMap(axis, step, direction, enable if enable in own else None)
+        for axis, (step, direction, enable) in names.items()
+    ]
+
+
+def _signals(capture: Capture, wiring: ChannelMap, glitch_s: float) -> AxisSignals:
+    with prefixed(f"map={wiring}: "):
+        step, direction = (_wire(capture, name, glitch_s) for name in (wiring.step, wiring.direction))
+        enable = None if wiring.enable is None else _wire(capture, wiring.enable, glitch_s)
+    first = step.level & 1  # a pulse that has begun before the capture shows its fall alone
+    edges = step.times_s[first:]
+    whole = edges.size - edges.size % 2
+    return AxisSignals(wiring.axis, step, direction, enable, edges[0:whole:2], edges[1:whole:2])
+
+
+def _wire(capture: Capture, name: str, glitch_s: float) -> ProbeLine:
+    channel = capture.channel(name.removeprefix("!"))
+    times_s = capture.times_s(channel.edges)
+    kept = _without_glitches(times_s, glitch_s)
+    dropped = (times_s.size - kept.size) // 2
+    return ProbeLine(channel.name, channel.level ^ name.startswith("!"), kept, dropped)
+
+
+def _without_glitches(times_s: FloatArray, glitch_s: float) -> FloatArray:
+    """Return the edges without pairs that are closer than `glitch_s`, taken in order of time."""
+    close = np.flatnonzero(np.diff(times_s) < glitch_s)
+    if not close.size:
+        return times_s
+    dropped: list[int] = []
+    for first in close.tolist():
+        if not dropped or first > dropped[-1]:
+            dropped += (first, first + 1)
+    return np.delete(times_s, dropped)
+
+
+def pulse_widths_ticks(channel: Channel) -> Int64Array:
+    """Return how long each high level lasts whose both ends are on record."""
+    edges = channel.edges[channel.level & 1 :]
+    whole = edges.size - edges.size % 2
+    return edges[1:whole:2] - edges[0:whole:2]

@@ -1,0 +1,150 @@
+"""Read captures as CSV: sigrok's, with a row a sample, Saleae Logic 2's and WaveForms', with a row a change.
+
+sigrok's times are cut to whole units, 41 ns at 24 MHz: they count samples, the first of which is 1. Without times, or
+without their unit, rows are counted. Its head is in comments, one of which has the rate and one the channels' names.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Final, TextIO
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.bad_input import shortened
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import LINE_CHARS_MAX
+from steptwin.host.record.captures.capture import CHANNELS_MAX, Capture, changes_of, check_changes, check_channels
+from steptwin.host.record.captures.session_file import rate_of
+
+_ROWS: Final = 1 << 16
+"""Rows that are read at once."""
+_TICK_S: Final = 1e-10
+"""Unit of the instants of files with times in seconds."""
+_RATE: Final = re.compile(r"sample ?rate:? *([0-9.e+]+ ?[kMG]?(?:Hz)?)", re.IGNORECASE)
+_NAMES: Final = re.compile(r"Channels \([0-9/]+\): (.*)")
+_SECONDS: Final = re.compile(r"time ?[\[(]s[\])]", re.IGNORECASE)
+_COMMENTS_MAX: Final = 1000
+_UNITS_S: Final = {
+    "seconds": 1.0,
+    "milliseconds": 1e-3,
+    "microseconds": 1e-6,
+    "nanoseconds": 1e-9,
+    "picoseconds": 1e-12,
+}
+
+
+@dataclass
+class _Head:
+    """What stands before the rows."""
+
+    columns: list[str] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    rate_hz: float | None = None
+
+
+def read_csv(file: TextIO) -> Capture:
+    """Read a table; raise InputError if it is none of these, or a row is not what its head says."""
+    head = _head(file)
+    if head.columns and _SECONDS.fullmatch(head.columns[0]):
+        return _by_change(file, head)
+    if not head.names or head.rate_hz is None:
+        raise InputError(
+            "is no capture: neither a column `Time [s]` nor sigrok's comments with channels and samplerate"
+        )
+    return _by_sample(file, head)
+
+
+def _head(file: TextIO) -> _Head:
+    head = _Head()
+    for line in islice(file, _COMMENTS_MAX):
+        text = line.strip()
+        if text[:1] not in (";", "#"):
+            head.columns = [word.strip().strip('"') for word in text.split(",")]
+            break
+        if found := _RATE.search(text):
+            head.rate_hz = rate_of(found[1])
+        if found := _NAMES.search(text):
+            head.names = [name.strip() for name in found[1].split(",")]
+    return head
+
+
+def _by_change(file: TextIO, head: _Head) -> Capture:
+    """Read rows of a time in seconds and the level of each channel from then on."""
+    names = head.columns[1:]
+    check_channels(len(names))
+    times, values = _read(file, len(names) + 1, 1)
+    if not times.size:
+        raise InputError("has no rows")
+    if (np.diff(times) < 0.0).any():
+        row = int(np.argmax(np.diff(times) < 0.0)) + 2
+        raise InputError(f"row {row}: its time {times[row - 1]:g} s is before that of the row above")
+    at = np.rint((times - times[0]) / _TICK_S).astype(np.int64)
+    kind = "WaveForms' CSV" if head.columns[0].endswith(")") else "Saleae's CSV"
+    return Capture(kind, changes_of(values, at, names), _TICK_S, int(at[-1]), head.rate_hz)
+
+
+def _by_sample(file: TextIO, head: _Head) -> Capture:
+    """Read rows of samples, perhaps behind a time; the row after sigrok's comments names the columns."""
+    before = len(head.columns) - len(head.names)
+    check_channels(len(head.names))
+    if before not in (0, 1):
+        raise InputError(f"has {len(head.columns)} columns for the {len(head.names)} channels that its comment names")
+    if head.rate_hz is None:
+        raise InputError("its comments tell no samplerate")
+    per_unit = _UNITS_S.get(head.columns[0], 0.0) * head.rate_hz if before else 0.0
+    at, values, rows, last = [], [], 0, None
+    for times, levels in _chunks(file, len(head.columns), before):
+        samples = np.rint(times * per_unit).astype(np.int64) - 1 if per_unit else rows + np.arange(len(levels))
+        changed = np.flatnonzero(levels[1:] != levels[:-1]) + 1
+        if last is None or levels[0] != last:
+            changed = np.concatenate(([0], changed))
+        at.append(samples[changed])
+        values.append(levels[changed])
+        check_changes(sum(len(each) for each in at))
+        rows, last = int(samples[-1]) + 1, levels[-1]
+    if not at:
+        raise InputError("has no rows")
+    instants = np.concatenate(at)
+    if (np.diff(instants) <= 0).any():
+        raise InputError("its times do not rise from row to row")
+    channels = changes_of(np.concatenate(values), instants, head.names)
+    return Capture("sigrok's CSV", channels, 1.0 / head.rate_hz, rows, head.rate_hz, sampled=True)
+
+
+def _read(file: TextIO, columns: int, before: int) -> tuple[FloatArray, Int64Array]:
+    parts = []
+    for part in _chunks(file, columns, before):
+        parts.append(part)
+        check_changes(_ROWS * len(parts))
+    times, values = zip(*parts, strict=True) if parts else ((np.empty(0),), (np.empty(0, np.int64),))
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _chunks(file: TextIO, columns: int, before: int) -> Iterator[tuple[FloatArray, Int64Array]]:
+    """Yield the times, if rows begin with one, and the levels as one number a row, channel k in bit k."""
+    weights = 1 << np.arange(min(columns - before, CHANNELS_MAX), dtype=np.int64)
+    first = 1
+    while lines := [line for line in islice(file, _ROWS) if line.strip()]:
+        table = _table(lines, columns, first)
+        levels = table[:, before:]
+        if not np.isin(levels, (0.0, 1.0)).all():
+            row = first + int(np.argmin(np.isin(levels, (0.0, 1.0)).all(axis=1)))
+            raise InputError(f"row {row}: has a level that is not 0 or 1")
+        yield table[:, 0], levels.astype(np.int64) @ weights
+        first += len(lines)
+
+
+def _table(lines: list[str], columns: int, first: int) -> FloatArray:
+    loaded: Callable[..., FloatArray] = np.loadtxt
+    if any(len(line) > LINE_CHARS_MAX for line in lines):
+        raise InputError(f"from row {first} on: a row has more than {LINE_CHARS_MAX} characters")
+    try:
+        table = loaded(lines, delimiter=",", ndmin=2, comments=None)
+    except ValueError as error:
+        raise InputError(f"from row {first} on: {shortened(str(error).splitlines()[0])}") from error
+    if table.shape[1] != columns or not np.isfinite(table).all():
+        raise InputError(f"from row {first} on: not each row has {columns} numbers")
+    return table

@@ -1,0 +1,128 @@
+"""Read sigrok's session files, `.sr`: a zip of samples in parts of 4 MiB, read part by part.
+
+Its file `metadata` has the rate, the probes' names and the bytes of a sample: as many as all probes need, 3 of 24.
+Source: sigrok's wiki, "File format:Sigrok/v2".
+"""
+
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator
+from configparser import ConfigParser, SectionProxy
+from configparser import Error as MetadataError
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.file_limits import MIB
+from steptwin.host.record.captures.capture import Capture, changes_of, check_changes, check_channels
+
+_PART_BYTES_MAX: Final = 64 * MIB
+"""sigrok writes parts of 4 MiB; a part is held in memory."""
+_METADATA_BYTES_MAX: Final = MIB
+_UNITS: Final = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
+_RATE: Final = re.compile(r"\s*([0-9.]+(?:e[+-]?[0-9]+)?)\s*([kmg]?)(?:hz)?\s*", re.IGNORECASE)
+
+
+def rate_of(text: str) -> float:
+    """Return the rate that a text such as `24 MHz`, `8MHz` or `500000` spells, in Hz; raise InputError for another."""
+    found = _RATE.fullmatch(text)
+    try:
+        rate_hz = float(found[1]) * _UNITS[found[2].lower()] if found else 0.0
+    except ValueError:
+        rate_hz = 0.0
+    if not 1.0 <= rate_hz <= 1e11:
+        raise InputError(f"a sampling rate of {text!r} is none from 1 Hz to 100 GHz, such as 24MHz")
+    return rate_hz
+
+
+def read_session(file: IO[bytes]) -> Capture:
+    """Read a session file; raise InputError if it is damaged, or holds no digital channels."""
+    try:
+        with zipfile.ZipFile(file) as session:
+            return _read(session)
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, zlib.error) as error:
+        raise InputError(f"is no session of sigrok: {error}") from error
+
+
+def _read(session: zipfile.ZipFile) -> Capture:
+    device = _device(session)
+    try:
+        unit, rate = int(device["unitsize"]), rate_of(device["samplerate"])
+        name = device["capturefile"]
+    except (KeyError, ValueError) as error:
+        raise InputError(f"metadata: {error} of the device is missing or wrong") from error
+    probes = {int(key[5:]): text for key, text in device.items() if re.fullmatch(r"probe[0-9]{1,4}", key)}
+    check_channels(max(probes, default=0))
+    if not 1 <= unit <= 8 or unit * 8 < max(probes):
+        raise InputError(f"metadata: unitsize {unit} is not what {max(probes)} probes need, 1 to 8 bytes")
+    at, values, samples = _changes(session, _parts(session, name), unit)
+    names = [probes.get(number, f"D{number - 1}") for number in range(1, max(probes) + 1)]
+    return Capture("sigrok session", changes_of(values, at, names), 1.0 / rate, samples, rate, sampled=True)
+
+
+def _device(session: zipfile.ZipFile) -> SectionProxy:
+    try:
+        entry = session.getinfo("metadata")
+    except KeyError:
+        raise InputError("is no session of sigrok: it has no metadata") from None
+    if entry.file_size > _METADATA_BYTES_MAX:
+        raise InputError(f"metadata: has {entry.file_size} bytes, more than {_METADATA_BYTES_MAX}")
+    metadata = ConfigParser(interpolation=None, strict=False)
+    try:
+        metadata.read_string(session.read(entry).decode("utf-8", "replace"))
+    except MetadataError as error:
+        raise InputError(f"metadata: {str(error).splitlines()[0]}") from error
+    for section in metadata.sections():
+        if section.startswith("device") and "capturefile" in metadata[section]:
+            return metadata[section]
+    raise InputError("metadata: no device has recorded digital channels")
+
+
+def _parts(session: zipfile.ZipFile, name: str) -> list[zipfile.ZipInfo]:
+    """Return the parts of the record in their order, which is by number: logic-1-2 comes before logic-1-10."""
+    numbered = re.compile(rf"{re.escape(name)}(?:-([0-9]+))?")
+    found = [(int(part[1] or 0), entry) for entry in session.infolist() if (part := numbered.fullmatch(entry.filename))]
+    if not found:
+        raise InputError(f"has no part {name}-1 of the record")
+    for _, entry in found:
+        if entry.file_size > _PART_BYTES_MAX:
+            raise InputError(f"{entry.filename}: has {entry.file_size} bytes, more than {_PART_BYTES_MAX}")
+    return [entry for _, entry in sorted(found, key=lambda each: each[0])]
+
+
+def _changes(
+    session: zipfile.ZipFile, parts: list[zipfile.ZipInfo], unit: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    """Return the first sample and all that differ from the one before, by number and value; and how many there are."""
+    at, values, samples, found, last = [], [], 0, 0, None
+    for words in _words(session, parts, unit):
+        changed = np.flatnonzero(words[1:] != words[:-1]) + 1
+        if last is None or words[0] != last:
+            changed = np.concatenate(([0], changed))
+        found += changed.size
+        check_changes(found)
+        at.append(samples + changed)
+        values.append(words[changed])
+        samples, last = samples + words.size, words[-1]
+    if not at:
+        raise InputError("has no samples")
+    return np.concatenate(at), np.concatenate(values).astype(np.uint64).view(np.int64), samples
+
+
+def _words(session: zipfile.ZipFile, parts: list[zipfile.ZipInfo], unit: int) -> Iterator[NDArray[Any]]:
+    """Yield the samples of each part as whole numbers; a sample may begin in one part and end in the next."""
+    size = 1 << (unit - 1).bit_length()
+    left = b""
+    for entry in parts:
+        data = left + session.read(entry)
+        whole = len(data) - len(data) % unit
+        data, left = data[:whole], data[whole:]
+        if whole and size == unit:
+            yield np.frombuffer(data, f"<u{size}")
+        elif whole:
+            padded = np.zeros((whole // unit, size), np.uint8)
+            padded[:, :unit] = np.frombuffer(data, np.uint8).reshape(-1, unit)
+            yield padded.view(f"<u{size}")[:, 0]

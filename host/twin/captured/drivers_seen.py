@@ -1,0 +1,199 @@
+"""Let a robot's drivers see the edges of a capture, and return what they made of them.
+
+What was not recorded is assumed: the supplies at first, then the pins or switches for the robot's microsteps, then
+RESET, and ENABLE unless a channel shows it. All of them come a second before the capture, for drivers that take long to
+wake up.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from steptwin.controller.motion.axis_motion import PinEdges
+from steptwin.controller.node.pins import Pin, PinChange
+from steptwin.emulator.board.inputs import BoardInputs
+from steptwin.emulator.drivers.driver_bank import SUPPLIES, DriverBank
+from steptwin.emulator.drivers.driver_module import Module
+from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.record.captures import AxisSignals, ClockFit
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.captured.limits_read import LimitAnswer, answers, read_within
+from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
+from steptwin.host.twin.machine.evidence import axis_evidence, level_edges
+from steptwin.host.verify import AxisEvidence, Evidence
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+LEAD_COUNTS: Final = COUNTS_PER_SECOND
+_MODE_COUNTS: Final = 1000
+_RESET_COUNTS: Final = 3000
+_ENABLE_COUNTS: Final = 4000
+_TAIL_COUNTS: Final = COUNTS_PER_SECOND
+_WINDOW_COUNTS: Final = 10 * COUNTS_PER_SECOND
+"""Time whose edges the drivers see at once, which bounds the memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenEdges:
+    """The edges of one axis in counts of the plan's clock: those of STEP, of DIR, and of ENABLE if it was recorded."""
+
+    name: str
+    pins: PinEdges
+    enable: list[PinChange] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How the edges of a capture are read: by how much a time between two may be wrong, and for what.
+
+    Without `currents` nothing is known of the phases, which take most of the memory.
+    """
+
+    slack_counts: int
+    currents: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What the drivers made of a capture.
+
+    Attributes:
+        evidence: for the verifier; where the capture leaves open whether a limit was kept, it was.
+        limits: what can be said of each limit.
+        lasts_s: time that was looked at, from the drivers' power-up on.
+    """
+
+    evidence: Evidence
+    limits: tuple[LimitAnswer, ...]
+    lasts_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FittedDriver:
+    """The driver of one axis and the microsteps that its pins select."""
+
+    module: Module
+    microsteps: int
+
+    def read_within(self, slack_counts: int) -> "FittedDriver":
+        """Return the driver with limits that are so much wider."""
+        return replace(self, module=read_within(self.module, slack_counts))
+
+
+def drivers_of(robot: Robot, profile_name: str | None = None) -> list[FittedDriver]:
+    """Return the driver of each axis; raises InputError as `fitted_module`, or for drivers that do not exist."""
+    profile = driver_profile(robot.board, profile_name)
+    chosen = switched_microsteps(robot, profile, {})
+    return [
+        FittedDriver(fitted_module(robot.board_at(joint), profile, microsteps), microsteps)
+        for joint, microsteps in zip(robot.axes, chosen, strict=True)
+    ]
+
+
+def edges_in_counts(signals: Sequence[AxisSignals], clock: ClockFit) -> tuple[list[SeenEdges], int]:
+    """Return the edges of all axes in counts by the plan's clock, and the count at its t = 0."""
+    begin_s = float(clock.plan_s(np.zeros(1))[0])
+    start_counts = LEAD_COUNTS + round(max(-begin_s, 0.0) * COUNTS_PER_SECOND)
+
+    def counts(times_s: FloatArray) -> Int64Array:
+        return start_counts + np.rint(clock.plan_s(times_s) * COUNTS_PER_SECOND).astype(np.int64)
+
+    return [_seen(number, each, counts) for number, each in enumerate(signals)], start_counts
+
+
+def _seen(number: int, signals: AxisSignals, counts: Callable[[FloatArray], Int64Array]) -> SeenEdges:
+    rises = counts(signals.rises_s)
+    falls = np.maximum(counts(signals.falls_s), rises + 1)  # a pulse within a sample is no shorter than a count
+    clk = np.column_stack([rises, falls]).ravel()
+    edges = counts(signals.direction.times_s)
+    levels = (signals.direction.level + 1 + np.arange(edges.size)) & 1
+    direction = edges << 1 | levels
+    if signals.direction.level:
+        direction = np.concatenate(([_MODE_COUNTS << 1 | 1], direction))
+    enable = None
+    if signals.enable is not None:
+        changed = zip(counts(signals.enable.times_s).tolist(), range(1, signals.enable.times_s.size + 1), strict=True)
+        first = [PinChange(_ENABLE_COUNTS, number, Pin.ENABLE, 1)] if signals.enable.level else []
+        level = signals.enable.level
+        enable = first + [PinChange(at, number, Pin.ENABLE, (level + n) & 1) for at, n in changed]
+    return SeenEdges(signals.name, PinEdges(clk, direction), enable)
+
+
+def see(
+    drivers: Sequence[FittedDriver],
+    edges: Sequence[SeenEdges],
+    start_counts: int,
+    starts: Sequence[int],
+    reading: Reading,
+) -> Seen:
+    """Let the drivers see the edges.
+
+    Args:
+        drivers: the driver of each axis.
+        edges: the edges of each axis.
+        start_counts: the count at the plan's t = 0.
+        starts: each axis' count before the first edge.
+        reading: how the edges are read.
+    """
+    slack_counts, no_edges = reading.slack_counts, [SeenEdges(each.name, PinEdges([], []), []) for each in edges]
+    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), edges, starts)]
+    own = [axis.violations.limits for axis in _fed(drivers, no_edges, starts)]
+    wide = _fed(_read(drivers, slack_counts), edges, starts, currents=reading.currents)
+    limits = [
+        answer
+        for axis, figures, perhaps in zip(wide, own, narrow, strict=True)
+        for answer in answers(axis.name, figures, axis.violations, perhaps)
+    ]
+    axes = [
+        replace(axis, violations=replace(axis.violations, limits=figures))
+        for axis, figures in zip(wide, own, strict=True)
+    ]
+    lasts_s = max(axis.last_counts for axis in axes) / COUNTS_PER_SECOND
+    return Seen(Evidence(start_counts, tuple(axes)), tuple(limits), lasts_s)
+
+
+def _read(drivers: Sequence[FittedDriver], slack_counts: int) -> list[FittedDriver]:
+    return [driver.read_within(slack_counts) for driver in drivers]
+
+
+def _fed(
+    drivers: Sequence[FittedDriver], edges: Sequence[SeenEdges], starts: Sequence[int], *, currents: bool = False
+) -> list[AxisEvidence]:
+    modules = [driver.module for driver in drivers]
+    inputs = BoardInputs((), [0] * len(modules), (), min(module.chip.period_min_counts for module in modules))
+    bank = DriverBank(modules, inputs)
+    bank.supply(SUPPLIES, 0, 1)
+    changes = _pins(drivers, edges)
+    last_counts = max((int(each.pins.clk_counts[-1]) for each in edges if len(each.pins.clk_counts)), default=0)
+    until_counts = last_counts + _TAIL_COUNTS
+    for begin_counts in range(0, until_counts, _WINDOW_COUNTS):
+        end_counts = min(begin_counts + _WINDOW_COUNTS, until_counts)
+        while changes and changes[0].counts < end_counts:
+            bank.set_pin(changes.pop(0))
+        bank.show([_within(each.pins, begin_counts, end_counts) for each in edges], end_counts)
+    told = bank.pin_changes
+    return [
+        axis_evidence(each.name, start, bank.trace(axis, until_counts), level_edges(axis, told), currents=currents)
+        for axis, (each, start) in enumerate(zip(edges, starts, strict=True))
+    ]
+
+
+def _within(pins: PinEdges, begin_counts: int, end_counts: int) -> PinEdges:
+    """Return the pulses and DIR edges that begin in a window."""
+    clk, direction = np.asarray(pins.clk_counts, np.int64), np.asarray(pins.direction, np.int64)
+    first, last = (2 * np.searchsorted(clk[0::2], (begin_counts, end_counts))).tolist()
+    turned, turns = np.searchsorted(direction >> 1, (begin_counts, end_counts)).tolist()
+    return PinEdges(clk[first:last], direction[turned:turns])
+
+
+def _pins(drivers: Sequence[FittedDriver], edges: Sequence[SeenEdges]) -> list[PinChange]:
+    """Return the changes of all pins that are held at a level, in order of time."""
+    changes: list[PinChange] = []
+    for axis, (driver, each) in enumerate(zip(drivers, edges, strict=True)):
+        if driver.module.switches is None:
+            levels = driver.module.chip.modes.value.levels(driver.microsteps)
+            changes += (PinChange(_MODE_COUNTS, axis, Pin(name), level) for name, level in levels.items() if level)
+            changes.append(PinChange(_RESET_COUNTS, axis, Pin.RESET, 1))
+        changes += [PinChange(_ENABLE_COUNTS, axis, Pin.ENABLE, 1)] if each.enable is None else each.enable
+    return sorted(changes, key=lambda change: change.counts)

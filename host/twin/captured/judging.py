@@ -1,0 +1,295 @@
+"""Judge a capture of a real controller: beside a plan, or its edges alone.
+
+The plan's time is found in the capture, the drivers see the edges, and the verifier compares what they counted with the
+plan. The controller's step rule is its own, so it is held to `any_step_rule` instead of our firmware's. What a user may
+have wired wrongly is named.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import Any, Final
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.trajectory import Switching, Trajectory
+from steptwin.host.record.captures import AxisSignals, Capture, ChannelMap, ClockFit, fit_clock, wired
+from steptwin.host.record.captures.clock_fit import SeenSteps
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.captured.drivers_seen import Reading, Seen, drivers_of, edges_in_counts, see
+from steptwin.host.twin.captured.limits_read import Kept, LimitAnswer
+from steptwin.host.verify import (
+    BusReport,
+    Comparison,
+    Evidence,
+    Expectation,
+    Report,
+    RunInfo,
+    any_step_rule,
+    compare,
+    verify_comparison,
+)
+from steptwin.host.verify.oracle import ideal_steps
+from steptwin.host.verify.pulses import pulse_facts
+from steptwin.protocol.timer import COUNTS_PER_SECOND
+
+CLOCK_PPM: Final = 200.0
+"""Ratio of the clocks up to which two crystals explain it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaptureJudge:
+    """How a capture is read and what it is held to.
+
+    Attributes:
+        maps: the channels of each axis; empty: the channels' names tell it.
+        glitch_s: two edges of a channel that are closer are dropped.
+        tolerance_steps: largest distance of a count from the plan.
+        clock_ppm: largest difference of the two clocks.
+        driver_profile: drivers other than the robot file's.
+        currents: compute the motors' currents too, which pictures show; they take most of the memory.
+    """
+
+    maps: Sequence[str] = ()
+    glitch_s: float = 0.0
+    tolerance_steps: float = 1.0
+    clock_ppm: float = CLOCK_PPM
+    driver_profile: str | None = None
+    currents: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OutputsLeftOut:
+    """A motion whose outputs nobody has recorded; implements Trajectory."""
+
+    motion: Trajectory
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The motion's joints."""
+        return self.motion.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """The motion's duration."""
+        return self.motion.duration_s
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The motion's breakpoints."""
+        return self.motion.breakpoints_s
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """None."""
+        return ()
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return the motion's positions."""
+        return self.motion.positions(t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return the motion's velocities."""
+        return self.motion.velocities(t_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CapturedRun:
+    """A capture beside its plan.
+
+    Attributes:
+        capture: the capture without its channels.
+        wiring: which channels each axis has.
+        signals: their signals.
+        clock: the plan's time in it.
+        seen: what the drivers made of it.
+        comparison: their counts beside the plan.
+        report: the verifier's report.
+        judge: what it was held to.
+    """
+
+    capture: Capture
+    wiring: tuple[ChannelMap, ...]
+    signals: tuple[AxisSignals, ...]
+    clock: ClockFit
+    seen: Seen
+    comparison: Comparison
+    report: Report
+    judge: CaptureJudge
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One line for each reason why it fails: what is wired wrongly first, then the clock, then the verifier's."""
+        return (*self._wired_wrongly(), *self._clock_reasons(), *self.report.reasons)
+
+    @property
+    def passed(self) -> bool:
+        """True if the controller did what was planned."""
+        return not self.reasons
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What may be looked at, though it fails nothing."""
+        found = [
+            f"{each.name}: {each.suspicious} pulses of STEP are far shorter than most: glitches of the probe? "
+            "--glitch 1us drops them"
+            for each in self.signals
+            if each.suspicious
+        ]
+        unknown = {answer.limit.rule for answer in self.seen.limits if answer.kept is Kept.UNKNOWN}
+        if unknown:
+            rate = f"{self.capture.rate_hz or 0.0:g} Hz"
+            found.append(f"at {rate} it cannot be told whether {', '.join(sorted(unknown))} was kept: sample faster")
+        return tuple(found)
+
+    def _wired_wrongly(self) -> list[str]:
+        names = [each.name for each in self.signals]
+        if not self.clock.found:
+            return ["the plan is not in the capture: no offset shows even a third of its steps"]
+        lines = [
+            f"{names[i]} looks like the plan's {names[j]}, and {names[j]} like its {names[i]}: swap their channels"
+            for i, j in self.clock.swapped
+        ]
+        swapped = {i for pair in self.clock.swapped for i in pair}
+        for i in self.clock.inverted:
+            if i not in swapped:
+                direction = self.wiring[i].direction
+                other = direction.removeprefix("!") if direction.startswith("!") else f"!{direction}"
+                lines.append(f"{names[i]} turns the other way: map its DIR as {other}")
+        return lines
+
+    def _clock_reasons(self) -> list[str]:
+        if not self.clock.found or abs(self.clock.ppm) <= self.judge.clock_ppm:
+            return []
+        return [f"the clocks differ by {self.clock.ppm:+.1f} ppm (limit {self.judge.clock_ppm:g})"]
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """The pins that were not recorded."""
+        without = [each.name for each in self.signals if each.enable is None]
+        return ("supplies", "microsteps", "RESET", *(f"{name}.ENABLE" for name in without))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as `steptwin verify --capture --json` prints it."""
+        document = self.report.to_dict()
+        document |= {"passed": self.passed, "reasons": list(self.reasons), "simulated": False}
+        document["capture"] = {
+            **_facts(self.capture, self.wiring, self.signals, self.seen),
+            "tolerance_steps": self.judge.tolerance_steps,
+            "reasons": [*self._wired_wrongly(), *self._clock_reasons()],
+            "clock": {
+                "found": self.clock.found,
+                "offset_s": self.clock.offset_s,
+                "offset_uncertainty_s": _finite(self.clock.offset_uncertainty_s),
+                "ppm": self.clock.ppm,
+                "ppm_uncertainty": _finite(1e6 * self.clock.ratio_uncertainty),
+                "pairs": self.clock.pairs,
+            },
+            "assumed": list(self.assumed),
+            "hints": list(self.hints),
+        }
+        return document
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _facts(
+    capture: Capture, wiring: Sequence[ChannelMap], signals: Sequence[AxisSignals], seen: Seen
+) -> dict[str, Any]:
+    return {
+        "kind": capture.kind,
+        "duration_s": capture.duration_s,
+        "rate_hz": capture.rate_hz,
+        "map": [str(each) for each in wiring],
+        "glitches": {each.name: each.glitches for each in signals},
+        "limits": [answer.to_dict() for answer in seen.limits],
+    }
+
+
+def judge_capture(
+    capture: Capture, robot: Robot, job: str, motion: Trajectory, judge: CaptureJudge, wall_s: float = 0.0
+) -> CapturedRun:
+    """Judge a capture beside the motion that the controller should have made.
+
+    Raises:
+        InputError: channels are missing, the drivers do not exist, or the sampling rate is not told.
+    """
+    signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
+    capture = replace(capture, channels=())  # the signals have what is needed, and captures are long
+    motion = OutputsLeftOut(motion)
+    expected = Expectation.of(robot, motion)
+    planned = [expected.axis_position(axis, np.zeros(1))[0] for axis in range(len(robot.axis_names))]
+    at_zero = tuple(round(float(position)) for position in planned)
+    ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, at_zero)
+    moved = [SeenSteps(each.rises_s, each.signs_at(each.rises_s)) for each in signals]
+    clock = fit_clock(ideal, moved)
+    before = [int(steps.signs[steps.time_s < clock.offset_s].sum()) for steps in moved]
+    starts = [zero - made for zero, made in zip(at_zero, before, strict=True)]
+    edges, start_counts = edges_in_counts(signals, clock)
+    reading = Reading(slack_counts(capture), currents=judge.currents or any(each.enable for each in signals))
+    seen = see(drivers_of(robot, judge.driver_profile), edges, start_counts, starts, reading)
+    comparison = compare(expected, seen.evidence, any_step_rule(judge.tolerance_steps))
+    run = RunInfo(robot.name, job, motion.duration_s, BusReport(0, 0, 0.0), seen.lasts_s, wall_s)
+    return CapturedRun(capture, wiring, signals, clock, seen, comparison, verify_comparison(comparison, run), judge)
+
+
+def slack_counts(capture: Capture) -> int:
+    """Return by how much a time between two edges may be read wrong: a sample, and a count for rounding."""
+    return ceil(capture.resolution_s * COUNTS_PER_SECOND) + 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AloneRun:
+    """A capture without a plan: what each axis did, and what can be said of its driver's limits."""
+
+    capture: Capture
+    wiring: tuple[ChannelMap, ...]
+    signals: tuple[AxisSignals, ...]
+    seen: Seen
+
+    @property
+    def passed(self) -> bool:
+        """True if no limit was broken."""
+        return not any(answer.kept is Kept.BROKEN for answer in self.seen.limits)
+
+    @property
+    def evidence(self) -> Evidence:
+        """The drivers' counts."""
+        return self.seen.evidence
+
+    @property
+    def limits(self) -> tuple[LimitAnswer, ...]:
+        """What can be said of each limit."""
+        return self.seen.limits
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer for JSON."""
+        axes = []
+        for axis in self.evidence.axes:
+            facts = pulse_facts(axis)
+            axes.append(
+                {
+                    "name": axis.name,
+                    "pulses": facts.pulses,
+                    "steps": int(axis.step_signs.sum()),
+                    "reversals": facts.reversals,
+                    "peak_rate_hz": facts.peak_rate_hz,
+                    "clk_high_us_min": facts.clk_high_us_min,
+                    "clk_low_us_min": facts.clk_low_us_min,
+                }
+            )
+        captured = _facts(self.capture, self.wiring, self.signals, self.seen)
+        return {"passed": self.passed, "simulated": False, "axes": axes, "capture": captured}
+
+
+def judge_alone(capture: Capture, robot: Robot, judge: CaptureJudge) -> AloneRun:
+    """Tell what a capture shows of a robot's axes without a plan; raises InputError as `judge_capture` does."""
+    signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
+    clock = ClockFit(0.0, 1.0, 0.0, 0.0, 0)
+    edges, start_counts = edges_in_counts(signals, clock)
+    drivers = drivers_of(robot, judge.driver_profile)
+    seen = see(drivers, edges, start_counts, [0] * len(edges), Reading(slack_counts(capture)))
+    return AloneRun(capture, wiring, signals, seen)
