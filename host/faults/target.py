@@ -97,6 +97,11 @@ def _lag_full_steps(board: Board, axis: int) -> float:
     return motion.axes[axis].counter_steps / motion.axes[axis].config.microsteps - position
 
 
+def _firmwares_microsteps(board: Board, axis: int) -> int:
+    """Return the microsteps that the firmware counts by; of another firmware only its driver's are known."""
+    return board.firmware.motion.axes[axis].config.microsteps if board.runs_own else board.driver_microsteps(axis)
+
+
 class Places:
     """Where each axis of a machine is: the number of its board, and its own number there."""
 
@@ -225,7 +230,7 @@ class Target:
             Microsteps(
                 joint.name,
                 board.driver_microsteps(axis),
-                board.firmware.motion.axes[axis].config.microsteps,
+                _firmwares_microsteps(board, axis),
                 joint.transmission.microsteps,
             )
             for joint, (board, axis) in zip(self.robot.axes, self.axes, strict=True)

@@ -190,9 +190,9 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
 
 
 def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKeywords":
-    """Return a machine's options; the path of a scenario among them counts from pytest's root directory."""
-    scenario = machine.get("scenario")
-    placed = {"scenario": config.rootpath / scenario} if isinstance(scenario, str) else {}
+    """Return a machine's options; the paths of scenario and firmware count from pytest's root directory."""
+    paths = {name: machine.get(name) for name in ("scenario", "firmware")}
+    placed = {name: config.rootpath / path for name, path in paths.items() if isinstance(path, str)}
     return cast("MachineKeywords", {**machine, **placed})
 
 

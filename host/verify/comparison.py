@@ -218,7 +218,9 @@ def compare(expected: Expectation, evidence: Evidence, gates: Gates = OWN_FIRMWA
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, starts)
     pairs = enumerate(zip(ideal, counted, strict=True))
     matchings = tuple(
-        match_steps(*pair) if gates.step_rule else match_any_rule(*pair, partial(expected.axis_position, axis))
+        match_steps(*pair)
+        if gates.step_rule
+        else match_any_rule(*pair, partial(expected.axis_position, axis), gates.position_error_steps)
         for axis, pair in pairs
     )
     return Comparison(expected, evidence, ideal, counted, matchings, gates)

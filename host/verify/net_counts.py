@@ -28,14 +28,25 @@ PositionAt = Callable[[FloatArray], FloatArray]
 _SAME_STEP: Final = 1.0
 """Distance from its threshold up to which a step can be the one of that crossing, whatever its rule."""
 
+_LATE_STEPS: Final = 2.0
+"""Tolerance from which on a step may be nearer to the crossing after its own, or before it."""
+
 _ONE_RULE: Final = 0.75
 """Largest difference between two steps' distances from their thresholds, in one direction, that one rule explains; a
 step too many or too few changes it by 1.
 """
 
 
-def match_any_rule(ideal: IdealSteps, counted: CountedSteps, position_at: PositionAt) -> Matching:
+def match_any_rule(
+    ideal: IdealSteps, counted: CountedSteps, position_at: PositionAt, tolerance_steps: float = _SAME_STEP
+) -> Matching:
     """Pair one axis' ideal crossings with its steps, made by any rule; count what is missing or too many.
+
+    Args:
+        ideal: the crossings.
+        counted: the steps.
+        position_at: the planned motion.
+        tolerance_steps: by how much the controller may be late or early.
 
     Returns:
         The pairs. `unmatched` is the sum over the runs of the steps missing or too many, and `grazing` the number of
@@ -55,14 +66,24 @@ def match_any_rule(ideal: IdealSteps, counted: CountedSteps, position_at: Positi
     moves = np.concatenate([-ideal.signs[missing], counted.signs[extra]])
     runs = _runs(ideal, time_s)
     grazing = _near_an_end(time_s, ideal, position_at, min(off_steps, 1.0) + 2 * THRESHOLD_TOLERANCE_STEPS)
-    left = np.zeros(int(runs.max(initial=0)) + 1, np.int64)
-    np.add.at(left, runs[~grazing], moves[~grazing])
+    left = _net_moves(runs, moves, ~grazing)
+    if tolerance_steps >= _LATE_STEPS:  # pairs tell little then: the run's net count does, but for one step of its rule
+        net = _net_moves(runs, moves, np.ones_like(grazing))
+        by_rule = np.sign(_net_moves(runs, moves, grazing))
+        left = np.where(by_rule == np.sign(net), net - by_rule, net)
     return replace(
         matching,
         unmatched=int(np.abs(left).sum()),
         grazing=int(np.count_nonzero(grazing)),
         off_steps=off_steps,
     )
+
+
+def _net_moves(runs: NDArray[np.int64], moves: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the sum of the chosen moves in each run."""
+    left = np.zeros(int(runs.max(initial=0)) + 1, np.int64)
+    np.add.at(left, runs[chosen], moves[chosen])
+    return left
 
 
 def _shifted(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> IdealSteps:

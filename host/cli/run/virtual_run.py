@@ -65,7 +65,7 @@ class VirtualRunOptions:
         " the switches follow them (docs/motors.md).",
         rich_help_panel=MACHINE_PANEL,
     )
-    machine: Annotated[MachineOptions, Without(("motors", "bitrate"))]
+    machine: Annotated[MachineOptions, Without(("motors", "bitrate", "firmware"))]
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, with a live board."""

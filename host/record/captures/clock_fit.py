@@ -11,13 +11,15 @@ Steps of another rule are all early or late by a part of a step, which looks lik
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
-from steptwin.host.verify.oracle import IdealSteps
+from steptwin.host.verify import Evidence, Expectation
+from steptwin.host.verify.oracle import IdealSteps, ideal_steps
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _BIN_S: Final = 1e-3
 _PPM_SEARCHED: Final = 3000e-6
@@ -98,6 +100,19 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
     turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
     pairs = [(ideal[i], turned[i]) for i in moving]
     return _fitted(pairs, _best_offset(pairs, coarse_s), inverted, _swapped(likeness, moving))
+
+
+def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:
+    """Return evidence whose t = 0 is where its steps show the plan, for a controller that tells nobody when it begins.
+
+    Its clock is the evidence's. Where the plan is not found, its first step stands for the plan's first.
+    """
+    zeros = tuple(round(float(expected.axis_position(axis, np.zeros(1))[0])) for axis in range(len(evidence.axes)))
+    ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, zeros)
+    clock = fit_clock(
+        ideal, [SeenSteps(axis.step_counts / COUNTS_PER_SECOND, axis.step_signs) for axis in evidence.axes]
+    )
+    return replace(evidence, start_counts=max(round(clock.offset_s * COUNTS_PER_SECOND), 0))
 
 
 def _coarse(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> tuple[float | None, FloatArray]:

@@ -59,7 +59,7 @@ class EmbeddedBoard:
         schedule = tuple(schedule)
         for each in schedule:
             check_motors(each.operation, turning=options.motors)
-        self.robot = robot
+        self.robot, self.options = robot, options
         parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
         self.driver_profile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)

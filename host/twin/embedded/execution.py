@@ -66,12 +66,14 @@ def execute(
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
             drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done, or the
-            boards have not as many axes as the robot, or a crystal is too far off.
+            boards have not as many axes as the robot, or a crystal is too far off, or the boards run other firmware.
         DeviceFaultError, BusError: the board could not be set up, or no motion began: with a scenario, a
             `NotBegunError` as well, which has its report. A fault in motion is part of the outcome instead.
     """
     robot = plan.robot
     options = MachineOptions(**machine)
+    if options.firmware is not None:
+        raise InputError(f"firmware={options.firmware}: a run's host speaks to StepTwin's firmware only")
     if options.stand_at is None:
         options = replace(options, stand_at=plan.start_joints)
     else:

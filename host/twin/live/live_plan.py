@@ -28,6 +28,7 @@ from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
 
 NO_MOTION: Final = "no trajectory was run; a jog, a move or a homing has no plan"
+OTHER_FIRMWARE: Final = "the board runs another firmware than StepTwin's, whose plan nobody knows"
 HALTED: Final = "it was halted on its way, each board by a ramp of its own"
 ENDED_ELSEWHERE: Final = "it has not come to the end of its records"
 _APART: Final = "the axes' records do not last equally long"
@@ -159,12 +160,17 @@ class LivePlan(ReceivedPlan):
             steps * UNITS_PER_FULL_STEP // joint.transmission.microsteps
             for joint, steps in zip(machine.robot.axes, machine.start_steps, strict=True)
         ]
-        self._rest_units = self._demands_units()
+        self._rest_units = [0] * len(machine.axes)
         """Position of each axis at the last SYNC, as the firmware counts."""
         self._queued = [0] * len(machine.axes)
         """Number of records in each axis' queue at that SYNC."""
         self._offset_units = [0] * len(machine.axes)
         """Difference from the firmware's positions to those of the machine at that SYNC."""
+        self._follows = all(board.runs_own for board, _ in machine.axes)
+        if not self._follows:
+            self._lacking = OTHER_FIRMWARE
+            return
+        self._rest_units = self._demands_units()
         for joint, (board, axis) in enumerate(machine.axes):
             board.own.on_record(board, axis, partial(self.accept, joint))
 
@@ -173,6 +179,8 @@ class LivePlan(ReceivedPlan):
 
         The drivers know the position to a step; for an axis with records the firmware adds the part of a step.
         """
+        if not self._follows:
+            return
         self._rest_units = self._demands_units()
         self._queued = [board.firmware.motion.axes[axis].queued for board, axis in self._machine.axes]
         for joint, (board, axis) in enumerate(self._machine.axes):
@@ -182,6 +190,8 @@ class LivePlan(ReceivedPlan):
 
     def begin_at_sync(self) -> None:
         """Begin a plan: the last SYNC has started a motion."""
+        if not self._follows:
+            return
         self.begin(self._on_machine(self._rest_units), self._queued)
         for joint, (board, axis) in enumerate(self._machine.axes):
             config, name = board.firmware.motion.axes[axis].config, self._machine.robot.axis_names[joint]

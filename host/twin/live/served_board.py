@@ -11,7 +11,8 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN
-from steptwin.host.common.errors import BusError, InputError
+from steptwin.emulator.native.process import FirmwareError
+from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.control_port import ControlPort
@@ -144,6 +145,7 @@ class ServedBoard:
 
         Raises:
             BusError: the bus of python-can has failed, which ends the board too.
+            DeviceFaultError: a firmware of the user's own has crashed, hangs or has broken its interface.
             RecordingError: a file could not be written, so its recording is incomplete.
         """
         with self._loop:
@@ -153,6 +155,8 @@ class ServedBoard:
                     self.control.attach(self._loop, self.board)
                 self.call_every(self.board.record_every_s, self.board.record_next)
                 self._loop.run()
+            except FirmwareError as error:
+                raise DeviceFaultError(str(error)) from error
             finally:
                 self.endpoint.close()
                 if self.control:

@@ -8,6 +8,7 @@ robot's steps. `steptwin run` begins with a new board instead, which has its fac
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.board.drifting_board import make_board
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX
+from steptwin.emulator.native.native_firmware import NativeProgram
 from steptwin.emulator.world.switches import WEIGHT_ONE, Switch, Travel
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.setting_up import axis_settings
@@ -208,7 +210,12 @@ def commissioned_flash(robot: Robot, joints: Sequence[Joint]) -> list[FlashPage]
 
 
 def make_boards(
-    robot: Robot, configs: Sequence[BoardConfig], kernel: Kernel, *, commissioned: bool = True
+    robot: Robot,
+    configs: Sequence[BoardConfig],
+    kernel: Kernel,
+    *,
+    commissioned: bool = True,
+    firmware: Path | None = None,
 ) -> list[Board]:
     """Make boards without power, in the order of the joints.
 
@@ -217,7 +224,10 @@ def make_boards(
         configs: hardware of each board, from `board_configs`.
         kernel: form of the firmware's kernel.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
+        firmware: a user's library, which each board runs instead of our firmware.
     """
+    if firmware is not None:
+        return [make_board(config, kernel, program=NativeProgram(firmware)) for config in configs]
     if not commissioned:
         return [make_board(config, kernel) for config in configs]
     firsts = [config.first_node_id - FIRST_NODE_ID for config in configs]

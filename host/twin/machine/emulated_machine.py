@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from steptwin.controller.motion.backend import Kernel
@@ -12,8 +13,10 @@ from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
+from steptwin.emulator.native.process import FirmwareError
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring
+from steptwin.host.common.errors import InputError
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import Target
@@ -82,6 +85,8 @@ class MachineParts:
                 switches, or the shelf has no such place, or the robot's file does not describe its motors and masses,
                 or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it.
         """
+        options.check_firmware()
+        firmware = None if options.firmware is None else Path(options.firmware)
         joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
         drivers = driver_profile(robot.board, profile)
         configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
@@ -94,7 +99,7 @@ class MachineParts:
             drivers,
             standing_steps(robot, joints),
             commissioned,
-            make_boards(robot, configs, kernel, commissioned=commissioned),
+            make_boards(robot, configs, kernel, commissioned=commissioned, firmware=firmware),
             shelf,
             {} if shelf is None else dict(shelf.shelf.stock),
             motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
@@ -162,7 +167,10 @@ class EmulatedMachine(Target):
         robot, options = parts.robot, parts.options
         self.parts = parts
         self.bus = Bus(options.bits_per_s(robot), log)
-        simulation = Simulation(parts.boards, self.bus, schedule, parts.shelf, parts.motors)
+        try:
+            simulation = Simulation(parts.boards, self.bus, schedule, parts.shelf, parts.motors)
+        except FirmwareError as error:
+            raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)
         self.operations = OperationLog(self, operations_max)
         self.host = HostCondition()

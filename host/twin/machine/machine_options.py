@@ -103,6 +103,7 @@ class MachineKeywords(TypedDict, total=False):
     axes_per_board: Sequence[int] | None
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
+    firmware: Path | str | None
 
 
 _STANDING = Spelling(
@@ -181,6 +182,12 @@ _BITRATE = Spelling(
     says="Bit rate of the bus; by default the robot file's.",
     read=_bits_per_s,
 )
+_FIRMWARE = Spelling(
+    option="--firmware",
+    value="FILE",
+    example='"build/fw.so"',
+    says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +209,7 @@ class MachineOptions:
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
+    firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
 
     @property
     def keywords(self) -> MachineKeywords:
@@ -258,6 +266,15 @@ class MachineOptions:
         check_axes_per_board(per_board, len(robot.axes))
         check_crystals(self.crystals_ppm, len(per_board), motors=self.motors)
         return per_board
+
+    def check_firmware(self) -> None:
+        """Raise InputError if the firmware is no file, or a scenario is asked for: its reactions are our firmware's."""
+        if self.firmware is None:
+            return
+        if not Path(self.firmware).is_file():
+            raise InputError(f"firmware={self.firmware}: is no file")
+        if self.scenario is not None:
+            raise InputError(f"firmware={self.firmware}: a scenario is judged by the reactions of StepTwin's firmware")
 
     def scenario_for(self, robot: "Robot") -> "Scenario | None":
         """Return the scenario, read for a robot if it is in a file; raise InputError for what is wrong in it."""
