@@ -28,7 +28,12 @@ _LEAST_LIKENESS: Final = 0.3
 """Part of the plan's steps that the best offset must find."""
 _AS_MUCH: Final = 0.2
 """Difference in likeness up to which an axis moves as a plan says."""
-_WINDOW_S: Final = 2.0
+_RATIOS_TRIED: Final = 12
+_PPM_TRIED: Final = 400e-6
+"""Ratios to either side of 1, and how far they go, that are tried where steps are lost on every axis."""
+_STEPS_TRIED: Final = 250
+"""Steps of an axis with which each offset and ratio is tried."""
+_WINDOW_S: Final = 1.0
 """Part of the motion that is fitted first; it is doubled until the whole motion is."""
 _NEAR_STEPS: Final = 0.3
 """Distance, in steps, up to which two steps are paired while offsets are tried."""
@@ -99,7 +104,7 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
     inverted = tuple(i for i in moving if likeness[i, i] < 0.0)
     turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
     pairs = [(ideal[i], turned[i]) for i in moving]
-    return _fitted(pairs, _best_offset(pairs, coarse_s), inverted, _swapped(likeness, moving))
+    return _fitted(pairs, _begun(pairs, coarse_s), inverted, _swapped(likeness, moving))
 
 
 def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:
@@ -138,7 +143,7 @@ def _coarse(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> tuple[flo
         likeness[:, j] = [np.fft.irfft(np.conj(plans[j]) * each, size)[best] / power[j] for each in seens]
     if np.abs(likeness).max(axis=0)[power > 0.0].mean() < _LEAST_LIKENESS:
         return None, likeness
-    coarse_s = (best if best < size // 2 else best - size) * bin_s
+    coarse_s = (best if best <= end_s / bin_s + 1 else best - size) * bin_s
     return (coarse_s if bin_s == _BIN_S else _finer(ideal, seen, coarse_s, 1.5 * bin_s)), likeness
 
 
@@ -173,10 +178,8 @@ def _swapped(likeness: FloatArray, moving: Sequence[int]) -> tuple[tuple[int, in
 _Pairs = Sequence[tuple[IdealSteps, SeenSteps]]
 
 
-def _best_offset(pairs: _Pairs, coarse_s: float) -> float:
-    """Return the offset near the coarse one at which most steps of the motion's beginning are near a planned one."""
-    begin_s = min(float(plan.time_s[0]) for plan, _ in pairs)
-    until_s = begin_s + _WINDOW_S
+def _begun(pairs: _Pairs, coarse_s: float) -> tuple[float, float]:
+    """Return offset and ratio, near the coarse offset, at which most of the first steps are near planned ones."""
     shifts = [_same_steps(plan, seen, coarse_s) for plan, seen in pairs]
     late = [
         float(seen.time_s[shift] - plan.time_s[0])
@@ -184,25 +187,31 @@ def _best_offset(pairs: _Pairs, coarse_s: float) -> float:
         if shift is not None
     ]
     if late:
-        return float(np.median(late))
-    fastest = max(float(plan.speeds_hz.max()) for plan, _ in pairs)
-    reach_s = 2.0 * _BIN_S
-    step_s = 0.2 / fastest
-    tried = coarse_s + np.arange(-reach_s, reach_s + step_s, step_s)
-    near = [_near(pairs, float(offset_s), until_s) for offset_s in tried]
-    return float(tried[int(np.argmax(near))])
+        return float(np.median(late)), 1.0
+    begin_s = min(float(plan.time_s[0]) for plan, _ in pairs)
+    until_s = begin_s + _WINDOW_S
+    fastest_hz = max(
+        float(plan.speeds_hz[: np.searchsorted(plan.time_s, until_s)].max(initial=1.0)) for plan, _ in pairs
+    )
+    reach_s, off_s = 2.0 * _BIN_S, 0.2 / fastest_hz
+    offsets_s = coarse_s + np.arange(-reach_s, reach_s + off_s, off_s)
+    ratios = 1.0 + np.arange(-_RATIOS_TRIED, _RATIOS_TRIED + 1) * min(_PPM_TRIED / _RATIOS_TRIED, off_s / _WINDOW_S)
+    tried = [(float(offset_s), float(ratio)) for ratio in ratios for offset_s in offsets_s]
+    return max(tried, key=lambda each: _near(pairs, each[0], each[1], until_s))
 
 
-def _near(pairs: _Pairs, offset_s: float, until_s: float) -> int:
-    """Return how many steps up to an instant of the plan have a planned one near, at an offset."""
+def _near(pairs: _Pairs, offset_s: float, ratio: float, until_s: float) -> int:
+    """Return how many steps up to an instant of the plan have a planned one near, at an offset and a ratio."""
     count = 0
     for plan, seen in pairs:
         planned = slice(0, int(np.searchsorted(plan.time_s, until_s)))
-        first, last = np.searchsorted(seen.time_s, [offset_s, offset_s + until_s])
+        first, last = np.searchsorted(seen.time_s, [offset_s, offset_s + until_s * ratio])
         if planned.stop and last > first:
-            at = _nearest(plan.time_s[planned], seen.time_s[first:last] - offset_s)
-            off = np.abs(seen.time_s[first:last] - offset_s - plan.time_s[at]) * plan.speeds_hz[at]
-            count += int(np.count_nonzero((off < _NEAR_STEPS) & (seen.signs[first:last] == plan.signs[at])))
+            some = slice(first, last, -(-(last - first) // _STEPS_TRIED))
+            guess_s = (seen.time_s[some] - offset_s) / ratio
+            at = _nearest(plan.time_s[planned], guess_s)
+            off = np.abs(guess_s - plan.time_s[at]) * plan.speeds_hz[at]
+            count += int(np.count_nonzero((off < _NEAR_STEPS) & (seen.signs[some] == plan.signs[at])))
     return count
 
 
@@ -226,11 +235,11 @@ def _same_steps(plan: IdealSteps, seen: SeenSteps, offset_s: float) -> int | Non
 
 
 def _fitted(
-    pairs: _Pairs, offset_s: float, inverted: tuple[int, ...], swapped: tuple[tuple[int, int], ...]
+    pairs: _Pairs, begun: tuple[float, float], inverted: tuple[int, ...], swapped: tuple[tuple[int, int], ...]
 ) -> ClockFit:
     end_s = max(float(plan.time_s[-1]) for plan, _ in pairs)
     begin_s = min(float(plan.time_s[0]) for plan, _ in pairs)
-    ratio, until_s = 1.0, begin_s + _WINDOW_S
+    (offset_s, ratio), until_s = begun, begin_s + _WINDOW_S
     while True:
         for _ in range(_PAIRINGS):
             before = offset_s, ratio

@@ -29,7 +29,7 @@ def boxes(capsys: pytest.CaptureFixture[str], command: str) -> dict[str, set[str
 
 @pytest.mark.parametrize(
     ("command", "without"),
-    [("run", {"--bitrate"}), ("serve", set()), ("replay", {"--faults", "--motors"})],
+    [("run", {"--bitrate", "--firmware"}), ("serve", set()), ("replay", {"--faults", "--motors", "--firmware"})],
 )
 def test_commands_show_them_in_a_box(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
     """The --bitrate of `run` is that of a live board."""

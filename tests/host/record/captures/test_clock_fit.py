@@ -1,7 +1,7 @@
 """The plan's time in a capture is found for any clock and any beginning, with steps lost, doubled or before it."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.host.record.captures import fit_clock
@@ -23,6 +23,7 @@ def seen(plan: IdealSteps, offset_s: float, ppm: float, lost: list[int], before:
     return SeenSteps(np.concatenate([early_s, time_s]), signs)
 
 
+@example(offset_s=29.0, ppm=1.0, lost=[0], before=0)
 @given(
     offset_s=st.floats(0.0, 30.0),
     ppm=st.floats(-200.0, 200.0),
