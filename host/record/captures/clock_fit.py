@@ -195,23 +195,26 @@ def _begun(pairs: _Pairs, coarse_s: float) -> tuple[float, float]:
     )
     reach_s, off_s = 2.0 * _BIN_S, 0.2 / fastest_hz
     offsets_s = coarse_s + np.arange(-reach_s, reach_s + off_s, off_s)
-    ratios = 1.0 + np.arange(-_RATIOS_TRIED, _RATIOS_TRIED + 1) * min(_PPM_TRIED / _RATIOS_TRIED, off_s / _WINDOW_S)
-    tried = [(float(offset_s), float(ratio)) for ratio in ratios for offset_s in offsets_s]
-    return max(tried, key=lambda each: _near(pairs, each[0], each[1], until_s))
+    step = max(off_s / _WINDOW_S, _PPM_TRIED / _RATIOS_TRIED)
+    ratios = 1.0 + np.arange(-_PPM_TRIED, _PPM_TRIED + step, step)
+    near = np.array([_near(pairs, offsets_s, float(ratio), until_s) for ratio in ratios])
+    row, column = np.unravel_index(int(np.argmax(near)), near.shape)
+    return float(offsets_s[column]), float(ratios[row])
 
 
-def _near(pairs: _Pairs, offset_s: float, ratio: float, until_s: float) -> int:
-    """Return how many steps up to an instant of the plan have a planned one near, at an offset and a ratio."""
-    count = 0
+def _near(pairs: _Pairs, offsets_s: FloatArray, ratio: float, until_s: float) -> Int64Array:
+    """Return, for each of n offsets, how many steps up to an instant of the plan have a planned one near."""
+    count = np.zeros(offsets_s.size, np.int64)
     for plan, seen in pairs:
         planned = slice(0, int(np.searchsorted(plan.time_s, until_s)))
-        first, last = np.searchsorted(seen.time_s, [offset_s, offset_s + until_s * ratio])
+        first, last = np.searchsorted(seen.time_s, [offsets_s[0], offsets_s[-1] + until_s * ratio])
         if planned.stop and last > first:
             some = slice(first, last, -(-(last - first) // _STEPS_TRIED))
-            guess_s = (seen.time_s[some] - offset_s) / ratio
+            guess_s = (seen.time_s[some] - offsets_s[:, np.newaxis]) / ratio
             at = _nearest(plan.time_s[planned], guess_s)
             off = np.abs(guess_s - plan.time_s[at]) * plan.speeds_hz[at]
-            count += int(np.count_nonzero((off < _NEAR_STEPS) & (seen.signs[some] == plan.signs[at])))
+            near = (off < _NEAR_STEPS) & (seen.signs[some] == plan.signs[at])
+            count += np.count_nonzero(near, axis=1)
     return count
 
 
