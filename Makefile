@@ -24,11 +24,10 @@ panel: $(VENV)/.installed-panel
 test test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
 test test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
-# Tests that start processes, a browser or servers: they wait as long as they compute.
-LIVE := tests/live tests/package tests/emulator/native tests/host/panel tests/host/client/test_live.py \
-	tests/host/client/test_socketcand_bus.py \
-	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py docs.py hostile_files.py \
-		interrupts.py machines_page.py programs.py readme.py)
+# Tests that start processes, a browser or servers wait as long as they compute; those of whole commands and studies
+# compute while these wait.
+LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
+	tests/end_to_end tests/host/cli tests/host/studies tests/emulator/native
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(LIVE:%=--ignore %)
