@@ -38,7 +38,7 @@ _WINDOW_S: Final = 1.0
 _NEAR_STEPS: Final = 0.3
 """Distance, in steps, up to which two steps are paired while offsets are tried."""
 _PAIRED_STEPS: Final = 0.75
-_PAIRS_MAX: Final = 100_000
+_PAIRS_MAX: Final = 8_000
 """Pairs of an axis that are fitted."""
 _ROUNDS: Final = 12
 _PAIRINGS: Final = 40
@@ -267,12 +267,16 @@ def _pairs_until(
             kept = _thinned(np.flatnonzero(fast & (plan.time_s <= until_s)))
             found.append((plan.time_s[kept], seen.time_s[shift + kept], plan.speeds_hz[kept]))
             continue
-        guess_s = (seen.time_s - offset_s) / ratio
+        first, last = np.searchsorted(seen.time_s, (offset_s - _BIN_S, offset_s + ratio * until_s + _BIN_S))
+        some = slice(first, last, -(-(last - first) // _PAIRS_MAX) or 1)
+        time_s, signs = seen.time_s[some], seen.signs[some]
+        guess_s = (time_s - offset_s) / ratio
         at = _nearest(plan.time_s, guess_s)
         off = np.abs(guess_s - plan.time_s[at]) * plan.speeds_hz[at]
-        near = (off < _PAIRED_STEPS) & fast[at] & (plan.time_s[at] <= until_s) & (seen.signs == plan.signs[at])
-        kept = _thinned(np.flatnonzero(near))
-        found.append((plan.time_s[at[kept]], seen.time_s[kept], plan.speeds_hz[at[kept]]))
+        kept = np.flatnonzero(
+            (off < _PAIRED_STEPS) & fast[at] & (plan.time_s[at] <= until_s) & (signs == plan.signs[at])
+        )
+        found.append((plan.time_s[at[kept]], time_s[kept], plan.speeds_hz[at[kept]]))
     planned, measured, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return planned, measured, weights
 

@@ -36,21 +36,24 @@ def seen_by(probes: Sequence[Probe], ppm: float = 0.0, before_s: float = 0.0) ->
     return [probe._replace(times_s=probe.times_s * (1.0 + ppm * 1e-6) + before_s) for probe in probes]
 
 
-def samples_of(probes: Sequence[Probe], rate_hz: float, tail_s: float = 0.01) -> Int64Array:
-    """Return the samples, shape (n,), probe k in bit k."""
-    end_s = max((float(probe.times_s[-1]) for probe in probes if probe.times_s.size), default=0.0) + tail_s
-    samples = np.zeros(int(end_s * rate_hz) + 2, np.int64)
-    for bit, probe in enumerate(probes):
-        changes = np.bincount(np.ceil(probe.times_s * rate_hz).astype(np.int64), minlength=samples.size)
-        samples |= ((probe.level + np.cumsum(changes)) & 1) << bit
-    return samples
+def runs_of(probes: Sequence[Probe], rate_hz: float, tail_s: float = 0.01) -> tuple[Int64Array, Int64Array]:
+    """Return the samples as runs of one value, probe k in bit k, and how long each lasts."""
+    at = [np.ceil(probe.times_s * rate_hz).astype(np.int64) for probe in probes]
+    bits = np.concatenate([np.full(each.size, 1 << bit) for bit, each in enumerate(at)])
+    instants = np.concatenate(at)
+    order = np.argsort(instants, kind="stable")
+    first = sum(probe.level << bit for bit, probe in enumerate(probes))
+    values = np.bitwise_xor.accumulate(np.concatenate(([first], bits[order])))
+    end = int(instants.max(initial=0) + tail_s * rate_hz) + 2
+    return values, np.diff(np.concatenate(([0], instants[order], [end])))
 
 
 def write_session(path: Path, probes: Sequence[Probe], rate_hz: float, part_bytes: int = 4 << 20) -> Path:
     """Write a session file of sigrok."""
     unit = -(-len(probes) // 8)
-    samples = samples_of(probes, rate_hz)
-    data = samples.astype("<i8").view(np.uint8).reshape(-1, 8)[:, :unit].tobytes()
+    values, lasts = runs_of(probes, rate_hz)
+    words = values.astype("<i8").view(np.uint8).reshape(-1, 8)[:, :unit]
+    data = np.repeat(np.ascontiguousarray(words).view(f"V{unit}"), lasts).tobytes()
     names = "".join(f"probe{number}={probe.name}\n" for number, probe in enumerate(probes, 1))
     head = f"[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\ntotal probes={len(probes)}\n"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as session:
