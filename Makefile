@@ -8,7 +8,7 @@ COMPILED := out/compiled
 LOWEST := out/lowest
 CAMPAIGN_OUT := out/campaign
 
-.PHONY: campaign demo panel test test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs panel-pictures clean
+.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -21,16 +21,22 @@ panel: $(VENV)/.installed-panel
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
 # Tests start some hundred processes: keep bytecode, even where the environment says not to, and a core for each.
-test test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
-test test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
+test test-commands test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
+test test-commands test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
-# Tests that start processes, a browser or servers wait as long as they compute; those of whole commands and studies
-# compute while these wait.
-LIVE := tests/live tests/package tests/host/panel tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
-	tests/end_to_end tests/host/cli tests/host/studies tests/emulator/native
+# Tests that start processes, a browser or servers: they wait as long as they compute.
+LIVE := tests/live tests/package tests/emulator/native tests/host/panel tests/host/client/test_live.py \
+	tests/host/client/test_socketcand_bus.py \
+	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py docs.py hostile_files.py \
+		interrupts.py machines_page.py programs.py readme.py)
+# Tests of whole commands and studies.
+WHOLE := tests/end_to_end tests/host/cli tests/host/studies
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(LIVE:%=--ignore %)
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE:%=--ignore %) $(LIVE:%=--ignore %)
+
+test-commands: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE) $(LIVE:%=--ignore %)
 
 # More workers than cores; each file by one of them, for what its tests share, and the longest files first.
 test-live: $(VENV)/.installed-dev
@@ -72,7 +78,7 @@ $(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
 		'.[fast,plot,m3,mcap,campaign,panel]' filelock hypothesis pytest pytest-xdist
 	@touch $@
 
-check: lint test test-live
+check: lint test test-commands test-live
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
