@@ -12,6 +12,8 @@ from steptwin.emulator.native import library
 
 HANGS_S: Final = 5.0
 """Wall time after which a call that has not returned is given up; each is for at most 0.1 s of the board's time."""
+_LOADS_S: Final = 60.0
+"""The same of the process' start, which takes long on a busy computer."""
 
 
 class FirmwareError(Exception):
@@ -36,7 +38,7 @@ class FirmwareProcess:
         self._requests, self._answers = self._process.stdin.fileno(), self._process.stdout.fileno()
         self.close = weakref.finalize(self, _end, self._process)
         """End the process; the flash is lost."""
-        unusable = self._answer("loading")
+        unusable = self._answer("loading", _LOADS_S)
         if unusable is not None:
             self.close()
             raise FirmwareError(f"{path}: {unusable}")
@@ -49,10 +51,10 @@ class FirmwareProcess:
             raise self._ended(name) from None
         return self._answer(name)
 
-    def _answer(self, name: str) -> Any:
-        if not select.select([self._answers], [], [], HANGS_S)[0]:
+    def _answer(self, name: str, within_s: float = HANGS_S) -> Any:
+        if not select.select([self._answers], [], [], within_s)[0]:
             self.close()
-            raise FirmwareError(f"{self._path}: {_C_NAMES[name]} has not returned for {HANGS_S:g} s: does it loop?")
+            raise FirmwareError(f"{self._path}: {_C_NAMES[name]} has not returned for {within_s:g} s: does it loop?")
         try:
             return library.read(self._answers)
         except EOFError:
