@@ -13,7 +13,7 @@ the turning about the station's axes in degrees per second.
 """
 
 from abc import ABC
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import ClassVar, Final
@@ -78,6 +78,10 @@ class Task(ABC):
     keys: ClassVar[tuple[str, ...]]
     key: ClassVar[str] = ""
     is_flat: ClassVar[bool] = True
+
+    def __reduce__(self) -> tuple[Callable[[str], "Task"], tuple[str]]:
+        """Be the same task in another process: tables have tasks as their keys."""
+        return _task_of, (self.name,)
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
         """Return the angles, of shape (...), by which poses of shape (..., width) are turned from planned ones."""
@@ -379,6 +383,10 @@ POSE: Final = PoseTask()
 
 TASKS: Final[dict[str, Task]] = {task.name: task for task in (SCARA, POSITION, DIRECTION_TASK, POSE, NO_TOOL)}
 """Every task by its name."""
+
+
+def _task_of(name: str) -> Task:
+    return TASKS[name]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

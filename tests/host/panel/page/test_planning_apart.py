@@ -12,7 +12,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.panel.page import motions
-from steptwin.host.panel.page.motions import plan_apart, plan_upload
+from steptwin.host.panel.page.motions import path_mm, plan_apart, plan_upload
 from steptwin.host.robots import load_robot
 from tests.end_to_end.pages import ROOT
 
@@ -42,6 +42,16 @@ def test_the_plan_and_its_errors_are_those_of_this_process() -> None:
     with pytest.raises(InputError) as told:
         asyncio.run(plan_apart(ROBOT, "long.csv", b"t,th1,th2,d3,th4\n0,0,0,0,0\n0.1,90,0,0,0\n", 1.0))
     assert (str(told.value), told.value.plain) == (str(told_here.value), told_here.value.plain)
+
+
+@pytest.mark.parametrize("name", ["ar4-mk3", "corexy-gantry", "turntable"])
+def test_what_is_planned_apart_has_a_path_here(name: str) -> None:
+    """The tool's task of another process is the one of this: of six axes nothing was shown."""
+    robot = load_robot(name)
+    program = (ROOT / "docs" / "programs" / f"{name}.toml").read_bytes()
+    apart, _ = asyncio.run(plan_apart(robot, f"{name}.toml", program, 1.0))
+    here, _ = plan_upload(robot, f"{name}.toml", program, 1.0)
+    assert np.array_equal(path_mm(apart), path_mm(here))
 
 
 def test_it_ends_with_the_task_that_waits_for_it() -> None:

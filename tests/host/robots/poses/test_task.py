@@ -1,5 +1,7 @@
 """The tasks of tools: what they can be told, and the shortest turn between two poses."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -186,3 +188,8 @@ def test_quaternions_go_on_without_a_jump() -> None:
     poses = np.array([POSE.changed(HERE[POSE], {}, Orientation("rotvec_deg", (0.0, 0.0, a))) for a in angles])
     poses[30:60, 3:] *= -1.0
     assert np.abs(np.diff(POSE.continued(poses), axis=0)).max() < 0.04
+
+
+@pytest.mark.parametrize("task", TASKS.values(), ids=list(TASKS))
+def test_a_task_is_itself_behind_a_pickle(task: Task) -> None:
+    assert pickle.loads(pickle.dumps(task)) is task
