@@ -56,12 +56,18 @@ def test_what_a_wheel_for_speed_compiles_exists() -> None:
 
 
 def test_the_wheel_has_every_module_of_the_checkout(wheel: Path) -> None:
-    modules = {path.relative_to(ROOT) for folder in OWN_PACKAGES for path in (ROOT / folder).rglob("*.py")}
+    packed = [folder for folder in OWN_PACKAGES if folder != "bench"]
+    modules = {path.relative_to(ROOT) for folder in packed for path in (ROOT / folder).rglob("*.py")}
     names = set(contents(wheel))
     assert {f"steptwin/{module.as_posix()}" for module in modules} <= names
     assert {"steptwin/__main__.py", "steptwin/py.typed", "steptwin/host/robots/papers/lab-scara.toml"} <= names
     assert "steptwin/host/studies/papers/lab.toml" in names
     assert {f"steptwin/emulator/kernel_c/{name}" for name in kernel_files()} <= names
+
+
+def test_the_wheel_has_no_benchmarks(wheel: Path) -> None:
+    """They measure a checkout; `steptwin bench`, which compares step methods, needs none of them."""
+    assert not [name for name in contents(wheel) if name.startswith("steptwin/bench")]
 
 
 def test_the_wheel_has_the_digest_of_the_checkout(wheel: Path, tmp_path: Path) -> None:

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, run_folder
 from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, option
-from steptwin.host.cli.output import progress_bar
+from steptwin.host.cli.output import progress_bar, say
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
@@ -171,6 +172,17 @@ class FinishedRun:
         print_faults(document)
         if self.motors is not None:
             print_motors(self.motors.verdict)
+        say_what_is_faster(document["wall_s"])
+
+
+_LONG_S: Final = 3.0
+"""Time of a run below which numba would win little."""
+
+
+def say_what_is_faster(wall_s: float) -> None:
+    """Print on stderr, after a run that took long, which extra would make it faster, if that is not installed."""
+    if wall_s > _LONG_S and not find_spec("numba"):
+        say("numba makes long runs about twice as fast (pip install 'steptwin[fast]')", err=True)
 
 
 def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:

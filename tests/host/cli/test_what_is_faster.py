@@ -1,0 +1,21 @@
+"""A long run without numba says once which extra makes it faster; a short one, or one with numba, says nothing."""
+
+import pytest
+
+from steptwin.host.cli.run import virtual_run
+
+
+@pytest.mark.parametrize(
+    ("wall_s", "numba", "said"),
+    [
+        (3.0, False, ""),
+        (3.1, False, "numba makes long runs about twice as fast (pip install 'steptwin[fast]')\n"),
+        (60.0, True, ""),
+    ],
+)
+def test_a_long_run_names_the_extra(
+    wall_s: float, numba: bool, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(virtual_run, "find_spec", lambda _: object() if numba else None)
+    virtual_run.say_what_is_faster(wall_s)
+    assert capsys.readouterr() == ("", said)
