@@ -179,3 +179,12 @@ def test_a_robot_file_is_read_with_its_notes() -> None:
 def test_links_of_every_page_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
         assert target.startswith("https://") or (page.parent / target).exists(), target
+
+
+def test_every_page_is_listed() -> None:
+    """A page that docs/index.md does not name is found by nobody."""
+    listed = re.findall(
+        r"^- .*?\]\(([^)]+)\)", (ROOT / "docs/index.md").read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
+    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert sorted(listed) == sorted(pages | {"papers"})

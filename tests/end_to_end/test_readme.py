@@ -1,5 +1,6 @@
-"""The README's commands and its Python blocks do what the page tells."""
+"""The README and the page of commands do what they tell."""
 
+import re
 import shlex
 import shutil
 import subprocess
@@ -12,8 +13,9 @@ from steptwin.host.cli.app import run
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
 README = read_page("README.md")
+PAGE = read_page("docs/commands.md")
 MOTIONS = read_page("docs/motions.md")
-BLOCKS = blocks_of(README)
+BLOCKS = blocks_of(PAGE)
 COMMANDS = [
     line for language, block in BLOCKS if not language for line in block.splitlines() if line.startswith("steptwin ")
 ]
@@ -35,7 +37,7 @@ def test_there_are_commands() -> None:
     assert len(COMMANDS) >= 8
 
 
-@pytest.mark.parametrize("text", [README, MOTIONS], ids=["README.md", "motions.md"])
+@pytest.mark.parametrize("text", [README, PAGE, MOTIONS], ids=["README.md", "commands.md", "motions.md"])
 def test_python(text: str) -> None:
     for code in [block for language, block in blocks_of(text) if language == "python"]:
         subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
@@ -55,3 +57,11 @@ def test_it_shows_what_the_demo_prints(capsys: pytest.CaptureFixture[str]) -> No
     assert len(printed) >= 10
     for line in printed:
         assert line.rstrip() in README
+
+
+def test_it_is_short_and_begins_with_a_moving_picture() -> None:
+    """A visitor sees in thirty seconds what it is: at most 130 lines, and a picture of less than 500 kB."""
+    lines = README.splitlines()
+    assert len(lines) <= 130
+    (picture,) = re.findall(r"\]\((docs/pictures/[^)]*\.gif)\)", lines[2])
+    assert (ROOT / picture).stat().st_size < 500_000
