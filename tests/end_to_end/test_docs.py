@@ -189,3 +189,8 @@ def test_every_page_is_listed() -> None:
     )
     pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
     assert sorted(listed) == sorted(pages | {"papers"})
+
+
+def test_the_change_log_is_short() -> None:
+    """It says what users get, in at most 150 lines."""
+    assert len((ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()) <= 150
