@@ -8,7 +8,7 @@ COMPILED := out/compiled
 LOWEST := out/lowest
 CAMPAIGN_OUT := out/campaign
 
-.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs panel-pictures clean
+.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs site panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -100,10 +100,16 @@ campaign: $(VENV)/.installed-campaign
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m steptwin.bench
 
-# Generate docs/driver.md, docs/protocol.md, docs/robots.md, docs/robot-files.md and docs/papers, and the pictures of
+# Generate docs/command-line.md, docs/driver.md, docs/protocol.md, docs/robots.md, docs/robot-files.md and docs/papers, and the pictures of
 # these and of docs/waveforms.md. Every job is run for it.
 docs: $(VENV)/.installed
 	$(BIN)/python -m docs.generate
+
+# Make the documentation site of the pages, with search, a menu and the types of the Python API: out/site/index.html.
+# A warning, such as a link that leads nowhere, fails.
+site: $(VENV)/.installed-dev
+	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . out/site
+	@echo "The site: out/site/index.html"
 
 # Make the pictures of docs/panel.md: needs Chromium and its driver.
 panel-pictures: $(VENV)/.installed-dev

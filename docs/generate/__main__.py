@@ -1,5 +1,6 @@
 """Write the generated pages of docs/ again: `python -m docs.generate`."""
 
+from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
 from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
@@ -20,6 +21,7 @@ from steptwin.host.studies.papers.study import Runs
 
 def main() -> None:
     """Write each page before its pictures: rendering docs/robots.md makes the runs that they show."""
+    COMMAND_LINE_PAGE.write_text(render_command_line(), encoding="utf-8")
     CONTROL_PORT_PAGE.write()
     DRIVER_PAGE.write()
     write_driver_pictures()

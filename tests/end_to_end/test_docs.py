@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE
 from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
 from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
@@ -76,6 +77,10 @@ def test_the_page_of_the_control_port_is_up_to_date() -> None:
 
 def test_the_page_of_the_machines_options_is_up_to_date() -> None:
     assert render_machine_options() == MACHINE_PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_command_line_is_up_to_date() -> None:
+    assert render_command_line() == COMMAND_LINE_PAGE.read_text(encoding="utf-8")
 
 
 def test_the_driver_page_is_up_to_date() -> None:
@@ -187,8 +192,9 @@ def test_every_page_is_listed() -> None:
     listed = re.findall(
         r"^- .*?\]\(([^)]+)\)", (ROOT / "docs/index.md").read_text(encoding="utf-8"), flags=re.MULTILINE
     )
-    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
-    assert sorted(listed) == sorted(pages | {"papers"})
+    docs = ROOT / "docs"
+    pages = {page.relative_to(docs).as_posix() for page in (*docs.glob("*.md"), *docs.glob("papers/*.md"))}
+    assert sorted(page for page in listed if not page.startswith("..")) == sorted(pages - {"index.md"})
 
 
 def test_the_change_log_is_short() -> None:

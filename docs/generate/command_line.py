@@ -1,0 +1,63 @@
+"""Make docs/command-line.md: every command with its arguments and options, from the command line itself."""
+
+import re
+from typing import Any, Final
+
+import typer
+from typer.core import TyperArgument, TyperCommand
+
+from docs.generate.commands import DOCS
+from steptwin.host.cli.app import EXAMPLES, program
+from steptwin.host.studies.papers.paper_page import code, table
+
+COMMAND_LINE_PAGE: Final = DOCS / "command-line.md"
+_HEAD: Final = """<!-- Made by `make docs` from the commands in host/cli: change those. -->
+
+# The command line
+
+Every command, as `steptwin COMMAND --help` tells it. [commands.md](commands.md) introduces them by what you want to do.
+Exit codes: 0 is done and right, 1 not as it should be, 2 bad input, 3 stopped by a fault, 130 interrupted."""
+_MARK: Final = re.compile(r"([<>*_])")
+
+
+def render_command_line() -> str:
+    """Return the whole page; it ends with a newline."""
+    group = program()
+    context = typer.Context(group, info_name="steptwin")
+    pieces = [_HEAD]
+    title = ""
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert isinstance(command, TyperCommand)
+        if command.rich_help_panel != title:
+            title = str(command.rich_help_panel)
+            pieces.append(f"## {title}")
+        pieces.append(_command(command, typer.Context(command, parent=context, info_name=name)))
+    return "\n\n".join(pieces) + "\n"
+
+
+def _command(command: TyperCommand, context: Any) -> str:
+    """Return the section of a command: what it does, its usage, its parameters, its examples."""
+    shown = [each for each in command.get_params(context) if not getattr(each, "hidden", False)]
+    rows = [_row(each, context) for each in shown if not (isinstance(each, TyperArgument) and not each.help)]
+    usage = command.get_usage(context).removeprefix("Usage: ")
+    return "\n\n".join(
+        [
+            f"### `steptwin {command.name}`",
+            _MARK.sub(r"\\\1", command.help or ""),
+            code(" ".join(usage.split())),
+            table(["", "means"], rows, text_columns=2),
+            code("\n".join(EXAMPLES[str(command.name)])),
+        ]
+    )
+
+
+def _row(parameter: Any, context: Any) -> list[str]:
+    """Return the names of an argument or option with the word for its value, and what it means."""
+    record = parameter.get_help_record(context)
+    if isinstance(parameter, TyperArgument):
+        names = f"`{parameter.display_name_raw}`"
+    else:
+        word = f" {parameter.metavar}" if parameter.metavar else ""
+        names = ", ".join(f"`{name}{word}`" for name in sorted(parameter.opts, key=len, reverse=True))
+    return [names, _MARK.sub(r"\\\1", record[1] if record else "")]

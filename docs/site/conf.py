@@ -1,0 +1,93 @@
+"""Sphinx' settings for `make site`: the site is made of the repository's own pages, as they are.
+
+The source folder is the repository, so that links between pages, README and change log lead where they lead in the
+repository. Sphinx with MyST and furo is what cocotb, python-can and pymodbus use; it takes Markdown, checks every link,
+documents Python objects by their docstrings and asks no other host for anything (docs/site.md says more).
+"""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
+_ROOT: Final = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(_ROOT))
+
+import steptwin  # noqa: E402
+
+project = "StepTwin"
+author = "StepTwin contributors"
+copyright = author  # noqa: A001
+version = release = steptwin.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+root_doc = "docs/index"
+include_patterns = ["*.md", "docs/*.md", "docs/papers/*.md", "docs/site/python.md"]
+
+myst_heading_anchors = 5
+highlight_language = "text"
+
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+
+html_theme = "furo"
+html_title = f"StepTwin {version}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_copy_source = False
+
+_FIRST_PAGE: Final = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>StepTwin</title>
+<meta http-equiv="refresh" content="0; url=docs/index.html"></head>
+<body><p><a href="docs/index.html">StepTwin's pages</a></p></body></html>
+"""
+"""Leads from the site's own address to its first page, whose address has the folder of the pages in it."""
+_FOLDER_LINK: Final = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)")
+_LISTED: Final = re.compile(r"^- .*?\]\(([^)]+\.md)\)", re.MULTILINE)
+_OF_THE_SITE_ALONE: Final = {"Reference": ["site/python.md"]}
+"""Pages of a section that only the site can make."""
+
+
+def _menu(section: str) -> str:
+    """Return a section of docs/index.md with the pages that its list names as entries of the site's menu."""
+    title, _, _ = section.partition("\n")
+    pages = [*_LISTED.findall(section), *_OF_THE_SITE_ALONE.get(title, ())]
+    entries = "\n".join(page.removesuffix(".md") for page in pages)
+    return f"## {section.rstrip()}\n\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{entries}\n```\n\n"
+
+
+def _read(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Name folders, which have no page on the site, without a link; make the menu of docs/index.md's lists."""
+    folder = (_ROOT / page).parent
+    text = _FOLDER_LINK.sub(
+        lambda link: f"`{link[2].lstrip('./')}`" if (folder / link[2]).is_dir() else link[0], source[0]
+    )
+    if page == root_doc:
+        head, *sections = text.split("\n## ")
+        text = head + "\n" + "".join(map(_menu, sections))
+    source[0] = text
+
+
+def _give_levels(_app: Sphinx, _page: str, _template: str, context: dict[str, Any], _doctree: object) -> None:
+    """Say the level of the menu's headings, which screen readers need: furo's menu, from Sphinx, leaves it out."""
+    menu = context.get("furo_navigation_tree", "")
+    context["furo_navigation_tree"] = menu.replace('role="heading"', 'role="heading" aria-level="2"')
+
+
+def _write_first_page(app: Sphinx, failure: Exception | None) -> None:
+    if failure is None:
+        (Path(app.outdir) / "index.html").write_text(_FIRST_PAGE, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> None:
+    """Register what is done beside Sphinx' own work."""
+    app.add_lexer("csv", TextLexer)
+    app.connect("source-read", _read)
+    app.connect("html-page-context", _give_levels, priority=900)  # after the theme's own
+    app.connect("build-finished", _write_first_page)

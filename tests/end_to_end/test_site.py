@@ -1,0 +1,113 @@
+"""The documentation site: built without a warning, whole by itself, without a dead link, and readable by everybody."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from tests.end_to_end.pages import ROOT
+from tests.host.panel.page.browser import AXE, CHROMIUM, DRIVER, open_browser
+
+pytest.importorskip("sphinx", reason="sphinx is not installed: the site is not built")
+pytest.importorskip("furo", reason="furo is not installed: the site is not built")
+
+LOOKED_AT = ["docs/index", "docs/gallery", "docs/command-line", "docs/site/python", "docs/tutorial", "docs/driver"]
+"""One page of each kind."""
+
+
+class Links(HTMLParser):
+    """What a page refers to, and the places in it that others may refer to."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.targets: list[str] = []
+        self.loaded: list[str] = []
+        self.places: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = {name: value or "" for name, value in attrs}
+        self.places.add(values.get("id", ""))
+        for name in ("href", "src"):
+            if name in values:
+                self.targets.append(values[name])
+                if name == "src" or tag == "link":
+                    self.loaded.append(values[name])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the site as `make site` does: each warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-c", "docs/site"]
+    places = ["-d", str(folder / "doctrees"), ".", str(folder / "html")]
+    done = subprocess.run([*command, *places], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Links]:
+    """Return the links of each page."""
+    return {page: Links(page.read_text(encoding="utf-8")) for page in sorted(site.rglob("*.html"))}
+
+
+def test_every_page_of_the_repository_is_there(site: Path) -> None:
+    docs = ROOT / "docs"
+    for page in [ROOT / "README.md", *docs.glob("*.md"), *docs.glob("papers/*.md")]:
+        assert (site / page.relative_to(ROOT).with_suffix(".html")).is_file(), page
+
+
+def test_no_link_is_dead(pages: dict[Path, Links]) -> None:
+    dead = []
+    checked = 0
+    for page, links in pages.items():
+        for target in links.targets:
+            address = urlsplit(target)
+            if address.scheme or address.netloc:
+                continue
+            checked += 1
+            there = (page.parent / unquote(address.path)).resolve() if address.path else page
+            place = unquote(address.fragment)
+            if not there.exists() or (place and there in pages and place not in pages[there].places):
+                dead.append(f"{page.name}: {target}")
+    assert dead == []
+    assert checked > 5000
+
+
+def test_nothing_is_loaded_from_another_host(site: Path, pages: dict[Path, Links]) -> None:
+    loaded = [target for links in pages.values() for target in links.loaded]
+    assert [target for target in loaded if urlsplit(target).netloc] == []
+    for sheet in site.rglob("*.css"):
+        assert not re.search(r"(@import|url\()\s*[\"']?(https?:)?//", sheet.read_text(encoding="utf-8")), sheet
+
+
+def test_the_search_knows_the_words_of_the_pages(site: Path) -> None:
+    index = (site / "searchindex.js").read_text(encoding="utf-8")
+    for word in ("corexi", "homing", "tb6560", "waveform"):
+        assert word in index, word
+
+
+def test_types_and_docstrings_of_the_public_names(site: Path) -> None:
+    text = (site / "docs" / "site" / "python.html").read_text(encoding="utf-8")
+    import steptwin
+
+    for name in steptwin.__all__:
+        assert f'<span class="pre">{name}</span>' in text, name
+
+
+@pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="Chromium and its driver are not installed")
+@pytest.mark.skipif(AXE is None, reason="axe-core-python is not installed: accessibility is not tried")
+def test_no_page_has_a_serious_finding_of_axe_light_or_dark(site: Path) -> None:
+    found = {}
+    with open_browser() as browser:
+        for page in LOOKED_AT:
+            browser.driver.get((site / f"{page}.html").as_uri())
+            for theme in ("light", "dark"):
+                browser.run("document.body.dataset.theme = arguments[0]", theme)
+                found[page, theme] = browser.findings()
+    assert {where: findings for where, findings in found.items() if findings} == {}
