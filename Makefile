@@ -8,7 +8,7 @@ COMPILED := out/compiled
 LOWEST := out/lowest
 CAMPAIGN_OUT := out/campaign
 
-.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs site panel-pictures clean
+.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs sbom site panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -48,6 +48,16 @@ wheel: $(BIN)/python
 
 wheel-compiled: $(BIN)/python
 	HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+
+# The list of all that a user gets with the wheel and all extras, in CycloneDX' format: out/sbom/steptwin.cdx.json.
+sbom: $(BIN)/python
+	rm -rf out/sbom
+	$(PYTHON) -m venv out/sbom/tool
+	$(PYTHON) -m venv out/sbom/installed
+	out/sbom/tool/bin/python -m pip install --quiet 'cyclonedx-bom>=7'
+	out/sbom/installed/bin/python -m pip install --quiet '.[fast,plot,m3,mcap,campaign,panel]'
+	out/sbom/tool/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
+		--output-file out/sbom/steptwin.cdx.json out/sbom/installed/bin/python
 
 # The tests of what is compiled, and the bytes of 16 runs, on a compiled wheel instead of the checkout: some 10 minutes.
 # `steptwin` is the wheel's; `tests` is the checkout's, before any library's.

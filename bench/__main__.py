@@ -2,9 +2,9 @@
 
 A word prints only some of them: `kinematics` those of poses and joints, `programs` those of a six-axis arm's programs,
 `fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
-`panel` those of the operator's panel, `motors` those of motors after a run, `live-motors [PAIRS]` those of motors that
-turn with a live board, `workers` that of a campaign's workers, and `live` those of a live board, with a stream of a
-minute and a million frames.
+`package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
+after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
+and `live` those of a live board, with a stream of a minute and a million frames.
 """
 
 import os
@@ -27,6 +27,7 @@ from steptwin.bench.kernel_speed import kernel_table, scaling_tables
 from steptwin.bench.live_lateness import live_motors_table
 from steptwin.bench.live_throughput import live_tables
 from steptwin.bench.motor_limited import motor_limited_table, random_text
+from steptwin.bench.package_size import package_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.timing import cyclic_table, timing_table
 from steptwin.controller.motion.backend import KERNELS, Kernel
@@ -39,6 +40,7 @@ _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "programs": lambda: programs_tables(_kernels()),
     "fastest": lambda: [motions_table(), gcode_table(), corners_text()],
     "motor-limited": lambda: [motor_limited_table(), random_text()],
+    "package": package_tables,
     "panel": panel_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
@@ -83,6 +85,7 @@ def _all() -> Iterator[Table | str]:
     yield rotor_table()
     if find_spec("distributed"):
         yield workers_table()
+    yield from package_tables()
     yield from panel_tables()
     yield from live_tables(stream_s=10.0, flood_frames=100_000)
 

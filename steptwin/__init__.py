@@ -7,7 +7,7 @@ These are the names that most programs need; docs/api.md describes each. A name 
 import os
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 if not os.path.isdir(f"{__path__[0]}/host"):  # a checkout without symbolic links, as git makes it on Windows
     __path__.append(os.path.dirname(__path__[0]))

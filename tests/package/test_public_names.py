@@ -14,6 +14,8 @@ import pytest
 
 import steptwin
 from steptwin.emulator.faults.harm import BoardOperation, Harm
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.od import REVISION_NUMBER, SOFTWARE_VERSION
 from tests.package.wheels import ROOT
 
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
@@ -49,6 +51,13 @@ def test_the_version_is_that_of_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["dynamic"] == ["version"]
     assert steptwin.__version__ == version("steptwin")
+    assert f"\nversion: {steptwin.__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+
+
+def test_the_firmware_s_version_begins_with_its_revision() -> None:
+    """0x100A is a text such as 1.2.3, and 0x1018:03 has 1 and 2 in its halves (CiA 301, 7.5.2.19)."""
+    major, minor, _ = map(int, str(ENTRIES[SOFTWARE_VERSION].default).split("."))
+    assert ENTRIES[REVISION_NUMBER].default == major << 16 | minor
 
 
 # --- docs/api.md

@@ -23,7 +23,7 @@ _DIGITS: Final = 8
 
 @cache
 def source_version() -> str:
-    """Return the version and a digest of the sources and robot files as they are now, such as `0.1.0+1f3a09bc`.
+    """Return the version and a digest of the sources and robot files as they are now, such as `1.0.0+1f3a09bc`.
 
     A wheel has the same as the checkout that it was built from, also if some of its modules are compiled.
     """
