@@ -77,7 +77,7 @@ test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/steptwin run warehouse-scara drawer-pull --out $(LOWEST)/drawer-pull
 	$(LOWEST)/bin/python -m pytest --numprocesses 2 --dist worksteal \
 		tests/host/record/recorded_bus tests/host/record/animation tests/host/record/waveforms tests/host/studies/campaign/test_results.py \
-		tests/host/client/test_axis.py tests/host/client/test_bus_link.py tests/host/panel/page/test_guard.py \
+		tests/host/client/test_axis.py tests/host/client/test_bus_link.py tests/live/test_ros2_bridge.py tests/host/panel/page/test_guard.py \
 		tests/end_to_end/test_help.py tests/end_to_end/test_narrow_terminal.py
 
 $(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
@@ -85,7 +85,7 @@ $(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
 	$(PYTHON) -m venv $(LOWEST)
 	$(PYTHON) tests/lowest_versions.py > $(LOWEST)/constraints.txt
 	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt --editable \
-		'.[fast,plot,m3,mcap,campaign,panel]' filelock hypothesis pytest pytest-xdist
+		'.[fast,plot,m3,mcap,campaign,panel,ros2]' filelock hypothesis pytest pytest-xdist
 	@touch $@
 
 check: lint test test-commands test-live

@@ -147,10 +147,10 @@ def run_plan(
     repetitions, axes = 0, tuple[AxisEnd, ...]()
     while repetitions < repeat and all(axis.passed for axis in axes):
         machine.run(motion, progress, begun)
-        session.link.wait(_SETTLED_S)
+        session.link.wait(SETTLED_S)
         check_faults(session.link, machine.axes)
         check_enabled(machine.axes)
-        axes = _ends(machine, plan)
+        axes = axis_ends(machine, plan)
         repetitions += 1
     end = session.positions([axis.end_units for axis in axes])
     holds_ms, wall_s = machine.holds_ms, time.perf_counter() - started_s
@@ -158,11 +158,12 @@ def run_plan(
     return LiveOutcome(made, job, repetitions, axes, plan.start_joints, end, wall_s, waits)
 
 
-_SETTLED_S: Final = 0.02
+SETTLED_S: Final = 0.02
 """Time after the end of a stream for the last step and the last status report to come."""
 
 
-def _ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:
+def axis_ends(machine: Machine, plan: Plan) -> tuple[AxisEnd, ...]:
+    """Read where each axis stands after a plan; raise BusError if a node does not answer."""
     ends = zip(plan.robot.axes, plan.points_units[-1].tolist(), machine.positions_units(), strict=True)
     return tuple(
         AxisEnd(joint.name, planned, end, (end - planned) * joint.transmission.microsteps / UNITS_PER_FULL_STEP)

@@ -130,10 +130,23 @@ class SessionOptions(LiveOptions):
             with session.one_action():
                 if waking:
                     wake(session)
-                foreign = None if self.force else session.foreign_board()
-                if foreign:
-                    raise InputError(f"{foreign}; --force goes on all the same")
+                self._check_board(session)
                 yield session
+
+    @contextmanager
+    def lasting_session(self, robot: "Robot") -> "Iterator[Session]":
+        """Open a link with a session for several actions, of which a stop ends the present one; else as `session`."""
+        from steptwin.host.operate.session import Session
+
+        with self.link(robot) as link:
+            session = Session(link, robot)
+            self._check_board(session)
+            yield session
+
+    def _check_board(self, session: "Session") -> None:
+        foreign = None if self.force else session.foreign_board()
+        if foreign:
+            raise InputError(f"{foreign}; --force goes on all the same")
 
 
 def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = False) -> tuple[str, int]:

@@ -47,18 +47,24 @@ _TIME_PARTS: Final = (("sec", "nanosec"), ("secs", "nsecs"))
 """The two keys of a time in ROS 2 and in ROS 1."""
 
 
+_JSON: Final = "JSON object"
 _CUT: Final = "..."
 """The last of a list of which `ros2 topic echo` shows only the first 128 values."""
 
 
 def read_json(text: str) -> Points:
     """Return the points of a JSON file; InputErrors begin with the point's number, counted from 1, and the key."""
-    return _points(json_table(text), "JSON object")
+    return _points(json_table(text), _JSON)
 
 
 def read_yaml(text: str) -> Points:
     """Return the points of a YAML file; InputErrors begin as `read_json`'s."""
     return _points(yaml_table(text), YAML)
+
+
+def read_message(message: object) -> Points:
+    """Return the points of a message that has been decoded from JSON; InputErrors begin as `read_json`'s."""
+    return _points(Table(message, _JSON), _JSON)
 
 
 def _points(message: Table, kind: str) -> Points:
