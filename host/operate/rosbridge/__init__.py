@@ -1,7 +1,7 @@
 """A served board in ROS, through a rosbridge server: joint_states, and FollowJointTrajectory."""
 
-from steptwin.host.operate.rosbridge.bridge import RosChannel, RosBridge, RosbridgeLostError
+from steptwin.host.operate.rosbridge.bridge import RosBridge, RosbridgeLostError, RosChannel
 from steptwin.host.operate.rosbridge.goal_states import GoalState
 from steptwin.host.operate.rosbridge.messages import RosNames
 
-__all__ = ["RosChannel", "GoalState", "RosBridge", "RosNames", "RosbridgeLostError"]
+__all__ = ["GoalState", "RosBridge", "RosChannel", "RosNames", "RosbridgeLostError"]

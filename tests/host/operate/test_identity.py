@@ -33,6 +33,7 @@ WITHOUT_FORCE = ("serve", "inject", "doctor", "monitor", *STOPS)
         "speed lab-scara 50",
         "reset lab-scara",
         "outputs lab-scara",
+        "ros2-bridge lab-scara",
     ],
 )
 @pytest.mark.usefixtures("session")
@@ -44,7 +45,7 @@ def test_every_live_command_can_be_forced() -> None:
     commands = typer.main.get_group(app).commands
     forced = {name for name in commands if any("--force" in option.opts for option in commands[name].params)}
     live = {name for name, command in commands.items() if getattr(command, "rich_help_panel", "") == "Live board"}
-    assert len(live) == 17
+    assert len(live) == 18
     assert forced == live - {*WITHOUT_FORCE} | {"run"}
 
 
