@@ -4,7 +4,8 @@ A word prints only some of them: `kinematics` those of poses and joints, `progra
 `fastest` those of motions as fast as the limits allow, `motor-limited` those of motions as fast as the motors manage,
 `package` those of the wheel's size and of start-up, `panel` those of the operator's panel, `motors` those of motors
 after a run, `live-motors [PAIRS]` those of motors that turn with a live board, `workers` that of a campaign's workers,
-and `live` those of a live board, with a stream of a minute and a million frames.
+`firmware` those of a user's own firmware, and `live` those of a live board, with a stream of a minute and a million
+frames.
 """
 
 import os
@@ -27,6 +28,7 @@ from steptwin.bench.kernel_speed import kernel_table, scaling_tables
 from steptwin.bench.live_lateness import live_motors_table
 from steptwin.bench.live_throughput import live_tables
 from steptwin.bench.motor_limited import motor_limited_table, random_text
+from steptwin.bench.own_firmware import firmware_tables
 from steptwin.bench.package_size import package_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.timing import cyclic_table, timing_table
@@ -42,6 +44,7 @@ _WORDS: Final[dict[str, Callable[..., Iterable[Table | str]]]] = {
     "motor-limited": lambda: [motor_limited_table(), random_text()],
     "package": package_tables,
     "panel": panel_tables,
+    "firmware": firmware_tables,
     "motors": lambda: [rotor_table()],
     "live-motors": lambda *pairs: [live_motors_table(*map(int, pairs))],
     "workers": lambda: [workers_table()],
@@ -83,6 +86,7 @@ def _all() -> Iterator[Table | str]:
     yield from programs_tables(kernels)
     yield motions_table()
     yield rotor_table()
+    yield from firmware_tables()
     if find_spec("distributed"):
         yield workers_table()
     yield from package_tables()
