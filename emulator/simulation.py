@@ -18,6 +18,7 @@ from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import PowerUp
 from steptwin.emulator.faults.schedule import Consequence, Schedule, Scheduled
 from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
+from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
@@ -59,6 +60,7 @@ class Simulation:
         schedule: Iterable[Scheduled] = (),
         shelf: ShelfWiring | None = None,
         motors: MotorWiring | None = None,
+        nodes: Sequence[SimpleNode] = (),
     ) -> None:
         """Switch the boards on.
 
@@ -68,6 +70,7 @@ class Simulation:
             schedule: operations on their machines, and the instants of these.
             shelf: the shelf at which the machine works; None if there is none.
             motors: the motors at the boards' drivers; None: rotors are where the drivers' steps put them.
+            nodes: further nodes on the bus, switched on with the boards.
         """
         self._schedule = Schedule(schedule)
         self._down_until_counts: dict[int, int] = {}
@@ -88,6 +91,10 @@ class Simulation:
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
+        self.nodes = tuple(nodes)
+        """The further nodes on the bus."""
+        for node in self.nodes:
+            bus.attach(node.can)
         self.rotor_watch = None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
         self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_full_steps)
@@ -101,6 +108,8 @@ class Simulation:
         """Called with each operation on a machine as it is executed; not with what the shelf's sensors do."""
         for board in self.boards:
             board.boot(0)
+        for node in self.nodes:
+            node.boot(0)
 
     def power_cycle(self, number: int = 0) -> None:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
@@ -216,6 +225,9 @@ class Simulation:
             for board in self.boards:
                 if not board.quiet_until(begin_counts):
                     return
+            for node in self.nodes:
+                if node.next_due_counts is not None and node.next_due_counts <= begin_counts:
+                    return
             self.now_counts = begin_counts
         self.bus.step(self.now_counts)
 
@@ -247,6 +259,10 @@ class Simulation:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
+        for node in self.nodes:
+            due_counts = node.next_due_counts
+            if due_counts is not None and due_counts < goal:
+                goal = due_counts
         if self.rotor_watch is not None and self.rotor_watch.next_counts < goal:
             goal = self.rotor_watch.next_counts
         if self.shelf_watch is not None and self.shelf_watch.shelf.held:
@@ -275,6 +291,8 @@ class Simulation:
                 item.operation.apply(self, item.board)
         for board in self.boards:
             board.poll(now_counts)
+        for node in self.nodes:
+            node.poll(now_counts)
         if self.rotor_watch is not None:
             self.rotor_watch.look()
         if self.attendant is not None:

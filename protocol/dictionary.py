@@ -175,6 +175,10 @@ class ObjectDictionary:
         """Return the place of a numeric entry, for hot paths."""
         return self._cells[address]
 
+    def is_signed(self, address: int) -> bool:
+        """Return whether a numeric entry has a sign."""
+        return self.entries[address].data_type.signed
+
     def set(self, address: int, value: int) -> None:
         """Store a value of the firmware's own, without checks."""
         self._cells[address].value = value

@@ -13,15 +13,17 @@ A receive PDO with an event timer is expected within that time from each of its 
 (deadline monitoring, CiA 301, section 7.5.2.35). Monitoring begins with the first frame, and again after a time-out.
 """
 
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from collections.abc import Set as AbstractSet
+from typing import Final, NamedTuple, Protocol
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
-from steptwin.protocol.dictionary import Cell, ObjectDictionary, check_cob_id
+from steptwin.protocol.dictionary import ObjectDictionary, check_cob_id
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
-from steptwin.protocol.objects import ANY_CHANGE, DUMMY_BITS, PDO_COUNT
+from steptwin.protocol.objects import ANY_CHANGE, DUMMY_BITS
 from steptwin.protocol.od import address_of
 
 _LAST_SYNCHRONOUS: Final = 240
@@ -45,24 +47,70 @@ _DUMMIES: Final = frozenset(address_of(index) << 8 | bits for index, bits in DUM
 """The dummies as a mapping names them."""
 
 
+class MappedCell(Protocol):
+    """The place of a value that PDOs carry."""
+
+    value: int
+
+    @property
+    def plain(self) -> bool:
+        """True if storing any value of its width is all."""
+        ...
+
+    def get(self) -> int:
+        """Return the present value."""
+        ...
+
+    def put(self, value: int) -> None:
+        """Store a value after its checks; raise SdoAbortError if it is refused."""
+        ...
+
+
+class MappedObjects(Protocol):
+    """An object dictionary as PDOs see it: their parameters, and the values that they carry."""
+
+    def get(self, address: int) -> int:
+        """Return the present value of a numeric entry."""
+        ...
+
+    def cell(self, address: int) -> MappedCell:
+        """Return the place of a numeric entry."""
+        ...
+
+    def is_signed(self, address: int) -> bool:
+        """Return whether a numeric entry has a sign."""
+        ...
+
+
+class PdoParameters(NamedTuple):
+    """The indexes of a PDO's parameters."""
+
+    communication: int
+    mapping: int
+
+
+_RECEIVE: Final = tuple(map(PdoParameters, od.RPDO_COMMUNICATION, od.RPDO_MAPPING))
+_TRANSMIT: Final = tuple(map(PdoParameters, od.TPDO_COMMUNICATION, od.TPDO_MAPPING))
+
+
 class _Field(NamedTuple):
     """One mapped entry and its place in the PDO's integer."""
 
     address: int
-    cell: Cell
+    cell: MappedCell
     shift: int
     mask: int
     sign_bit: int
 
 
-def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Field], int]:
+def _fields(dictionary: MappedObjects, mapping_index: int) -> tuple[list[_Field], int]:
     """Return the fields of a mapping, without dummies, and its length in bytes: the last may be used in part."""
     fields, shift = [], 0
     for subindex in range(1, dictionary.get(address_of(mapping_index)) + 1):
         word = dictionary.get(address_of(mapping_index, subindex))
         address, bits = word >> 8, word & 0xFF
         if address >> 8 not in DUMMY_BITS:
-            sign_bit = 1 << bits - 1 if dictionary.entries[address].data_type.signed else 0
+            sign_bit = 1 << bits - 1 if dictionary.is_signed(address) else 0
             fields.append(_Field(address, dictionary.cell(address), shift, (1 << bits) - 1, sign_bit))
         shift += bits
     return fields, -(-shift // 8)
@@ -71,8 +119,9 @@ def _fields(dictionary: ObjectDictionary, mapping_index: int) -> tuple[list[_Fie
 class ReceivePdo:
     """One receive PDO, as the dictionary describes it."""
 
-    def __init__(self, dictionary: ObjectDictionary, number: int) -> None:
-        communication = od.RPDO_COMMUNICATION[number]
+    def __init__(self, dictionary: MappedObjects, parameters: PdoParameters, on_refused: Callable[[int], None]) -> None:
+        """Read the parameters; call `on_refused`, with its word of a mapping, for each value that is refused."""
+        communication = parameters.communication
         self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
         """True if its COB-ID is valid."""
@@ -81,11 +130,10 @@ class ReceivePdo:
         """Longest time between two frames; 0: any."""
         self.deadline_us: int | None = None
         """Time when the next frame is late; None while none is awaited."""
-        fields, self._length = _fields(dictionary, od.RPDO_MAPPING[number])
+        fields, self._length = _fields(dictionary, parameters.mapping)
         self._targets = [(field, field.cell, field.cell.plain) for field in fields]
         self._latched: bytes | None = None
-        self._refused = dictionary.cell(od.RPDO_VALUES_REFUSED)
-        self._last_refused = dictionary.cell(od.RPDO_LAST_REFUSED)
+        self._on_refused = on_refused
 
     def receive(self, data: bytes) -> ErrorCode:
         """Take a frame: apply it now, or latch it for the next SYNC; return the error in its length, or NONE."""
@@ -121,36 +169,49 @@ class ReceivePdo:
             try:
                 cell.put(value)
             except SdoAbortError:
-                self._refused.count()
-                self._last_refused.value = field.address << 8 | field.mask.bit_length()
+                self._on_refused(field.address << 8 | field.mask.bit_length())
 
 
 class TransmitPdo:
     """One transmit PDO, as the dictionary describes it, with its timers."""
 
-    def __init__(self, dictionary: ObjectDictionary, number: int, now_us: int) -> None:
-        communication = od.TPDO_COMMUNICATION[number]
+    def __init__(
+        self,
+        dictionary: MappedObjects,
+        parameters: PdoParameters,
+        now_us: int,
+        sync_counter_overflow: int,
+        announced: AbstractSet[int] | None = ANNOUNCED,
+    ) -> None:
+        """Read the parameters.
+
+        Args:
+            dictionary: has the parameters and the values.
+            parameters: their indexes.
+            now_us: the present.
+            sync_counter_overflow: the value of 1019h; 0: SYNC carries no counter.
+            announced: entries whose changes `trigger` tells, by which type 255 goes; None: those of all, for any type.
+        """
+        communication = parameters.communication
         self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
         self.exists = not self.cob_id & COB_ID_INVALID
         """True if its COB-ID is valid."""
         self.transmission_type = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE))
         self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
-        fields, self._length = _fields(dictionary, od.TPDO_MAPPING[number])
+        fields, self._length = _fields(dictionary, parameters.mapping)
         self._fields = fields
         self.addresses = frozenset(field.address for field in fields)
         self.event_driven = self.transmission_type >= ANY_CHANGE
         """True if the PDO is sent when a mapped value changes."""
-        announced = self.transmission_type > ANY_CHANGE and self.addresses & ANNOUNCED
-        self._sampled = self.event_driven and bool(fields) and not announced
+        told = announced is None or (self.transmission_type > ANY_CHANGE and bool(self.addresses & announced))
+        self._sampled = self.event_driven and bool(fields) and not told
         self._sample_due_us = now_us
         self._wanted = False
         self._sent: bytes | None = None
         self._syncs = 0
         self._awaited_counter = (
-            dictionary.get(address_of(communication, od.PDO_SYNC_START))
-            if dictionary.get(od.SYNC_COUNTER_OVERFLOW)
-            else 0
+            dictionary.get(address_of(communication, od.PDO_SYNC_START)) if sync_counter_overflow else 0
         )
         self._not_before_us = now_us
         self._timer_us = now_us + self._event_timer_us
@@ -231,9 +292,15 @@ class ProcessData:
         if not self._changed:
             return False
         self._changed = False
-        self.receive_pdos = [ReceivePdo(self._dictionary, i) for i in range(PDO_COUNT)]
-        self.transmit_pdos = [TransmitPdo(self._dictionary, i, now_us) for i in range(PDO_COUNT)]
+        overflow = self._dictionary.get(od.SYNC_COUNTER_OVERFLOW)
+        self.receive_pdos = [ReceivePdo(self._dictionary, each, self._note_refused) for each in _RECEIVE]
+        self.transmit_pdos = [TransmitPdo(self._dictionary, each, now_us, overflow) for each in _TRANSMIT]
         return True
+
+    def _note_refused(self, word: int) -> None:
+        """Count a value that an RPDO brought and the dictionary refused, and keep its place."""
+        self._dictionary.cell(od.RPDO_VALUES_REFUSED).count()
+        self._dictionary.set(od.RPDO_LAST_REFUSED, word)
 
     def invalidate(self) -> None:
         """Let the next `refresh` rebuild the PDOs: their parameters were reset, or their timers must restart."""

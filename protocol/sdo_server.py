@@ -9,10 +9,9 @@ initiates a transfer, so that a client may begin a new transfer in the middle of
 
 from binascii import crc_hqx
 from collections.abc import Generator
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.od import address_of, index_and_subindex
 
 SEGMENT_BYTES = 7
@@ -60,6 +59,22 @@ def initiates(first_byte: int) -> bool:
     return command in (_DOWNLOAD_INITIATE, _UPLOAD_INITIATE)
 
 
+class ServedObjects(Protocol):
+    """The object dictionary behind a server; each method raises SdoAbortError with the reason of its refusal."""
+
+    def read(self, address: int) -> bytes:
+        """Return an entry's bytes."""
+        ...
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write an entry from its bytes."""
+        ...
+
+    def size_to_write(self, address: int) -> int:
+        """Return the number of bytes that a write to an entry must have, or may have if its length is not fixed."""
+        ...
+
+
 class _Transfer(NamedTuple):
     """A transfer under way, and its entry."""
 
@@ -70,7 +85,7 @@ class _Transfer(NamedTuple):
 class SdoServer:
     """One server on one object dictionary; a new initiation replaces a transfer that was left unfinished."""
 
-    def __init__(self, dictionary: ObjectDictionary) -> None:
+    def __init__(self, dictionary: ServedObjects) -> None:
         self._dictionary = dictionary
         self._transfer: _Transfer | None = None
         self._in_block = False

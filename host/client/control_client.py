@@ -210,6 +210,23 @@ class ControlClient:
         """Let a switch of a joint (`-`, `+` or `home`) stick closed or open, or be free again."""
         return self.ask("switch", joint=joint, switch=name, stuck=stuck)
 
+    def node_value(self, node_id: int, place: str) -> float | str | None:
+        """Return a value of a further node, such as "0x6000:01"; of bytes their hexadecimal digits."""
+        return self._of_node("node", node=node_id, object=place)
+
+    def set_node_value(self, node_id: int, place: str, value: float | str) -> float | str | None:
+        """Give a value of a further node, as the machine around it does; return what it is then."""
+        return self._of_node("node", node=node_id, object=place, value=value)
+
+    def node_emergency(self, node_id: int, code: int, register: int = 1, data: bytes = b"") -> ControlState:
+        """Let a further node send an EMCY; code 0 says that the error is over."""
+        return self.ask("node-emergency", node=node_id, code=code, register=register, data=data.hex())
+
+    def _of_node(self, do: str, **values: Any) -> float | str | None:
+        answer = self.ask(do, **values).document.get("node")
+        value: float | str | None = answer.get("value") if isinstance(answer, dict) else None
+        return value
+
     def ask(self, do: str, **values: Any) -> ControlState:
         """Send a request with these keys beside `do`; return the state after it."""
         with self._asking:

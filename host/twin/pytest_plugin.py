@@ -190,9 +190,11 @@ def _settings(node: pytest.Item) -> dict[str, Any]:
 
 
 def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKeywords":
-    """Return a machine's options; the paths of scenario and firmware count from pytest's root directory."""
+    """Return a machine's options; the paths of scenario, firmware and EDS count from pytest's root directory."""
     paths = {name: machine.get(name) for name in ("scenario", "firmware")}
-    placed = {name: config.rootpath / path for name, path in paths.items() if isinstance(path, str)}
+    placed: dict[str, Any] = {name: config.rootpath / path for name, path in paths.items() if isinstance(path, str)}
+    if nodes := machine.get("nodes"):
+        placed["nodes"] = {node_id: config.rootpath / path for node_id, path in nodes.items()}
     return cast("MachineKeywords", {**machine, **placed})
 
 

@@ -66,7 +66,7 @@ class VirtualRunOptions:
         " the switches follow them (docs/motors.md).",
         rich_help_panel=MACHINE_PANEL,
     )
-    machine: Annotated[MachineOptions, Without(("motors", "bitrate", "firmware"))]
+    machine: Annotated[MachineOptions, Without(("motors", "bitrate", "firmware", "nodes"))]
 
     def refuse(self) -> None:
         """Raise InputError for an option that is given, with a live board."""

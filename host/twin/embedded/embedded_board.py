@@ -1,6 +1,6 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import floor
 
@@ -10,6 +10,7 @@ from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotors import RotorRecord
+from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
@@ -93,6 +94,11 @@ class EmbeddedBoard:
     def moment(self) -> Moment:
         """Return what all axes do now, as the board itself knows it."""
         return self._machine.moment()
+
+    @property
+    def nodes(self) -> Mapping[int, SimpleNode]:
+        """The further nodes on the bus, by their ids."""
+        return self._machine.parts.nodes
 
     def host_restarts(self) -> None:
         """Connect another host: `network` is its network, and nothing that the one before it was told is known."""

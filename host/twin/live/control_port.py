@@ -11,6 +11,7 @@ from steptwin.host.common.listening import listen
 from steptwin.host.faults.requests import read_request, switches_of
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.twin.live.live_board import LiveBoard
+from steptwin.host.twin.live.node_requests import NODE_REQUESTS, answer_for_node, nmt_states
 from steptwin.protocol.cia402 import DigitalInput
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ class MachineState:
                 "faults": len(board.bus.faults.in_force),
             },
             "real_time": board.real_time(),
+            **({"nodes": nodes} if (nodes := nmt_states(board.nodes)) else {}),
             **({} if (shelf := board.shelf()) is None else {"shelf": shelf}),
             "simulated_s": round(board.simulated_s, 6),
             "wall_s": round(board.wall_s, 6),
@@ -93,6 +95,8 @@ class ControlPort:
 
         def handle(request: dict[str, Any]) -> dict[str, Any]:
             try:
+                if request.get("do") in NODE_REQUESTS:
+                    return {"node": answer_for_node(board.nodes, request)} | state.read()
                 harm = read_request(board.robot, request)
                 if harm is not None:
                     board.operate(harm)

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +18,7 @@ from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.live.lateness import Lateness
 from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.faults.reporting import played_document
 from steptwin.host.record.bus_log import BusLog, log_line
@@ -200,6 +201,11 @@ class LiveBoard:
     def surroundings(self) -> Surroundings:
         """What the machine is like now; what is the same for all axes of a board is the same for all boards."""
         return self._machine.surroundings
+
+    @property
+    def nodes(self) -> Mapping[int, SimpleNode]:
+        """The further nodes on the bus, by their ids."""
+        return self._machine.parts.nodes
 
     @property
     def axes_per_board(self) -> tuple[int, ...]:

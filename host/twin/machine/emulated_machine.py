@@ -14,6 +14,7 @@ from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.native.process import FirmwareError
+from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.common.errors import InputError
@@ -24,6 +25,7 @@ from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.boards import board_configs, make_boards, standing_steps
 from steptwin.host.twin.machine.drivers import driver_profile
+from steptwin.host.twin.machine.eds_nodes import eds_nodes
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.motors.drives import motor_wiring
@@ -47,6 +49,7 @@ class MachineParts:
         shelf: the shelf; None if there is none.
         stock: the boxes in the shelf, by slot or spot.
         motors: the motors that turn with the boards; None if they do not.
+        nodes: the further nodes on the bus, by their ids.
     """
 
     robot: Robot
@@ -58,6 +61,7 @@ class MachineParts:
     shelf: ShelfWiring | None
     stock: Mapping[str, str]
     motors: MotorWiring | None
+    nodes: Mapping[int, SimpleNode]
 
     @classmethod
     def of(
@@ -83,7 +87,8 @@ class MachineParts:
         Raises:
             InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
                 switches, or the shelf has no such place, or the robot's file does not describe its motors and masses,
-                or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it.
+                or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it,
+                or an EDS cannot be read or its node's id is taken.
         """
         options.check_firmware()
         firmware = None if options.firmware is None else Path(options.firmware)
@@ -103,6 +108,7 @@ class MachineParts:
             shelf,
             {} if shelf is None else dict(shelf.shelf.stock),
             motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
+            {} if options.nodes is None else eds_nodes(options.nodes, len(robot.axes)),
         )
 
 
@@ -168,7 +174,9 @@ class EmulatedMachine(Target):
         self.parts = parts
         self.bus = Bus(options.bits_per_s(robot), log)
         try:
-            simulation = Simulation(parts.boards, self.bus, schedule, parts.shelf, parts.motors)
+            simulation = Simulation(
+                parts.boards, self.bus, schedule, parts.shelf, parts.motors, tuple(parts.nodes.values())
+            )
         except FirmwareError as error:
             raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)

@@ -90,6 +90,22 @@ def _bits_per_s(text: str) -> int:
         raise InputError(f"bitrate={text}: is not a whole number of bit/s") from None
 
 
+def _node_files(texts: list[str]) -> dict[int, str]:
+    files: dict[int, str] = {}
+    for text in texts:
+        word, equals, path = text.partition("=")
+        try:
+            node_id = whole(word, 0)
+        except ValueError:
+            raise InputError(f"nodes={text}: {word!r} is no node id, as in 0x40=device.eds") from None
+        if not equals or not path:
+            raise InputError(f"nodes={text}: does not name an EDS, as in 0x40=device.eds")
+        if node_id in files:
+            raise InputError(f"nodes={text}: node 0x{node_id:02X} is given twice")
+        files[node_id] = path
+    return files
+
+
 class MachineKeywords(TypedDict, total=False):
     """The fields of `MachineOptions`, as keyword arguments of the functions that users call."""
 
@@ -104,6 +120,7 @@ class MachineKeywords(TypedDict, total=False):
     crystal_ppm: int | Sequence[int]
     bitrate: int | None
     firmware: Path | str | None
+    nodes: Mapping[int, Path | str] | None
 
 
 _STANDING = Spelling(
@@ -188,6 +205,14 @@ _FIRMWARE = Spelling(
     example='"build/fw.so"',
     says="Let each board run this firmware of yours, compiled for this computer (docs/own-firmware.md).",
 )
+_NODES = Spelling(
+    option="--node",
+    value="ID=EDS",
+    example='{0x40: "io.eds"}',
+    says="Put a further CANopen node, as simple as this EDS, on the bus (docs/nodes.md); repeatable.",
+    read=_node_files,
+    repeatable=True,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,6 +235,7 @@ class MachineOptions:
     crystal_ppm: int | Sequence[int] = field(default=0, metadata={SPELLING: _CRYSTAL})
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
     firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
+    nodes: Mapping[int, Path | str] | None = field(default=None, metadata={SPELLING: _NODES})
 
     @property
     def keywords(self) -> MachineKeywords:

@@ -29,7 +29,11 @@ def boxes(capsys: pytest.CaptureFixture[str], command: str) -> dict[str, set[str
 
 @pytest.mark.parametrize(
     ("command", "without"),
-    [("run", {"--bitrate", "--firmware"}), ("serve", set()), ("replay", {"--faults", "--motors", "--firmware"})],
+    [
+        ("run", {"--bitrate", "--firmware", "--node"}),
+        ("serve", set()),
+        ("replay", {"--faults", "--motors", "--firmware", "--node"}),
+    ],
 )
 def test_commands_show_them_in_a_box(command: str, without: set[str], capsys: pytest.CaptureFixture[str]) -> None:
     """The --bitrate of `run` is that of a live board."""
@@ -56,6 +60,14 @@ def test_a_run_on_two_boards(capsys: pytest.CaptureFixture[str]) -> None:
         ("run teaching-scara carry --stand-at '0 0 x 0'", "--stand-at 0 0 x 0: 'x' is not a number"),
         ("serve lab-scara --bitrate many", "--bitrate many: is not a whole number of bit/s"),
         ("serve lab-scara --bitrate 7", "--bitrate 7: is not one of 125000, "),
+        ("serve lab-scara --node 64", "--node 64: does not name an EDS, as in 0x40=device.eds"),
+        ("serve lab-scara --node x=io.eds", "--node x=io.eds: 'x' is no node id, as in 0x40=device.eds"),
+        ("serve lab-scara --node 0x13=io.eds", "--node 0x13=io.eds: 0x10 to 0x13 are the axes' ids; try 0x14"),
+        ("serve lab-scara --node 0x80=io.eds", "--node 0x80=io.eds: a node id is from 1 to 127, such as 0x14"),
+        ("serve lab-scara --node 0=io.eds", "--node 0x00=io.eds: a node id is from 1 to 127"),
+        ("serve lab-scara --node 0x7f=io.eds", "--node 0x7F=io.eds: 0x7F is the id of the host's heartbeat"),
+        ("serve lab-scara --node 0x40=no.eds", "--node 0x40=no.eds: No such file or directory"),
+        ("serve lab-scara --node 0x40=pyproject.toml", "--node 0x40=pyproject.toml: "),
     ],
 )
 def test_what_is_wrong_is_told_by_the_options_name(words: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,201 @@
+"""Hold the values of a simple node's object dictionary, with the checks that its description asks for."""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from steptwin.emulator.nodes.description import BYTES_MAX, NodeDescription, NodeEntry, NodeValue
+from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.entry import Access
+from steptwin.protocol.objects import DUMMY_BITS
+
+RPDOS: Final = range(0x1400, 0x1600)
+RPDO_MAPS: Final = range(0x1600, 0x1800)
+TPDOS: Final = range(0x1800, 0x1A00)
+TPDO_MAPS: Final = range(0x1A00, 0x1C00)
+"""Indexes of the parameters of up to 512 PDOs each way (CiA 301, table 41)."""
+_MAPS_FROM: Final = RPDO_MAPS.start - RPDOS.start
+PDO_BITS_MAX: Final = 64
+
+
+class NodeCell:
+    """The place of one numeric entry: its value as a PDO carries it, of a real number the bits."""
+
+    plain = False
+    """Every value that a PDO brings is checked, and its change noted."""
+
+    def __init__(self, address: int, entry: NodeEntry, changed: Callable[[int], None]) -> None:
+        self.value = 0
+        self._address, self._entry, self._changed = address, entry, changed
+
+    def get(self) -> int:
+        """Return the present value."""
+        return self.value
+
+    def put(self, value: int) -> None:
+        """Store a value; raise SdoAbortError if it is outside the description's limits."""
+        low, high = self._entry.low, self._entry.high
+        if high is not None and value > high:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
+        if low is not None and value < low:
+            raise SdoAbortError(AbortCode.VALUE_TOO_LOW)
+        if value != self.value:
+            self.value = value
+            self._changed(self._address)
+
+
+def _ignore(_address: int) -> None:
+    """Note nothing."""
+
+
+class NodeObjects:
+    """A simple node's dictionary: its SDO server, its PDOs and the machine around it read and write it.
+
+    The node sets `changed`, called with the address of each value that has changed, and `check`, called with address
+    and value before a number is stored that came by SDO, to refuse it by SdoAbortError.
+    """
+
+    def __init__(self, description: NodeDescription) -> None:
+        self.entries = description.entries
+        self.changed: Callable[[int], None] = _ignore
+        self.check: Callable[[int, int], None] = lambda _address, _value: None
+        self._indices = frozenset(address >> 8 for address in self.entries)
+        self._cells: dict[int, NodeCell] = {}
+        self._bytes: dict[int, bytes] = {}
+        for address, entry in self.entries.items():
+            if entry.bits:
+                self._cells[address] = NodeCell(address, entry, self._note)
+        self.reset()
+
+    def _note(self, address: int) -> None:
+        self.changed(address)
+
+    def reset(self, first_index: int = 0x1000, last_index: int = 0xFFFF) -> None:
+        """Give every entry of these indexes its value after power-up; nothing is told of it."""
+        for address, entry in self.entries.items():
+            if first_index <= address >> 8 <= last_index:
+                data = entry.to_bytes(entry.default)
+                if entry.bits:
+                    self._cells[address].value = self._number(entry, data)
+                else:
+                    self._bytes[address] = data
+
+    @staticmethod
+    def _number(entry: NodeEntry, data: bytes) -> int:
+        return int.from_bytes(data, "little", signed=entry.signed)
+
+    # --- as the PDOs see it
+
+    def get(self, address: int) -> int:
+        """Return a number; 0 if there is none at this address."""
+        cell = self._cells.get(address)
+        return 0 if cell is None else cell.value
+
+    def cell(self, address: int) -> NodeCell:
+        """Return the place of a number; KeyError if there is none."""
+        return self._cells[address]
+
+    def is_signed(self, address: int) -> bool:
+        """Return whether a number has a sign."""
+        return self.entries[address].signed
+
+    def pdos(self, communications: range) -> Iterable[tuple[int, int]]:
+        """Yield the indexes of the parameters of each PDO of one direction: communication and mapping."""
+        for index in communications:
+            if index << 8 | 1 in self._cells and index + _MAPS_FROM << 8 in self._cells:
+                yield index, index + _MAPS_FROM
+
+    def why_not_mapped(self, word: int, *, received: bool) -> AbortCode | None:
+        """Return why a PDO cannot carry what a word of a mapping names; None if it can."""
+        address, bits = word >> 8, word & 0xFF
+        if received and DUMMY_BITS.get(address >> 8) == bits and not address & 0xFF:
+            return None
+        entry = self.entries.get(address)
+        if entry is None:
+            return AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT
+        refused = (Access.CONST, Access.READ_ONLY) if received else (Access.WRITE_ONLY,)
+        if not entry.mappable or entry.bits != bits or entry.access in refused:
+            return AbortCode.CANNOT_BE_MAPPED
+        return None
+
+    # --- by SDO
+
+    def read(self, address: int) -> bytes:
+        """Return an entry's bytes.
+
+        Raises:
+            SdoAbortError: the entry does not exist or is write-only.
+        """
+        if self._entry(address).access is Access.WRITE_ONLY:
+            raise SdoAbortError(AbortCode.WRITE_ONLY)
+        return self._data(address)
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write an entry from its bytes.
+
+        Raises:
+            SdoAbortError: the entry does not exist or is read-only, the length is wrong, or the value is refused.
+        """
+        size, entry = self.size_to_write(address), self.entries[address]
+        if len(data) > size:
+            raise SdoAbortError(AbortCode.LENGTH_TOO_HIGH)
+        if entry.bits and len(data) < size:
+            raise SdoAbortError(AbortCode.LENGTH_TOO_LOW)
+        if not entry.bits:
+            self._store_bytes(address, data)
+            return
+        number = self._number(entry, data)
+        if number > entry.range[1]:  # a truth value has one bit of its byte
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH)
+        self.check(address, number)
+        self._cells[address].put(number)
+
+    def size_to_write(self, address: int) -> int:
+        """Return the number of bytes that a write must have, or may have if the length is not fixed.
+
+        Raises:
+            SdoAbortError: the entry does not exist or is read-only.
+        """
+        entry = self._entry(address)
+        if entry.access in (Access.CONST, Access.READ_ONLY):
+            raise SdoAbortError(AbortCode.READ_ONLY)
+        return entry.size or BYTES_MAX
+
+    def _entry(self, address: int) -> NodeEntry:
+        entry = self.entries.get(address)
+        if entry is None:
+            raise SdoAbortError(AbortCode.NO_SUBINDEX if address >> 8 in self._indices else AbortCode.NO_OBJECT)
+        return entry
+
+    def _data(self, address: int) -> bytes:
+        entry = self.entries[address]
+        if not entry.bits:
+            return self._bytes[address]
+        return self._cells[address].value.to_bytes(entry.size, "little", signed=entry.signed)
+
+    def _store_bytes(self, address: int, data: bytes) -> None:
+        if data != self._bytes[address]:
+            self._bytes[address] = data
+            self.changed(address)
+
+    # --- by the machine around the node
+
+    def value(self, address: int) -> NodeValue:
+        """Return an entry's value, whatever the access by SDO; KeyError if there is no entry."""
+        return self.entries[address].to_value(self._data(address))
+
+    def set_value(self, address: int, value: NodeValue) -> None:
+        """Give an entry a value, whatever the access by SDO and the limits for it.
+
+        Raises:
+            KeyError: there is no entry.
+            ValueError: the type does not have the value.
+        """
+        entry = self.entries[address]
+        data = entry.to_bytes(value)
+        if len(data) > (entry.size or BYTES_MAX):
+            raise ValueError(f"{len(data)} bytes are more than {BYTES_MAX}")
+        if not entry.bits:
+            self._store_bytes(address, data)
+        elif (number := self._number(entry, data)) != self._cells[address].value:
+            self._cells[address].value = number
+            self.changed(address)

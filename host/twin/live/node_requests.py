@@ -1,0 +1,106 @@
+"""Answer the requests of a control port that concern further nodes: their values and emergencies."""
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from math import isfinite
+from typing import Any, Final
+
+from steptwin.emulator.nodes.description import NodeValue, ValueForm
+from steptwin.emulator.nodes.simple_node import SimpleNode
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import Table
+from steptwin.protocol import od
+
+_VALUE, _EMERGENCY = "node", "node-emergency"
+NODE_REQUESTS: Final = (_VALUE, _EMERGENCY)
+"""The requests, by their key `do`."""
+_PLACE: Final = re.compile(r"(?:0x)?([0-9a-f]{4})(?::(?:0x)?([0-9a-f]{1,2}))?", re.IGNORECASE)
+_GENERIC_ERROR: Final = 1
+
+
+def nmt_states(nodes: Mapping[int, SimpleNode]) -> dict[str, str]:
+    """Return the NMT state of each node, by its id."""
+    return {f"0x{node_id:02X}": node.nmt_state.name for node_id, node in nodes.items()}
+
+
+def read_place(text: str) -> int:
+    """Return the address of an object such as 0x6000:01, or 0x1000 for sub-index 0; InputError for another form."""
+    if not (found := _PLACE.fullmatch(text)):
+        raise InputError(f"{text!r} is not an object such as 0x6000:01")
+    return od.address_of(int(found[1], 16), int(found[2] or "0", 16))
+
+
+def answer_for_node(nodes: Mapping[int, SimpleNode], request: Mapping[str, Any]) -> dict[str, Any]:
+    """Do what a request asks of a node, and return the value that it named.
+
+    Raises:
+        InputError: there is no such node or object, or the request has other keys or values.
+    """
+    table = Table(request, "JSON object")
+    emergency = table.text("do") == _EMERGENCY
+    more = ("code", "register", "data") if emergency else ("object", "value")
+    for key in table:
+        if key not in ("do", "node", *more):
+            raise InputError(f"{key}: there is no such key; there are node, {', '.join(more)}")
+    node_id = table.integer("node")
+    if node_id not in nodes:
+        listed = ", ".join(str(each) for each in nodes) or "none: `steptwin serve --node ID=EDS` adds them"
+        raise InputError(f"node: {node_id} is no further node; there are {listed}")
+    if emergency:
+        return _emergency(nodes[node_id], table)
+    return _value(nodes[node_id], table)
+
+
+def _emergency(node: SimpleNode, table: Table) -> dict[str, Any]:
+    code = table.integer("code")
+    register = table.integer("register") if "register" in table else _GENERIC_ERROR if code else 0
+    try:
+        node.emergency(code, register, _bytes(table.text("data")) if "data" in table else b"")
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    return {"id": node.node_id, "code": code}
+
+
+def _value(node: SimpleNode, table: Table) -> dict[str, Any]:
+    """Give the value that a request may have, and return that of its object."""
+    with prefixed("object: "):
+        address = read_place(table.text("object"))
+        entries = node.description.entries
+        if address not in entries:
+            given, places = od.place_text(address), [od.place_text(each) for each in entries]
+            near = get_close_matches(given, places, n=1)
+            raise InputError(f"{given} is not in {node.description.source}{f'; near is {near[0]}' if near else ''}")
+    entry = entries[address]
+    if "value" in table:
+        with prefixed("value: "):
+            given_value: Any = table.values["value"]
+            if entry.form is ValueForm.BYTES:
+                given_value = _bytes(table.text("value"))
+            try:
+                node.set_value(address, given_value)
+            except ValueError as error:
+                raise InputError(str(error)) from error
+    return {
+        "id": node.node_id,
+        "object": od.place_text(address),
+        "name": entry.name,
+        "value": _in_json(node.value(address)),
+    }
+
+
+def _bytes(text: str) -> bytes:
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        raise InputError(f"{text!r} is not bytes in hexadecimal digits, such as '0f 00'") from None
+
+
+def _in_json(value: NodeValue) -> float | str | None:
+    """Return a value as JSON has it: bytes as hexadecimal digits, null for what is no number."""
+    if isinstance(value, bytes):
+        return value.hex(" ")
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value
