@@ -280,10 +280,6 @@ int setsockopt(int fd, int level, int name, const void *value, socklen_t length)
     case SO_RXQ_OVFL:
         shim->overflow = number;
         return 0;
-    case SO_RCVBUF:
-    case SO_RCVBUFFORCE: /* of such a pair the sender's buffer counts */
-        shim->settings->buffer_bytes = (uint32_t)number;
-        return real(fd, level, SO_RCVBUF, value, length);
     default:
         return real(fd, level, name, value, length);
     }

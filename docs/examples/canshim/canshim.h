@@ -21,7 +21,7 @@ struct packet {
 struct settings {
     atomic_uint version; /* odd while the filters change */
     atomic_uint ended;   /* 1 once the program has closed its socket */
-    uint32_t filters, joined, receive_own, buffer_bytes;
+    uint32_t filters, joined, receive_own;
     struct can_filter filter[CAN_RAW_FILTER_MAX];
 };
 

@@ -22,7 +22,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { COMMAND_MAX = 128, HANDSHAKE_MS = 2000, LINGER_MS = 2000, TEXT_MAX = 1 << 16, SEND_MAX = 64 };
+enum { COMMAND_MAX = 128, HANDSHAKE_MS = 2000, LINGER_MS = 2000, TEXT_MAX = 1 << 16, SEND_MAX = 64, WAITING_MAX = 4096 };
 
 /* --- the connection, made in the program's own process */
 
@@ -51,8 +51,9 @@ int server_connect(const char *address, const char *bus)
     const char *colon = strrchr(address, ':');
     struct addrinfo hints = {.ai_socktype = SOCK_STREAM}, *found = NULL;
     const char *why = "is not HOST:PORT";
-    if (colon && (size_t)(colon - address) < sizeof host) {
-        snprintf(host, sizeof host, "%.*s", (int)(colon - address), address);
+    if (colon > address && (size_t)(colon - address) < sizeof host) {
+        bool brackets = address[0] == '[' && colon[-1] == ']'; /* of an address of IPv6 */
+        snprintf(host, sizeof host, "%.*s", (int)(colon - address) - 2 * brackets, address + brackets);
         int error = getaddrinfo(host, colon + 1, &hints, &found);
         why = error ? gai_strerror(error) : "no socketcand server answers";
     }
@@ -119,7 +120,9 @@ struct pump {
     int program, server;
     struct settings *settings;
     bool program_gone, server_gone;
-    uint32_t dropped, buffer_bytes;
+    uint32_t dropped;
+    struct packet queue[WAITING_MAX]; /* for the program: its socket holds some 200 */
+    size_t first, waiting;
     char in[TEXT_MAX], out[TEXT_MAX];
     size_t in_length, out_length;
 };
@@ -151,16 +154,23 @@ static void hand_on(struct pump *pump, struct packet *packet)
 {
     if (pump->program_gone || !wanted(pump->settings, packet->frame.can_id))
         return;
-    if (pump->settings->buffer_bytes != pump->buffer_bytes) {
-        int bytes = (int)(pump->buffer_bytes = pump->settings->buffer_bytes);
-        setsockopt(pump->program, SOL_SOCKET, SO_SNDBUF, &bytes, sizeof bytes);
+    if (pump->waiting == WAITING_MAX) {
+        pump->dropped++; /* as a real socket does whose program does not read */
+        return;
     }
     packet->dropped = pump->dropped;
-    if (send(pump->program, packet, sizeof *packet, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) {
-        if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS)
-            pump->dropped++; /* as a real socket does whose program does not read */
-        else
-            pump->program_gone = true;
+    pump->queue[(pump->first + pump->waiting++) % WAITING_MAX] = *packet;
+}
+
+static void write_program(struct pump *pump)
+{
+    while (pump->waiting && !pump->program_gone) {
+        if (send(pump->program, &pump->queue[pump->first], sizeof(struct packet), MSG_DONTWAIT | MSG_NOSIGNAL) < 0) {
+            pump->program_gone = errno != EAGAIN && errno != EINTR && errno != ENOBUFS;
+            return;
+        }
+        pump->first = (pump->first + 1) % WAITING_MAX;
+        pump->waiting--;
     }
 }
 
@@ -230,16 +240,18 @@ static void run(struct pump *pump)
         bool room = pump->out_length + SEND_MAX < sizeof pump->out && !pump->program_gone;
         struct pollfd waiting[] = {
             {.fd = pump->server, .events = (short)(POLLIN | (pump->out_length ? POLLOUT : 0))},
-            {.fd = room ? pump->program : -1, .events = POLLIN},
+            {.fd = room || pump->waiting ? pump->program : -1,
+             .events = (short)((room ? POLLIN : 0) | (pump->waiting ? POLLOUT : 0))},
         };
         if (poll(waiting, 2, -1) < 0 && errno != EINTR)
             return;
-        if (waiting[1].revents)
+        if (room && waiting[1].revents & ~POLLOUT)
             read_program(pump);
         if (pump->out_length)
             write_server(pump);
         if (waiting[0].revents & ~POLLOUT)
             read_server(pump);
+        write_program(pump);
     }
     atomic_store(&pump->settings->ended, pump->program_gone);
     if (!pump->server_gone)

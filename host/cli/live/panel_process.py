@@ -47,6 +47,13 @@ def require_free(port: int | None) -> None:
             listen(socketcand.LOOPBACK, port, "panel_port").close()
 
 
+def reached_at(host: str | None) -> str:
+    """Return the address at which programs of this machine reach a server that listens at one, for a HOST:PORT."""
+    from steptwin.host.client.links.connecting import in_url
+
+    return in_url(socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host)
+
+
 def panel_words(
     served: "ServedBoard", robot: Sequence[str], endpoint: "EndpointOptions", port: int | None
 ) -> list[str]:
@@ -58,13 +65,9 @@ def panel_words(
         endpoint: where the board is, as given.
         port: port of the page; None lets the panel choose it.
     """
-    from steptwin.host.client.links.connecting import in_url
-
     words = ["panel", *robot]
     if endpoint.interface is None:
-        host = endpoint.host
-        address = socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host
-        words += ["--connect", f"{in_url(address)}:{served.port}"]
+        words += ["--connect", f"{reached_at(endpoint.host)}:{served.port}"]
     else:
         words += ["-i", endpoint.interface, *(() if endpoint.channel is None else ("-c", endpoint.channel))]
     if port is not None:

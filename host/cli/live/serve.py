@@ -1,7 +1,7 @@
 """`steptwin serve ROBOT`: run a live board in real time, for every program that speaks CAN."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from itertools import accumulate
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions
 from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
+from steptwin.host.cli.live.served_command import CommandOptions, ServedCommand
 from steptwin.host.cli.options import option, switch
 from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
@@ -77,24 +78,31 @@ _NAMED: Final = (
 """Arguments of a served board that errors name by their options."""
 
 
-@command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
+@command(
+    "lab-scara --panel",
+    "warehouse-scara --boards 4,2 --out out/live --port 0",
+    "lab-scara --port 0 --preload canshim.so --exec 'candump can0'",
+)
 def serve(
     which: RobotOptions,
     endpoint: EndpointOptions,
     recording: RecordingOptions,
     machine: MachineOptions,
     page: OwnPanelOptions,
+    beside: CommandOptions,
     robot: RobotName = None,
 ) -> None:
     """Run a robot's board, or several, in real time until Ctrl-C.
 
     Any number of python-can programs connect to it through a socketcand server; they see each other's frames. With -i
-    the board is on a bus of python-can instead: virtual, socketcan, socketcand, ...
+    the board is on a bus of python-can instead: virtual, socketcan, socketcand, ... With --exec a program runs beside
+    it, which finds the server's HOST:PORT in STEPTWIN_CAN and the control port's in STEPTWIN_CONTROL.
     """
     from steptwin.host.twin.live.served_board import ServedBoard
 
     loaded = which.robot(robot)
     panel = page.wanted()
+    program = ServedCommand(beside, endpoint.interface)
     machine = machine_for(loaded, machine)  # bad input is reported before a port is opened
     _warn_outside(loaded, machine)
     if machine.motors:
@@ -123,11 +131,16 @@ def serve(
         def announce() -> None:
             which.add(*banner(served), *(() if panel else ("Ctrl-C ends it",)))  # a panel says it, too
             open_panel(panel_words(served, name, endpoint, page.panel_port))
+            program.start(served, endpoint.host, to_stderr=which.as_json)
 
-        document, failure = _serve(which, served, announce, recording.out)
+        try:
+            document, failure = _serve(which, served, announce, recording.out, quiet=program.wanted)
+        finally:
+            program.end()
     if failure:
         raise failure
     end_unless_struck(document)
+    program.pass_on()
 
 
 def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
@@ -140,12 +153,12 @@ def _warn_of_steep_homings(robot: "Robot", other_drivers: str | None) -> None:
 
 
 def _serve(
-    answer: AnswerOptions, served: "ServedBoard", announce: Callable[[], None], out: str | None
+    answer: AnswerOptions, served: "ServedBoard", announce: Callable[[], None], out: str | None, *, quiet: bool
 ) -> tuple[dict[str, Any], BusError | RecordingError | None]:
     """Run the board until a signal ends it and print its report; return this, and what went wrong."""
     # A second signal changes nothing: the files are being completed then.
     with on_signals(lambda _number, _frame: served.stop()):
-        failure = _run(served, announce)
+        failure = _run(served, announce, quiet=quiet)
         document = served.report()
         answer.tell(
             document, lambda: print_served(document, None if out is None or served.board.failures else Path(out))
@@ -164,9 +177,12 @@ def _warn_outside(robot: "Robot", machine: MachineOptions) -> None:
         warn(f"--stand-at: {error}")
 
 
-def _run(served: "ServedBoard", announce: Callable[[], None]) -> BusError | RecordingError | None:
-    """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong."""
-    with status_line(served) as update:
+def _run(served: "ServedBoard", announce: Callable[[], None], *, quiet: bool) -> BusError | RecordingError | None:
+    """Announce the board and run it until it is stopped, or until its bus fails; return what went wrong.
+
+    `quiet` leaves the terminal to another program.
+    """
+    with nullcontext(lambda: None) if quiet else status_line(served) as update:
         announce()
         served.call_every(_STATUS_EVERY_S, update)
         served.call_every(_STATUS_EVERY_S, _warning_of_slowness(served.board))

@@ -1,0 +1,135 @@
+"""`serve --exec`: a program that is started once the board is served, and whose end is the server's."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import typer
+
+from steptwin.host.cli.live.panel_process import reached_at
+from steptwin.host.cli.options import option
+from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.errors import InputError
+
+if TYPE_CHECKING:
+    from steptwin.host.twin.live.served_board import ServedBoard
+
+_LOOK_EVERY_S: Final = 0.02
+_END_S: Final = 5.0
+"""Time that the program has to end by itself when the server ends before it."""
+_BY_SIGNAL: Final = 128
+"""Added to the number of the signal that has ended a program, as shells do."""
+CAN_VARIABLE: Final = "STEPTWIN_CAN"
+CONTROL_VARIABLE: Final = "STEPTWIN_CONTROL"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandOptions:
+    """The options that start a program for the served board."""
+
+    words: str | None = option("CMD", "Start a program once the board is served; its end is the server's.", "--exec")
+    preload: str | None = option(
+        "FILE", "Library that the program of --exec loads first (LD_PRELOAD), such as canshim.so (docs/socketcan.md)."
+    )
+
+    def checked(self, interface: str | None) -> list[str]:
+        """Return the program and its arguments; none if there is to be none.
+
+        Raises:
+            InputError: there is no such program or library, or no server for the library to connect to.
+        """
+        if self.words is None:
+            if self.preload is not None:
+                raise InputError("--preload: is for the program of --exec CMD")
+            return []
+        with prefixed(f"--exec {self.words}: "):
+            try:
+                words = shlex.split(self.words)
+            except ValueError as error:
+                raise InputError(str(error).lower()) from error
+            if not words:
+                raise InputError("names no program, as in --exec 'candump can0'")
+            if shutil.which(words[0]) is None:
+                raise InputError(f"there is no program {words[0]!r}")
+        if self.preload is not None and interface is not None:
+            raise InputError("--preload: with -i there is no socketcand server for it")
+        if self.preload is not None and not Path(self.preload).is_file():
+            raise InputError(f"--preload {self.preload}: is no file")
+        return words
+
+
+class ServedCommand:
+    """A program beside a served board.
+
+    Attributes:
+        exit_code: its exit code, as shells count; None while it runs, and if the server has ended it.
+    """
+
+    def __init__(self, options: CommandOptions, interface: str | None) -> None:
+        """Check the options; raises as `CommandOptions.checked`."""
+        self._words = options.checked(interface)
+        self._preload = options.preload
+        self._process: subprocess.Popen[bytes] | None = None
+        self.exit_code: int | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """True if there is a program to start."""
+        return bool(self._words)
+
+    def start(self, served: "ServedBoard", host: str | None, *, to_stderr: bool) -> None:
+        """Start it, if it is wanted; its end stops the board.
+
+        Args:
+            served: the board, which listens already.
+            host: address where its server listens, as given.
+            to_stderr: let the program print to stderr, because stdout is the document's.
+
+        Raises:
+            InputError: the system cannot start it.
+        """
+        if not self._words:
+            return
+        variables = dict(os.environ)
+        if served.port is not None:
+            variables[CAN_VARIABLE] = f"{reached_at(host)}:{served.port}"
+        if served.control is not None:
+            variables[CONTROL_VARIABLE] = served.control.address
+        if self._preload is not None:
+            libraries = [str(Path(self._preload).resolve()), variables.get("LD_PRELOAD", "")]
+            variables["LD_PRELOAD"] = ":".join(filter(None, libraries))
+        try:
+            self._process = process = subprocess.Popen(
+                self._words, env=variables, stdout=sys.stderr if to_stderr else None
+            )
+        except OSError as error:
+            raise InputError(f"--exec {self._words[0]}: {error.strerror}") from error
+
+        def look() -> None:
+            code = process.poll()
+            if code is not None and self.exit_code is None:
+                self.exit_code = code if code >= 0 else _BY_SIGNAL - code
+                served.stop()
+
+        served.call_every(_LOOK_EVERY_S, look)
+
+    def end(self) -> None:
+        """End it if it still runs."""
+        if self._process is None or self._process.poll() is not None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def pass_on(self) -> None:
+        """End the command line with the program's exit code, unless it is 0 or the server has ended first."""
+        if self.exit_code:
+            raise typer.Exit(self.exit_code)
