@@ -36,7 +36,7 @@ def test_a_master_of_a_whole_machine(tmp_path: Path) -> None:
         network.connect(interface="socketcand", channel="vcan0", host="127.0.0.1", port=server.port)
         with ControlClient("127.0.0.1", port) as control:
             module = network.add_node(ID, str(EDS))
-            axis = network.add_node(0x10, canopen.ObjectDictionary())
+            axis = network.add_node(0x10, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
             assert module.sdo[0x1008].raw == "An input and output module"
             assert axis.sdo.upload(0x1000, 0) == bytes.fromhex("92010400")
             module.sdo[0x1017].raw = 50

@@ -78,11 +78,7 @@ _NAMED: Final = (
 """Arguments of a served board that errors name by their options."""
 
 
-@command(
-    "lab-scara --panel",
-    "warehouse-scara --boards 4,2 --out out/live --port 0",
-    "lab-scara --port 0 --preload canshim.so --exec 'candump can0'",
-)
+@command("lab-scara --panel", "warehouse-scara --boards 4,2 --out out/live --port 0")
 def serve(
     which: RobotOptions,
     endpoint: EndpointOptions,

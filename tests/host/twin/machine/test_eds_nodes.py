@@ -32,7 +32,7 @@ def test_our_own_axis_is_read_as_it_is(tmp_path: Path) -> None:
         own = ENTRIES[address]
         assert (entry.access, entry.size) == (own.access, own.data_type.size)
         if entry.form is ValueForm.WHOLE:
-            assert entry.default == own.default + 0x40 * own.plus_node_id
+            assert entry.default == int(own.default) + 0x40 * own.plus_node_id
 
 
 def test_compact_arrays_have_all_their_entries() -> None:
