@@ -126,6 +126,18 @@ class DigitalOutput(IntFlag):
     OUT2 = 1 << 17
 
 
+class TouchProbeBit(IntEnum):
+    """Bits of a probe's byte in the touch probe function (60B8h) and, _STORED, in its status (60B9h, CiA 402-2)."""
+
+    ON = 1 << 0
+    """In both words."""
+    CONTINUOUS = 1 << 1
+    RISING = 1 << 4
+    FALLING = 1 << 5
+    RISING_STORED = 1 << 1
+    FALLING_STORED = 1 << 2
+
+
 class AbortConnection(IntEnum):
     """Reactions of a drive to a lost connection: abort connection option code (6007h, CiA 402 table 41)."""
 

@@ -474,6 +474,18 @@ HOMING_ZERO_SPEED = _rate(0x6099_02, "Speed during search for zero", 50, VELOCIT
 HOMING_ACCELERATION = _rate(0x609A_00, "Homing acceleration", 2_000, ACCELERATION)
 array(0x60A4, "Profile jerk")
 PROFILE_JERK = _rate(0x60A4_01, "Profile jerk 1 in {unit}", 100_000, EntryUnit.JERK)
+TOUCH_PROBE_FUNCTION = rw(
+    0x60B8_00,
+    U16,
+    "Touch probe function: probe 1, IN1, in the low byte, probe 2, IN2, in the high byte",
+    mapping=RX,
+    write="TouchProbes.obey_function",
+)
+TOUCH_PROBE_STATUS = ro(0x60B9_00, U16, "Touch probe status", mapping=TX)
+TOUCH_PROBE_1_RISING = ro(0x60BA_00, I32, "Touch probe 1 positive edge", POSITION, TX)
+TOUCH_PROBE_1_FALLING = ro(0x60BB_00, I32, "Touch probe 1 negative edge", POSITION, TX)
+TOUCH_PROBE_2_RISING = ro(0x60BC_00, I32, "Touch probe 2 positive edge", POSITION, TX)
+TOUCH_PROBE_2_FALLING = ro(0x60BD_00, I32, "Touch probe 2 negative edge", POSITION, TX)
 INTERPOLATION_SUBMODE = rw(0x60C0_00, I16, "Interpolation sub mode select", PVT_SUBMODE, PVT_SUBMODE, PVT_SUBMODE)
 record(0x60C1, "Interpolation data record (PVT)")
 PVT_DISPLACEMENT = rw(0x60C1_01, I24, "Displacement in {unit}", unit=POSITION, mapping=RX)

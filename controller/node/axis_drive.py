@@ -15,6 +15,7 @@ from steptwin.controller.node.pins import Pin
 from steptwin.controller.node.power_states import ENERGISED, next_state
 from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, AxisStop, StopKind, fault_stop
 from steptwin.controller.node.supervision import Supervision
+from steptwin.controller.node.touch_probe import TouchProbes
 from steptwin.protocol import cia402, od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
@@ -61,6 +62,7 @@ class AxisDrive:
         """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
         self._fault_us = 0
         self.supervision = Supervision(context)
+        self._probes = TouchProbes(context)
         self.stop = AxisStop(context)
         self.interpolation = Interpolation(context, self.stop)
         self.settings = DriverSettings(context, self.interpolation)
@@ -294,6 +296,7 @@ class AxisDrive:
             return
         if inputs & ~self.supervision.inputs & DigitalInput.ESTOP:
             self._count_fault()
+        self._probes.inputs_changed(self.supervision.inputs, inputs)
         self.supervision.inputs = inputs
         self._context.changed(od.DIGITAL_INPUTS)
         if self.energised:

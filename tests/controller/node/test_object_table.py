@@ -41,6 +41,7 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x2010, 3): (STATE, STATE),  # no axis interpolates: there is no motion to make slower or faster
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
+    (0x60B8, 0): (DONE, RANGE),  # all ones name a zero pulse as source
     (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
     (0x2015, 0): (AbortCode.VALUE_TOO_LOW, DONE),  # only 1 stops, as only the fault reset ends it
     (0x2017, 1): (AbortCode.VALUE_TOO_LOW, DONE),  # 0 reads as "free" and claims nothing
