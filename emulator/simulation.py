@@ -117,6 +117,16 @@ class Simulation:
         if self.shelf_watch is not None and self.shelf_watch.is_due(self.now_counts):
             self._let_shelf_look(self.shelf_watch)
 
+    def switch_node(self, node: SimpleNode, *, on: bool) -> None:
+        """Take the supply from a further node, or give it back; a frame that it was sending breaks off."""
+        if node.powered is on:
+            return
+        before = node.can
+        (node.power_up if on else node.power_down)()
+        self.bus.exchange(before, node.can, self.now_counts)
+        if on:
+            node.boot(self.now_counts)
+
     def _exchanging(self, number: int, act: Callable[[Board, int], None]) -> None:
         """Do something to a board that may leave it with another CAN controller, or with the same one again."""
         board = self.boards[number]

@@ -58,7 +58,9 @@ class SimpleNode:
         self.node_id = description.node_id
         self.nmt_state = NmtState.INITIALISING
         self._accepted: frozenset[int] = frozenset()
-        self.can = CanController(self._receive, passes=lambda cob_id: cob_id in self._accepted)
+        self.can = self._new_controller()
+        self.powered = True
+        """False while the node is without supply; `Simulation.switch_node` changes it."""
         self.refused = 0
         """Number of values in RPDOs that the description's limits refused."""
         self.dropped = 0
@@ -80,6 +82,9 @@ class SimpleNode:
         self.next_due_counts: int | None = None
         """Instant when `poll` has work; None if only a frame or a change from outside brings any."""
         objects.changed, objects.check = self._changed, self._check
+
+    def _new_controller(self) -> CanController:
+        return CanController(self._receive, passes=lambda cob_id: cob_id in self._accepted)
 
     # --- from outside
 
@@ -146,6 +151,19 @@ class SimpleNode:
         """Power up: announce the node, then wait in PRE-OPERATIONAL."""
         self._now_us = now_counts // COUNTS_PER_US
         self._reset(now_counts)
+
+    def power_down(self) -> None:
+        """Lose the supply, and with it all values; `can` is then another controller, which is not on the bus."""
+        self.powered = False
+        self.nmt_state = NmtState.INITIALISING
+        self.next_due_counts = None
+        self.can = self._new_controller()
+        self.can.power_down()
+
+    def power_up(self) -> None:
+        """Have the supply again; the caller attaches the controller to the bus, and calls `boot`."""
+        self.powered = True
+        self.can.power_up()
 
     def _reset(self, now_counts: int, *, last_index: int = 0xFFFF) -> None:
         self._objects.reset(last_index=last_index)
@@ -284,6 +302,9 @@ class SimpleNode:
     def poll(self, now_counts: int) -> None:
         """Do what is due: emergencies from outside, heartbeat, TPDOs by events."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
+            return
+        if not self.powered:
+            self.next_due_counts = None
             return
         self._now_us = now_counts // COUNTS_PER_US
         if self._heartbeat.poll(self._now_us):

@@ -222,6 +222,10 @@ class ControlClient:
         """Let a further node send an EMCY; code 0 says that the error is over."""
         return self.ask("node-emergency", node=node_id, code=code, register=register, data=data.hex())
 
+    def switch_node(self, node_id: int, *, on: bool) -> ControlState:
+        """Take the supply from a further node, or give it back: it boots again."""
+        return self.ask("node-power", node=node_id, on=on)
+
     def _of_node(self, do: str, **values: Any) -> float | str | None:
         answer = self.ask(do, **values).document.get("node")
         value: float | str | None = answer.get("value") if isinstance(answer, dict) else None

@@ -53,6 +53,9 @@ def test_a_master_of_a_whole_machine(tmp_path: Path) -> None:
             assert control.node_emergency(ID, 0x5000).document["nodes"] == {"0x40": "OPERATIONAL"}
             soon(lambda: [entry.code for entry in module.emcy.log] == [0x5000])
             refusals(control)
+            assert control.switch_node(ID, on=False).document["nodes"] == {"0x40": "OFF"}
+            control.switch_node(ID, on=True)
+            soon(lambda: module.nmt.state == "PRE-OPERATIONAL")
         network.disconnect()
         assert server.end(signal.SIGTERM)[0] == 0
     assert " 740#00" in log.read_text(encoding="utf-8")

@@ -100,6 +100,10 @@ class EmbeddedBoard:
         """The further nodes on the bus, by their ids."""
         return self._machine.parts.nodes
 
+    def switch_node(self, node_id: int, *, on: bool) -> None:
+        """Take the supply from a further node, or give it back: it boots again; KeyError if none has this id."""
+        self._machine.switch_node(node_id, on=on)
+
     def host_restarts(self) -> None:
         """Connect another host: `network` is its network, and nothing that the one before it was told is known."""
         self.host.dead, self.host.restart_counts = False, None

@@ -96,7 +96,7 @@ class ControlPort:
         def handle(request: dict[str, Any]) -> dict[str, Any]:
             try:
                 if request.get("do") in NODE_REQUESTS:
-                    return {"node": answer_for_node(board.nodes, request)} | state.read()
+                    return {"node": answer_for_node(board, request)} | state.read()
                 harm = read_request(board.robot, request)
                 if harm is not None:
                     board.operate(harm)

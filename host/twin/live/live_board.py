@@ -207,6 +207,10 @@ class LiveBoard:
         """The further nodes on the bus, by their ids."""
         return self._machine.parts.nodes
 
+    def switch_node(self, node_id: int, *, on: bool) -> None:
+        """Take the supply from a further node, or give it back; in the loop only."""
+        self._machine.switch_node(node_id, on=on)
+
     @property
     def axes_per_board(self) -> tuple[int, ...]:
         """Number of axes on each board, in the order of the joints."""

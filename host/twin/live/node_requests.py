@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from math import isfinite
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from steptwin.emulator.nodes.description import NodeValue, ValueForm
 from steptwin.emulator.nodes.simple_node import SimpleNode
@@ -13,16 +13,20 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table
 from steptwin.protocol import od
 
-_VALUE, _EMERGENCY = "node", "node-emergency"
-NODE_REQUESTS: Final = (_VALUE, _EMERGENCY)
-"""The requests, by their key `do`."""
+_VALUE, _EMERGENCY, _POWER = "node", "node-emergency", "node-power"
+NODE_REQUESTS: Final[Mapping[str, tuple[str, ...]]] = {
+    _VALUE: ("object", "value"),
+    _EMERGENCY: ("code", "register", "data"),
+    _POWER: ("on",),
+}
+"""The keys of each request beside `do` and `node`."""
 _PLACE: Final = re.compile(r"(?:0x)?([0-9a-f]{4})(?::(?:0x)?([0-9a-f]{1,2}))?", re.IGNORECASE)
 _GENERIC_ERROR: Final = 1
 
 
 def nmt_states(nodes: Mapping[int, SimpleNode]) -> dict[str, str]:
-    """Return the NMT state of each node, by its id."""
-    return {f"0x{node_id:02X}": node.nmt_state.name for node_id, node in nodes.items()}
+    """Return the NMT state of each node, by its id; OFF without supply."""
+    return {f"0x{node_id:02X}": node.nmt_state.name if node.powered else "OFF" for node_id, node in nodes.items()}
 
 
 def read_place(text: str) -> int:
@@ -32,15 +36,28 @@ def read_place(text: str) -> int:
     return od.address_of(int(found[1], 16), int(found[2] or "0", 16))
 
 
-def answer_for_node(nodes: Mapping[int, SimpleNode], request: Mapping[str, Any]) -> dict[str, Any]:
+class NodesOfBoard(Protocol):
+    """A board with further nodes on its bus."""
+
+    @property
+    def nodes(self) -> Mapping[int, SimpleNode]:
+        """The nodes by their ids."""
+        ...
+
+    def switch_node(self, node_id: int, *, on: bool) -> None:
+        """Take the supply from a node, or give it back."""
+        ...
+
+
+def answer_for_node(board: NodesOfBoard, request: Mapping[str, Any]) -> dict[str, Any]:
     """Do what a request asks of a node, and return the value that it named.
 
     Raises:
         InputError: there is no such node or object, or the request has other keys or values.
     """
     table = Table(request, "JSON object")
-    emergency = table.text("do") == _EMERGENCY
-    more = ("code", "register", "data") if emergency else ("object", "value")
+    do, nodes = table.text("do"), board.nodes
+    more = NODE_REQUESTS[do]
     for key in table:
         if key not in ("do", "node", *more):
             raise InputError(f"{key}: there is no such key; there are node, {', '.join(more)}")
@@ -48,7 +65,11 @@ def answer_for_node(nodes: Mapping[int, SimpleNode], request: Mapping[str, Any])
     if node_id not in nodes:
         listed = ", ".join(str(each) for each in nodes) or "none: `steptwin serve --node ID=EDS` adds them"
         raise InputError(f"node: {node_id} is no further node; there are {listed}")
-    if emergency:
+    if do == _POWER:
+        on = table.truth("on")
+        board.switch_node(node_id, on=on)
+        return {"id": node_id, "on": on}
+    if do == _EMERGENCY:
         return _emergency(nodes[node_id], table)
     return _value(nodes[node_id], table)
 

@@ -185,6 +185,10 @@ class EmulatedMachine(Target):
         scenario = options.scenario_for(robot)
         self.engine = None if scenario is None else Engine(scenario, self, self.host)
 
+    def switch_node(self, node_id: int, *, on: bool) -> None:
+        """Take the supply from a further node, or give it back; KeyError if there is none of this id."""
+        self.simulation.switch_node(self.parts.nodes[node_id], on=on)
+
     @property
     def bus_log(self) -> list[tuple[int, Frame]]:
         """Every frame that the bus has kept, with the instant, in counts, when it became valid."""

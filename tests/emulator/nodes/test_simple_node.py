@@ -223,6 +223,38 @@ def test_a_reset_gives_the_defaults_back(board: BoardUnderTest, node: SimpleNode
     assert frames(board, 0x700) == 3 * [b"\0"]
 
 
+def test_without_supply_it_is_silent_and_forgets(board: BoardUnderTest, node: SimpleNode, master: Any) -> None:
+    master.sdo[0x1017].raw = 10
+    command(board, START)
+    node.set_value(INPUTS, 5)
+    board.wait(0.05)
+    board.switch_node(ID, on=False)
+    before = len(board.bus_log)
+    node.set_value(INPUTS, 6)
+    node.emergency(0x5000)
+    command(board, START)
+    board.wait(0.3)
+    assert all(frame.cob_id & 0x7F != ID for _, frame in board.bus_log[before:])
+    assert not node.powered
+    for on in (True, True):
+        board.switch_node(ID, on=on)
+    board.wait(0.05)
+    assert frames(board, 0x700, before) == [b"\0"]
+    assert node.value(INPUTS) == 0
+    assert master.sdo[0x1017].raw == 0
+
+
+def test_a_frame_breaks_off_with_the_supply(board: BoardUnderTest, node: SimpleNode) -> None:
+    command(board, START)
+    board.wait(0.01)
+    before = len(frames(board, 0x180))
+    node.set_value(INPUTS, 9)
+    board.pass_time(20e-6)
+    board.switch_node(ID, on=False)
+    board.wait(0.01)
+    assert len(frames(board, 0x180)) == before
+
+
 def test_axes_and_their_motion_are_as_without_it(board: BoardUnderTest, fast_kernel: Kernel) -> None:
     alone = BoardUnderTest(load_robot("lab-scara"), kernel=fast_kernel)
     for each in (board, alone):
