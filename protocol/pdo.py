@@ -28,7 +28,14 @@ from steptwin.protocol.od import address_of
 
 _LAST_SYNCHRONOUS: Final = 240
 ANNOUNCED: Final = frozenset(
-    (od.STATUSWORD, od.MODE_OF_OPERATION_DISPLAY, od.DIGITAL_INPUTS, od.ERROR_CODE, od.PVT_FLAGS)
+    (
+        od.STATUSWORD,
+        od.MODE_OF_OPERATION_DISPLAY,
+        od.DIGITAL_INPUTS,
+        od.ERROR_CODE,
+        od.PVT_FLAGS,
+        od.TOUCH_PROBE_STATUS,
+    )
 )
 """Entries whose changes the firmware tells `ProcessData.changed`."""
 SAMPLE_US: Final = 1000

@@ -90,9 +90,9 @@ class TouchProbes:
             if status & row.stored and not function & row.continuous:
                 continue
             self._dictionary.set(row.position, self._context.motion.counter_units)
-            self._context.changed(row.position)
             self._show(status | row.stored)
 
     def _show(self, status: int) -> None:
+        """Store the status and announce it, also an edge that was stored before: the position is new."""
         self._dictionary.set(od.TOUCH_PROBE_STATUS, status)
         self._context.changed(od.TOUCH_PROBE_STATUS)

@@ -30,6 +30,16 @@ def status(board: BenchBoard) -> int:
     return board.value(od.TOUCH_PROBE_STATUS)
 
 
+def map_tpdo4(board: BenchBoard) -> None:
+    """Let TPDO4 carry the status and the first position, and no other value."""
+    place = od.address_of(od.TPDO_MAPPING[3])
+    cob_id = od.address_of(od.TPDO_COMMUNICATION[3], od.PDO_COB_ID)
+    words = (od.TOUCH_PROBE_STATUS << 8 | 16, od.TOUCH_PROBE_1_RISING << 8 | 32)
+    written = ((cob_id, 0xC000_0490), (place, 0), (place + 1, words[0]), (place + 2, words[1]), (place, 2))
+    for address, value in (*written, (cob_id, 0x4000_0490)):
+        assert board.write(address, value) == 0
+
+
 @pytest.fixture
 def moving(fast_kernel: Kernel) -> ProfileBench:
     """An axis at a steady 1000 steps/s, which is a quarter of a step in a servo tick."""
@@ -123,18 +133,28 @@ def test_a_reset_of_the_node_switches_the_probes_off(moving: ProfileBench) -> No
 def test_a_status_in_a_pdo_is_sent_when_an_edge_comes(moving: ProfileBench) -> None:
     moving.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     moving.write(od.TOUCH_PROBE_FUNCTION, 0x0011)
-    place = od.address_of(od.TPDO_MAPPING[3])
-    cob_id = od.address_of(od.TPDO_COMMUNICATION[3], od.PDO_COB_ID)
-    words = (od.TOUCH_PROBE_STATUS << 8 | 16, od.TOUCH_PROBE_1_RISING << 8 | 32)
-    written = ((cob_id, 0xC000_0490), (place, 0), (place + 1, words[0]), (place + 2, words[1]), (place, 2))
-    for address, value in (*written, (cob_id, 0x4000_0490)):
-        assert moving.write(address, value) == 0
+    map_tpdo4(moving)
     moving.nmt(NmtCommand.START)
     moving.wait(1)
     moving.set_inputs(IN1)
     position = latched(moving)[0]
     moving.wait(1)
     assert moving.last(0x490) == (3).to_bytes(2, "little") + position.to_bytes(4, "little", signed=True)
+
+
+def test_each_edge_of_a_continuous_probe_is_sent_although_the_status_stays(moving: ProfileBench) -> None:
+    moving.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+    moving.write(od.TOUCH_PROBE_FUNCTION, 0x0013)
+    map_tpdo4(moving)
+    moving.nmt(NmtCommand.START)
+    moving.wait(1)
+    for _ in range(3):
+        moving.wait(5)
+        moving.set_inputs(IN1)
+        position = latched(moving)[0]
+        moving.set_inputs(OFF)
+        moving.wait(1)
+        assert moving.last(0x490) == (3).to_bytes(2, "little") + position.to_bytes(4, "little", signed=True)
 
 
 @given(
