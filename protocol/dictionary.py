@@ -41,6 +41,8 @@ class FlashPage:
 
     values: dict[int, int] = field(default_factory=dict)
     texts: dict[int, str] = field(default_factory=dict)
+    node_id: int | None = None
+    """The node id that a master has given the node by LSS; None if none has."""
 
 
 _INDICES: Final = frozenset(address >> 8 for address in ENTRIES)
@@ -132,6 +134,10 @@ class ObjectDictionary:
         self._cells = {address: Cell(ENTRIES[address]) for address, _ in _NUMBERS}
         self._texts: dict[int, str] = {}
         self.reset()
+
+    def renumber(self, node_id: int) -> None:
+        """Take another node id, which the defaults that contain it have from the next `reset` on."""
+        self._node_id = node_id
 
     def bind(self, part: object) -> None:
         """Let a part of the firmware supply and obey the entries that name its class."""

@@ -68,7 +68,7 @@ def _device_info() -> dict[str, str]:
         "GroupMessaging": "0",
         "NrOfRXPDO": str(PDO_COUNT),
         "NrOfTXPDO": str(PDO_COUNT),
-        "LSS_Supported": "0",
+        "LSS_Supported": "1",
     }
 
 

@@ -225,7 +225,7 @@ record(0x1018, "Identity object")
 VENDOR_ID = const(0x1018_01, U32, "Vendor-ID", 0)
 PRODUCT_CODE = const(0x1018_02, U32, "Product code", 0x6560)
 REVISION_NUMBER = const(0x1018_03, U32, "Revision number", 0x0001_0000)
-SERIAL_NUMBER = const(0x1018_04, U32, "Serial number", 0, plus_node_id=True)
+SERIAL_NUMBER = ro(0x1018_04, U32, "Serial number", read="AxisNode.serial_number")
 SYNC_COUNTER_OVERFLOW = rw(
     0x1019_00, U8, "Synchronous counter overflow value", low=0, high=240, write="ProcessData.check_sync_overflow"
 )

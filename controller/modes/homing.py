@@ -63,8 +63,7 @@ class Homing(DriveMode):
 
     def check_switch_node(self, node_id: int) -> None:
         """Refuse a node that is not on this board."""
-        board = self._context.board
-        if node_id and not 0 <= node_id - board.first_node_id < len(board.inputs):
+        if node_id and node_id not in self._context.board.node_ids:
             raise SdoAbortError(AbortCode.VALUE_RANGE)
 
     # --- commands
@@ -97,7 +96,7 @@ class Homing(DriveMode):
         """Take the objects that hold for one homing only."""
         get = self._dictionary.get
         node_id = get(od.HOMING_SWITCH_NODE)
-        self._switches_at = node_id - self._context.board.first_node_id if node_id else None
+        self._switches_at = self._context.board.node_ids.index(node_id) if node_id else None
         self._reversed, self._partial = bool(get(od.HOMING_REVERSED)), bool(get(od.HOMING_PARTIAL))
         for address in (od.HOMING_SWITCH_NODE, od.HOMING_REVERSED, od.HOMING_PARTIAL):
             self._dictionary.set(address, 0)

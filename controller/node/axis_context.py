@@ -85,7 +85,8 @@ class BoardContext(NamedTuple):
     sync_clock: SyncClock
     transmit: TransmitQueue
     trip: Trip
-    first_node_id: int
+    node_ids: list[int]
+    """Present node ids of all axes."""
     inputs: list[DigitalInput]
     """Present input levels of all axes."""
 

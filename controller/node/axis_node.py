@@ -7,6 +7,7 @@ from typing import Final
 from steptwin.controller.node.axis_context import AxisContext, BoardContext
 from steptwin.controller.node.axis_drive import AxisDrive
 from steptwin.controller.node.charge import Charge
+from steptwin.controller.node.lss_slave import LssSlave
 from steptwin.controller.node.pins import Pin
 from steptwin.controller.node.stops import LOSS_EFFECTS, ConnectionLoss
 from steptwin.controller.node.transmit_queue import Outbox, Service
@@ -14,6 +15,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
+from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
@@ -32,7 +34,8 @@ class AxisNode:
 
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
-        self.node_id = node_id
+        self.serial_number = node_id
+        """Given by the factory, for the place of the axis; by default its node id, which LSS may change."""
         self.nmt_state = NmtState.INITIALISING
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if the node waits for nothing."""
@@ -44,6 +47,9 @@ class AxisNode:
         """True while the axis comes to rest before the node is reset."""
         self._context = context = AxisContext(axis, node_id, flash_page, board)
         self.dictionary = context.dictionary
+        identity = *map(context.dictionary.get, (od.VENDOR_ID, od.PRODUCT_CODE, od.REVISION_NUMBER)), node_id
+        self._lss = LssSlave(identity, node_id, flash_page, busy=self._board_moves)
+        self.node_id = self._lss.active_id
         self.process_data = context.process_data
         self.pins = context.pins
         self._motion = context.motion
@@ -88,6 +94,11 @@ class AxisNode:
         """Send a heartbeat with this period from now on; 0: none."""
         self._heartbeat.set_period(period_ms * 1000, self._context.now_us)
 
+    @property
+    def configured(self) -> bool:
+        """True if the node has a node id; without one it only takes part in the layer setting services."""
+        return self.node_id != UNCONFIGURED
+
     def _board_moves(self) -> bool:
         """Return whether an axis of the board moves: while an STM32F103 writes its flash, it cannot make steps."""
         return bool(self._context.board.motion.running_axes)
@@ -104,7 +115,7 @@ class AxisNode:
 
     def on_nmt(self, command: NmtCommand, now_us: int) -> None:
         """Obey a network management command that addresses this node, unless it waits for its reset."""
-        if self._resetting:
+        if self._resetting or not self.configured:
             return
         self._context.now_us = now_us
         target = target_of(command)
@@ -151,6 +162,7 @@ class AxisNode:
         self.pins.switch_outputs(0)
 
     def _reset_communication(self) -> None:
+        self._take_node_id()
         self.dictionary.reset(last_index=0x1FFF)
         self._sdo.reset()
         self.set_heartbeat_period(self.dictionary.get(od.PRODUCER_HEARTBEAT_TIME))
@@ -159,12 +171,32 @@ class AxisNode:
         self._outbox.reset()
         self._charge.forget()
         self.connection_loss = None
-        self.nmt_state = NmtState.PRE_OPERATIONAL
+        self.nmt_state = NmtState.PRE_OPERATIONAL if self.configured else NmtState.INITIALISING
         self.process_data.configurable = True
         self.process_data.invalidate()
+        if not self.configured:
+            self.set_heartbeat_period(0)
+            return
         self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
 
+    def _take_node_id(self) -> None:
+        """Take the node id that a master has given by LSS; COB-IDs that have been stored keep theirs."""
+        self.node_id = self._lss.active_id = self._lss.pending_id
+        self._context.board.node_ids[self.axis] = self.node_id
+        self.dictionary.renumber(self.node_id)
+        self.routes_changed = True
+
     # --- frames in
+
+    def on_lss(self, data: bytes, now_us: int) -> None:
+        """Obey a request of an LSS master, in every NMT state."""
+        self._context.now_us = now_us
+        answer = self._lss.handle(data)
+        if answer:
+            self._send(Service.LSS, COB_LSS_RESPONSE, answer)
+        if self._lss.joins:
+            self._reset_communication()
+        self._end_call()
 
     def on_sdo(self, data: bytes, now_us: int) -> None:
         """Answer an SDO request, unless the node is stopped or restarts."""

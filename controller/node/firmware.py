@@ -30,6 +30,7 @@ from steptwin.protocol.frame import (
     NODE_ID_MAX,
     Frame,
 )
+from steptwin.protocol.lss import COB_LSS_REQUEST
 from steptwin.protocol.nmt import command_for
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -70,7 +71,7 @@ class Firmware:
             kernel: the functions that compute the motion.
             axis_count: number of axes, 1 to 8.
             flash: a page for each axis, read at boot and written when the host stores parameters.
-            first_node_id: node id of the first axis; the next axes have the next ids.
+            first_node_id: node id of the first axis; the next axes have the next ids. LSS may give them others.
 
         Raises:
             ValueError: the number of axes or a node id is out of range.
@@ -87,10 +88,11 @@ class Firmware:
         self.transmit = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
         self._inputs = [DigitalInput(0)] * axis_count
+        factory_ids = range(first_node_id, first_node_id + axis_count)
         board = BoardContext(
-            self.motion, self._measurements, SyncClock(), self.transmit, self._trip, first_node_id, self._inputs
+            self.motion, self._measurements, SyncClock(), self.transmit, self._trip, list(factory_ids), self._inputs
         )
-        self.nodes = tuple(AxisNode(axis, first_node_id + axis, page, board) for axis, page in enumerate(pages))
+        self.nodes = tuple(AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages))
         self.dropped_frames = 0
         """Number of frames whose COB-ID no node listens to."""
         self.pins: list[PinChange] = []
@@ -129,7 +131,7 @@ class Firmware:
             self._end_call(now_counts)
 
     def hears(self, cob_id: int) -> bool:
-        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, and those of the nodes' services.
+        """Return whether the CAN controller's filters pass a COB-ID: NMT, SYNC, LSS and those of the nodes' services.
 
         By default these are blocks of eight COB-IDs, with a mask for each block; bxCAN's 14 filter banks hold 28 masks
         or 56 identifiers (RM0008, section 24.7.4).
@@ -162,11 +164,13 @@ class Firmware:
 
     def _route(self) -> None:
         """List the services that take each COB-ID; called again whenever a node's COB-IDs change."""
-        self._routes = {}
+        self._routes = {COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes]}
         for node in self.nodes:
             node.routes_changed = False
-            self._routes[COB_SDO_REQUEST + node.node_id] = [(node, node.on_sdo)]
-        for node in self.nodes:
+        nodes = [node for node in self.nodes if node.configured]
+        for node in nodes:
+            self._routes.setdefault(COB_SDO_REQUEST + node.node_id, []).append((node, node.on_sdo))
+        for node in nodes:
             for number, pdo in enumerate(node.process_data.receive_pdos):
                 if pdo.exists:
                     handler = partial(node.on_rpdo, number)

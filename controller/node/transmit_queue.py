@@ -26,13 +26,14 @@ class Service(Enum):
     SDO = "sdo"
     NMT = "nmt"
     """Boot-up message and heartbeat."""
+    LSS = "lss"
 
 
-PLACES: Final = {Service.EMCY: 8, Service.SDO: -(-TEXT_BYTES_MAX // SEGMENT_BYTES), Service.NMT: 2}
+PLACES: Final = {Service.EMCY: 8, Service.SDO: -(-TEXT_BYTES_MAX // SEGMENT_BYTES), Service.NMT: 2, Service.LSS: 1}
 """Frames of each service that may wait, of each node.
 
 The segments of the longest entry are the longest block of an SDO upload. A boot-up message and a heartbeat may wait; a
-further heartbeat says nothing new.
+further heartbeat says nothing new. An LSS master waits for each answer.
 """
 BURST_FRAMES_MAX: Final = 32
 """Process data frames in a row before a pause, as many as eight nodes have TPDOs.

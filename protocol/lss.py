@@ -1,0 +1,84 @@
+"""Layer setting services (CiA 305): the frames by which a master finds nodes and gives them node ids.
+
+A request comes on 7E5h and every node of the bus hears it; an answer goes on 7E4h. Both have eight bytes: the command,
+then its data, little-endian, then zeros.
+"""
+
+import struct
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+COB_LSS_RESPONSE: Final = 0x7E4
+COB_LSS_REQUEST: Final = 0x7E5
+UNCONFIGURED: Final = 0xFF
+"""The node id of a node that has none yet: it only takes part in these services."""
+LSS_BYTES: Final = 8
+FAST_SCAN_START: Final = 0x80
+"""The bit number by which a fast scan begins: every node without a node id answers."""
+
+
+class LssCommand(IntEnum):
+    """Command specifiers, the first byte of a frame."""
+
+    SWITCH_GLOBAL = 0x04
+    CONFIGURE_NODE_ID = 0x11
+    CONFIGURE_BIT_TIMING = 0x13
+    STORE = 0x17
+    SELECT_VENDOR = 0x40
+    SELECT_PRODUCT = 0x41
+    SELECT_REVISION = 0x42
+    SELECT_SERIAL = 0x43
+    SELECTED = 0x44
+    """The answer of a node that has been selected by all four."""
+    IDENTIFY_VENDOR = 0x46
+    IDENTIFY_PRODUCT = 0x47
+    IDENTIFY_REVISION_LOW = 0x48
+    IDENTIFY_REVISION_HIGH = 0x49
+    IDENTIFY_SERIAL_LOW = 0x4A
+    IDENTIFY_SERIAL_HIGH = 0x4B
+    IDENTIFY_UNCONFIGURED = 0x4C
+    IDENTIFIED = 0x4F
+    """The answer of a node within the ranges asked for, and of one that a fast scan has not ruled out."""
+    UNCONFIGURED_IDENTIFIED = 0x50
+    FAST_SCAN = 0x51
+    INQUIRE_VENDOR = 0x5A
+    INQUIRE_PRODUCT = 0x5B
+    INQUIRE_REVISION = 0x5C
+    INQUIRE_SERIAL = 0x5D
+    INQUIRE_NODE_ID = 0x5E
+
+
+class ConfigureError(IntEnum):
+    """Error codes of "configure node-id" and "configure bit timing"; of "store", 2 is a failure of the memory."""
+
+    NONE = 0
+    REFUSED = 1
+    """The node id is out of range, the bit timing is not supported."""
+    STORAGE = 2
+
+
+class LssRequest(NamedTuple):
+    """A request: its command, the byte or 32-bit number that follows it, and the last three bytes of a fast scan."""
+
+    command: LssCommand
+    byte: int
+    number: int
+    bit: int
+    part: int
+    next_part: int
+
+
+def decode_request(data: bytes) -> LssRequest | None:
+    """Return a request; None for a frame of another length or with a command that this node does not know."""
+    if len(data) != LSS_BYTES or data[0] not in _COMMANDS:
+        return None
+    command, number, bit, part, next_part = struct.unpack("<BIBBB", data)
+    return LssRequest(LssCommand(command), data[1], number, bit, part, next_part)
+
+
+def encode_answer(command: LssCommand, data: bytes = b"") -> bytes:
+    """Return the bytes of an answer."""
+    return (bytes((command,)) + data).ljust(LSS_BYTES, b"\0")
+
+
+_COMMANDS: Final = frozenset(LssCommand)
