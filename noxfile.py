@@ -55,7 +55,7 @@ def built(session: nox.Session, target: str) -> None:
     """Test the built wheel, and one that is made of the built sdist, by the checkout's tests."""
     _install_tools(session)
     session.install(f".{EXTRAS}")  # what it needs
-    folder = Path(session.create_tmp())
+    folder = Path(session.create_tmp()).resolve()
     session.run(*("python", "-m", "hatchling", "build", "--target", target, "--directory", str(folder / target)))
     (package,) = (folder / target).iterdir()
     site = folder / f"{target}-site"

@@ -286,16 +286,28 @@ def senders_of(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> li
 
 def _by_identifier(frames: Sequence[RecordedFrame], node_ids: Collection[int]) -> Iterable[Sender | None]:
     """Yield who has sent each frame; None if its identifier belongs to no service."""
-    boards = {base + node for base in FROM_NODE for node in node_ids}
-    known: dict[int, Sender | None] = {}
-    for _, frame, _ in frames:
-        cob_id = frame.cob_id
+    identifiers = Identifiers(node_ids)
+    return (identifiers.sender_of(recorded.frame) for recorded in frames)
+
+
+class Identifiers:
+    """Tells senders by identifiers, in the frames' order: a request may give a node's frames another identifier."""
+
+    def __init__(self, node_ids: Collection[int]) -> None:
+        """Begin with the identifiers that a board's nodes have after power-up."""
+        self._node_ids = node_ids
+        self._boards = {base + node for base in FROM_NODE for node in node_ids}
+        self._known: dict[int, Sender | None] = {}
+
+    def sender_of(self, frame: Frame) -> Sender | None:
+        """Return who has sent the next frame; None if its identifier belongs to no service."""
+        known, cob_id = self._known, frame.cob_id
         if cob_id not in known:
-            known[cob_id] = Sender.BOARD if cob_id in boards else _of_no_board(cob_id, node_ids)
-        yield known[cob_id]
-        moved = _moved_identifier(frame, node_ids)
+            known[cob_id] = Sender.BOARD if cob_id in self._boards else _of_no_board(cob_id, self._node_ids)
+        moved = _moved_identifier(frame, self._node_ids)
         if moved is not None:
             known[moved] = Sender.BOARD
+        return known[cob_id]
 
 
 def _of_no_board(cob_id: int, node_ids: Collection[int]) -> Sender | None:

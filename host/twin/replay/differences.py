@@ -136,7 +136,7 @@ def first_difference_by_wall_clock(
     """
     old, new = _said(recorded), _said(replayed)
     settled_counts = recorded[-1][0] - _SETTLING_COUNTS if recorded else 0
-    for service, what in _SERVICES.items():
+    for service, what in SERVICES.items():
         for node_id in sorted(node_ids):
             found = _first(old[service + node_id], new[service + node_id], settled_counts)
             if found:
@@ -150,12 +150,12 @@ def _said(frames: Iterable[tuple[int, Frame]]) -> dict[int, list[_Said]]:
     """Return what each node says, by identifier."""
     said: dict[int, list[_Said]] = defaultdict(list)
     for counts, frame in frames:
-        key_of = _KEYS.get(frame.cob_id & ~NODE_ID_MAX)
+        key_of = KEYS.get(frame.cob_id & ~NODE_ID_MAX)
         key = key_of(frame.data) if key_of else None
         if key is None:
             continue
         before = said[frame.cob_id]
-        if key_of is _state:
+        if key_of is state_name:
             _add_state(before, _Said(counts, key, frame))
         else:
             before.append(_Said(counts, key, frame))
@@ -220,20 +220,21 @@ def _error(data: bytes) -> bytes:
     return data[:_CODE_BYTES]
 
 
-def _state(data: bytes) -> str | None:
+def state_name(data: bytes) -> str | None:
     try:
         return State.of(int.from_bytes(data[:2], "little")).name
     except ValueError:
         return None
 
 
-_KEYS: Final[dict[int, Callable[[bytes], bytes | str | None]]] = {
+KEYS: Final[dict[int, Callable[[bytes], bytes | str | None]]] = {
     COB_SDO_RESPONSE: _answer,
     COB_EMCY: _error,
     COB_HEARTBEAT: _boot_up,
-    _STATUS: _state,
+    _STATUS: state_name,
 }
-_SERVICES: Final = {
+"""What of a frame is compared, by its service; None: nothing of this one."""
+SERVICES: Final = {
     COB_HEARTBEAT: "boot-ups",
     COB_SDO_RESPONSE: "answers",
     _STATUS: "states of the drive",

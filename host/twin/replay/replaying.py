@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.emulator.bus.can_bus import Log
 from steptwin.emulator.bus.can_timing import VALID_BEFORE_END_BITS, frame_bits
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.simulation import Simulation
@@ -64,53 +65,18 @@ class HostPlayer:
 
     def _send_as_recorded(self, valid_counts: int, frame: Frame) -> None:
         """Send a frame so that it becomes valid at an instant."""
-        begin_counts = valid_counts - self._length_counts(frame)
-        self._go_on(lambda: self._simulation.bus.free_counts >= begin_counts, begin_counts)
+        begin_counts = valid_counts - _length_counts(self._simulation, frame)
+        _go_on(self._simulation, lambda: self._simulation.bus.free_counts >= begin_counts, begin_counts)
         self._simulation.host.send(frame, self._simulation.now_counts)
 
-    def _length_counts(self, frame: Frame) -> int:
-        """Return the time from the beginning of a frame until it is valid."""
-        return (frame_bits(frame) - VALID_BEFORE_END_BITS) * self._simulation.bus.bit_counts
-
-    def _go_on(self, until: Callable[[], bool], until_counts: int) -> None:
-        """Let time pass event by event until something is so, or up to an instant."""
-        simulation = self._simulation
-        while not until() and simulation.now_counts < until_counts:
-            event_counts = max(simulation.next_event_counts(until_counts), simulation.now_counts + COUNTS_PER_US)
-            simulation.run_until(min(event_counts, until_counts))
-
     def play_by_wall_clock(self, frames: Sequence[RecordedFrame], senders: Sequence[Sender]) -> None:
-        """Play a recording by a computer's clock, and go on until the machine rests.
-
-        A request that waits for an answer delays what follows, unless the machine moves, which nothing delays.
-        """
-        answered: Counter[int] = Counter()
-        seen: Counter[int] = Counter()
-        simulation = self._simulation
-
-        def count(frame: Frame, _: int) -> None:
-            answered[frame.cob_id] += 1
-
-        simulation.bus.listen(count)
+        """Play a recording by a computer's clock, and go on until the machine rests."""
         first_counts = LEAD_COUNTS - frames[0].us * COUNTS_PER_US
+        player = WallClockPlayer(self._simulation, first_counts)
         for (us, frame, _), sender in zip(frames, senders, strict=True):
-            if sender is Sender.BOARD:
-                seen[frame.cob_id] += 1
-            elif sender is Sender.HOST:
-                due_counts = first_counts + us * COUNTS_PER_US - self._length_counts(frame)
-                simulation.run_until(due_counts)
-                if frame.cob_id & ~NODE_ID_MAX == COB_SDO_REQUEST:
-                    cob_id = COB_SDO_RESPONSE + (frame.cob_id & NODE_ID_MAX)
-                    self._await(answered, seen, cob_id)
-                    if not self._moving:
-                        first_counts += max(simulation.now_counts - due_counts, 0)
-                simulation.host.send(frame, simulation.now_counts)
-        simulation.run_until(first_counts + frames[-1].us * COUNTS_PER_US)
+            player.play(us, frame, sender)
+        self._simulation.run_until(player.counts_of(frames[-1].us))
         self._come_to_rest()
-
-    def _await(self, answered: Counter[int], seen: Counter[int], cob_id: int) -> None:
-        give_up_counts = self._simulation.now_counts + _ANSWER_COUNTS
-        self._go_on(lambda: answered[cob_id] >= seen[cob_id], give_up_counts)
 
     def _come_to_rest(self) -> None:
         simulation = self._simulation
@@ -124,10 +90,62 @@ class HostPlayer:
         return any(board.moving for board in self._simulation.boards)
 
 
-def _machine(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> EmulatedMachine:
+class WallClockPlayer:
+    """Sends hosts' frames by a computer's clock, one by one.
+
+    A request that waits for an answer delays what follows, unless the machine moves, which nothing delays.
+    """
+
+    def __init__(self, simulation: Simulation, first_counts: int) -> None:
+        """Begin; `first_counts` is the boards' instant when that clock was 0, which may be before power-up."""
+        self._simulation = simulation
+        self.first_counts = first_counts
+        self._answered: Counter[int] = Counter()
+        self._seen: Counter[int] = Counter()
+        simulation.bus.listen(self._count)
+
+    def _count(self, frame: Frame, _: int) -> None:
+        self._answered[frame.cob_id] += 1
+
+    def counts_of(self, us: int) -> int:
+        """Return the boards' instant at a time by the computer's clock."""
+        return self.first_counts + us * COUNTS_PER_US
+
+    def play(self, us: int, frame: Frame, sender: Sender) -> None:
+        """Send a host's frame that became valid at this time; note a board's as seen by the hosts."""
+        if sender is Sender.BOARD:
+            self._seen[frame.cob_id] += 1
+        if sender is not Sender.HOST:
+            return
+        simulation = self._simulation
+        due_counts = self.counts_of(us) - _length_counts(simulation, frame)
+        simulation.run_until(due_counts)
+        if frame.cob_id & ~NODE_ID_MAX == COB_SDO_REQUEST:
+            cob_id = COB_SDO_RESPONSE + (frame.cob_id & NODE_ID_MAX)
+            give_up_counts = simulation.now_counts + _ANSWER_COUNTS
+            _go_on(simulation, lambda: self._answered[cob_id] >= self._seen[cob_id], give_up_counts)
+            if not any(board.moving for board in simulation.boards):
+                self.first_counts += max(simulation.now_counts - due_counts, 0)
+        simulation.host.send(frame, simulation.now_counts)
+
+
+def _length_counts(simulation: Simulation, frame: Frame) -> int:
+    """Return the time from the beginning of a frame until it is valid."""
+    return (frame_bits(frame) - VALID_BEFORE_END_BITS) * simulation.bus.bit_counts
+
+
+def _go_on(simulation: Simulation, until: Callable[[], bool], until_counts: int) -> None:
+    """Let time pass event by event until something is so, or up to an instant."""
+    while not until() and simulation.now_counts < until_counts:
+        event_counts = max(simulation.next_event_counts(until_counts), simulation.now_counts + COUNTS_PER_US)
+        simulation.run_until(min(event_counts, until_counts))
+
+
+def machine_at(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel, log: Log | None = None) -> EmulatedMachine:
     """Return a robot's machine as it stood at power-up, on a bus of its own; raise InputError as `MachineParts.of`.
 
-    What was done to it beside the bus is scheduled; the host's interface is free.
+    What was done to it beside the bus is scheduled; the host's interface is free. `log` is called with each frame; by
+    default the bus keeps all of them.
     """
     parts = MachineParts.of(
         robot,
@@ -144,6 +162,7 @@ def _machine(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel) -> Emulat
             for counts, operation in power_up.operations
             for number, each in places.on_boards(operation)
         ],
+        log=log,
     )
 
 
@@ -229,7 +248,7 @@ def replay(
     node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))
     senders = senders_of(bus.frames, node_ids)
     _check_nodes(bus, senders, robot, node_ids)
-    machine = _machine(robot, power_up, kernel or fastest_kernel())
+    machine = machine_at(robot, power_up, kernel or fastest_kernel())
     run = UnplannedRun(machine, REPLAY_JOB)
     decoder = Decoder(dict(zip(node_ids, robot.axis_names, strict=True)))
     player = HostPlayer(machine.simulation)

@@ -1,0 +1,10 @@
+"""Beside a running machine: a twin hears the hosts' frames, and what the real board says otherwise is told.
+
+`shadow` plays the frames to the twin by their time stamps, `sayings` compares what nodes say once, `axes` what drives
+tell again and again: states, positions, homing.
+"""
+
+from steptwin.host.twin.shadow.deviation import Deviation, Kind
+from steptwin.host.twin.shadow.shadow import Shadow
+
+__all__ = ["Deviation", "Kind", "Shadow"]

@@ -1,0 +1,271 @@
+"""Compare what the drive of an axis tells again and again: its state, where it is, and when it has found home.
+
+Both sides tell it by their first PDO, or by any other that has these objects: the twin's mapping reads them. Where an
+axis is, the twin is asked itself: its counter at the instant of the board's PDO.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from steptwin.host.twin.shadow.deviation import SETTLED_COUNTS, Kind
+from steptwin.protocol.cia402 import Mode, State, Status
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+
+JITTER_COUNTS: Final = 2 * COUNTS_PER_MS
+"""Uncertainty of a time stamp, and of the instant at which a waiting PDO took its value."""
+TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
+"""A command acts at a servo tick, which may be the next one on one side only."""
+DRIFT: Final = 100e-6
+"""Most by which the board's crystal and the computer's clock may differ, in parts of the time."""
+STEPS: Final = 2.0
+"""Difference of positions that is none, while an axis moves."""
+REST_STEPS: Final = 1.0
+"""Difference of positions that is none, where an axis has come to rest at its target."""
+RESTS_COUNTS: Final = 150 * COUNTS_PER_MS
+"""Time without motion after which an axis is at rest: its PDO comes every 100 ms."""
+LOST_UNITS: Final = 2 * 16384
+"""Difference of the switch's place that is none: two full steps, in wire units. A rotor that slips loses four."""
+_TWICE: Final = 2
+"""PDOs one after the other that must be too far off: one may have waited for the bus."""
+
+
+class Told(NamedTuple):
+    """What a PDO of the drive tells, as far as it is mapped.
+
+    Attributes:
+        statusword: 0x6041, or None.
+        mode: 0x6061, or None.
+        position_units: 0x6064 in wire units, or None.
+    """
+
+    statusword: int | None
+    mode: int | None
+    position_units: int | None
+
+
+class TwinAxis(NamedTuple):
+    """Where an axis of the twin is now.
+
+    Attributes:
+        position_units: 0x6064.
+        velocity_units_per_s: 0x606C.
+    """
+
+    position_units: int
+    velocity_units_per_s: int
+
+
+class _Leg(NamedTuple):
+    """A place on the last way to a switch: instant in counts, position in wire units by the coordinates before."""
+
+    counts: int
+    units: int
+
+
+class DriveSide:
+    """One side's drive, as its PDOs tell it; instants are in counts of that side's own clock."""
+
+    def __init__(self) -> None:
+        self.state: str | None = None
+        self.since_counts = 0
+        self.mode: int | None = None
+        self.statusword = 0
+        self.began_counts: int | None = None
+        """Start of the last homing; None before the first one."""
+        self.attained_counts: int | None = None
+        """End of the last homing; None while it goes on, and before the first one."""
+        self.was_known = False
+        """True if the position was known when the last homing began."""
+
+    def take(self, counts: int, told: Told) -> None:
+        """Take what a PDO tells."""
+        self.mode = told.mode if told.mode is not None else self.mode
+        if told.statusword is None:
+            return
+        before, self.statusword = self.statusword, told.statusword
+        self._home(counts, told.statusword, was_known=bool(before & Status.POSITION_KNOWN))
+        try:
+            name = State.of(told.statusword).name
+        except ValueError:
+            return
+        if name != self.state:
+            self.state, self.since_counts = name, counts
+
+    def _home(self, counts: int, statusword: int, *, was_known: bool) -> None:
+        """Note begin and end of a homing: in progress both bits are 0 (CiA 402-2, homing mode)."""
+        if self.mode != Mode.HOMING:
+            return
+        if not statusword & (Status.HOMING_ATTAINED | Status.TARGET_REACHED | Status.HOMING_ERROR):
+            if self.began_counts is None or self.attained_counts is not None:
+                self.began_counts, self.attained_counts = counts, None
+                self.was_known = was_known
+        elif statusword & Status.HOMING_ATTAINED and self.began_counts is not None and self.attained_counts is None:
+            self.attained_counts = counts
+
+    @property
+    def homing(self) -> bool:
+        """True while a homing goes on."""
+        return self.began_counts is not None and self.attained_counts is None and self.mode == Mode.HOMING
+
+    @property
+    def homing_counts(self) -> int:
+        """How long the last homing took; only once it has ended."""
+        assert self.began_counts is not None
+        assert self.attained_counts is not None
+        return self.attained_counts - self.began_counts
+
+
+class _Finding(NamedTuple):
+    kind: Kind
+    board: str
+    twin: str
+    error_steps: float | None = None
+
+
+class ComparedAxis:
+    """An axis on both sides."""
+
+    def __init__(self, units_per_step: float) -> None:
+        """Begin; nothing is known of the board's position before both have been at the same one."""
+        self.board = DriveSide()
+        self.twin = DriveSide()
+        self._units_per_step = units_per_step
+        self._told_states: tuple[str | None, str | None] | None = None
+        self._anchored = False
+        self._accepted_units = 0
+        """Difference that jitter has left where a motion without a target ended."""
+        self._off_times = 0
+        self._position_told = False
+        self._moved_counts = 0
+        """Instant at which the twin last moved."""
+        self._rested_counts = 0
+        """Instant at which the twin began to move."""
+        self._peak_units_per_s = 0
+        self._last_units: int | None = None
+        self._judged_homing: int | None = None
+        self._board_leg = self._twin_leg = _Leg(0, 0)
+        self._leg_units_per_s = 0
+        """Speed of the twin at the end of its search."""
+        self._left: int | None = None
+        """Beginning of the board's homing for which the twin is not waited."""
+
+    # --- states
+
+    def states(self, now_counts: int) -> Iterator[_Finding]:
+        """Yield the states, if they have differed for long enough and were not told."""
+        board, twin = self.board, self.twin
+        states = (board.state, twin.state)
+        if board.state == twin.state:
+            self._told_states = None
+            return
+        settled = now_counts - max(board.since_counts, twin.since_counts) >= SETTLED_COUNTS
+        if settled and None not in states and states != self._told_states:
+            self._told_states = states
+            yield _Finding(Kind.STATE, _words(board.state), _words(twin.state))
+
+    # --- positions
+
+    def follow(self, now_counts: int, now: TwinAxis) -> None:
+        """Note whether the twin moves, and where while it searches a switch."""
+        if now.velocity_units_per_s:
+            if now_counts - self._moved_counts > RESTS_COUNTS:
+                self._rested_counts = now_counts
+                self._peak_units_per_s = 0
+            self._moved_counts = now_counts
+            self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
+            if self.twin.homing:
+                self._twin_leg = _Leg(now_counts, now.position_units)
+                self._leg_units_per_s = now.velocity_units_per_s
+
+    def positions(self, now_counts: int, units: int, now: TwinAxis) -> Iterator[_Finding]:
+        """Yield the difference of the board's position at this instant, if it is one and was not told."""
+        self.follow(now_counts, now)
+        repeated, self._last_units = units == self._last_units, units
+        if self.board.homing:
+            self._board_leg = _Leg(now_counts, units)
+        if self.board.homing or self.twin.homing:
+            self._off_times = 0
+            return
+        error_units = units - now.position_units
+        rests = repeated and now_counts - self._moved_counts >= RESTS_COUNTS
+        if not self._anchored:
+            self._anchored = rests and abs(error_units) <= REST_STEPS * self._units_per_step
+            return
+        own_units = min((error_units, error_units - self._accepted_units), key=abs)
+        if rests and abs(own_units) <= self._jitter_units(self._peak_units_per_s) and not self._at_target:
+            self._accepted_units, own_units = error_units, 0
+        bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
+        if abs(own_units) <= bound_units:
+            self._off_times, self._position_told = 0, False
+            return
+        self._off_times += 1
+        if self._off_times >= _TWICE and not self._position_told:
+            self._position_told = True
+            error_steps = own_units / self._units_per_step
+            bound = f"at most {bound_units / self._units_per_step:.1f} are jitter"
+            board = f"{abs(error_steps):.1f} steps {'ahead' if error_steps > 0 else 'behind'}, {bound}"
+            at = f"at {now.position_units / self._units_per_step:.1f} steps"
+            yield _Finding(Kind.REST if rests else Kind.MOVING, board, at, round(error_steps, 3))
+
+    @property
+    def _at_target(self) -> bool:
+        """True where the drive has reached a target: after velocity mode and homing, jitter decides where it rests."""
+        status = Status.TARGET_REACHED
+        without_target = (Mode.PROFILE_VELOCITY, Mode.HOMING)
+        return self.board.mode not in without_target and bool(self.board.statusword & self.twin.statusword & status)
+
+    def _bound_units(self, now_counts: int, velocity_units_per_s: int, *, rests: bool) -> float:
+        if rests:
+            return REST_STEPS * self._units_per_step
+        moving_counts = max(now_counts - self._rested_counts, 0)
+        drift_counts = DRIFT * moving_counts
+        return max(STEPS * self._units_per_step, self._jitter_units(velocity_units_per_s, drift_counts))
+
+    @staticmethod
+    def _jitter_units(velocity_units_per_s: int, more_counts: float = 0.0) -> float:
+        """Return how far an axis goes at a speed in the time that is not known exactly."""
+        return abs(velocity_units_per_s) * (JITTER_COUNTS + TICK_COUNTS + more_counts) / COUNTS_PER_SECOND
+
+    # --- homing
+
+    @property
+    def waits_for_the_twin(self) -> bool:
+        """True if the board has ended its homing, and the twin still searches."""
+        ended = self.board.attained_counts is not None and self.board.began_counts != self._left
+        return self.twin.homing and ended
+
+    def leave(self) -> None:
+        """Wait no more for the twin's end of this homing."""
+        self._left = self.board.began_counts
+
+    def homings(self) -> Iterator[_Finding]:
+        """Yield the difference of a homing that has ended on both sides: by it the board had lost steps.
+
+        It is that of the places of the switch in the coordinates before. Where the position was not known before, it
+        says nothing: the machine stood elsewhere.
+        """
+        board, twin = self.board, self.twin
+        if board.attained_counts is None or twin.attained_counts is None or board.began_counts == self._judged_homing:
+            return
+        self._judged_homing = board.began_counts
+        self._anchored, self._accepted_units = True, 0
+        self._off_times, self._position_told, self._last_units = 0, False, None
+        places_units = (
+            self._place(self._board_leg, board.attained_counts),
+            self._place(self._twin_leg, twin.attained_counts),
+        )
+        error_units = places_units[0] - places_units[1]
+        if not board.was_known or abs(error_units) <= LOST_UNITS:
+            return
+        board_steps, twin_steps = (round(units / self._units_per_step) for units in places_units)
+        error_steps = round(error_units / self._units_per_step, 1)
+        words = f"found its switch at {board_steps} steps: some {abs(error_steps):.0f} steps were lost before"
+        yield _Finding(Kind.HOMING, words, f"at {twin_steps}", error_steps)
+
+    def _place(self, leg: _Leg, attained_counts: int) -> float:
+        """Return where a side was when it had found its switch, from where it was last seen on its way there."""
+        return leg.units + self._leg_units_per_s * (attained_counts - leg.counts) / COUNTS_PER_SECOND
+
+
+def _words(state: str | None) -> str:
+    return "nothing" if state is None else state.replace("_", " ")

@@ -1,0 +1,257 @@
+"""Play the hosts' frames of a running machine to a twin, by their time stamps, and compare what both do.
+
+The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. A shadow
+has no way to send: it takes frames, and tells deviations.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.host.client.monitor import Decoder, pdo_fields
+from steptwin.host.record.recorded_bus import Identifiers, RecordedFrame, Sender
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
+from steptwin.host.twin.replay.power_up import MachineAtPowerUp
+from steptwin.host.twin.replay.replaying import WallClockPlayer, machine_at
+from steptwin.host.twin.shadow.axes import ComparedAxis, Told, TwinAxis
+from steptwin.host.twin.shadow.deviation import Deviation, Kind
+from steptwin.host.twin.shadow.sayings import Sayings
+from steptwin.protocol import od
+from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_TPDO, FIRST_NODE_ID, NODE_ID_MAX, Frame
+from steptwin.protocol.nmt import NmtState
+from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
+
+_FOLLOWS_US: Final = 10_000
+"""Time from the end of a recording to what is heard next: the machine has stood still meanwhile."""
+_BOOT_UP: Final = bytes((NmtState.INITIALISING,))
+_LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
+"""Longest time between two looks at whether something has differed for long enough."""
+_BOOTED_COUNTS: Final = COUNTS_PER_SECOND
+"""Time within which boards have said their boot-ups after power-up."""
+_AHEAD_COUNTS: Final = COUNTS_PER_MS
+"""Step by which the twin is let ahead."""
+_HEARTBEATS_COUNTS: Final = 50 * COUNTS_PER_MS
+"""Time between two heartbeats of a host while the twin is ahead."""
+_JITTER_COUNTS: Final = 10 * COUNTS_PER_MS
+"""Time that a search may take longer by jitter at its begin and end, and by the PDO's inhibit time."""
+_AHEAD_MAX_COUNTS: Final = 120 * COUNTS_PER_SECOND
+"""Longest time for which a twin searches on that stood farther from its switch."""
+
+
+class Shadow:
+    """A twin beside a running machine; it knows where the machine begins by the boot-up of one of its nodes.
+
+    Attributes:
+        joined: True once it has begun.
+        frames: number of frames of the real board that were heard since.
+        caught_up_s: time by which the twin was let ahead to find its switches.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        power_up: MachineAtPowerUp,
+        tell: Callable[[Deviation], None],
+        kernel: Kernel | None = None,
+        *,
+        keep: bool = False,
+    ) -> None:
+        """Wait for the boot-up.
+
+        Args:
+            robot: the machine.
+            power_up: how it stands at power-up; where it stands only matters until it is homed.
+            tell: called with each deviation.
+            kernel: form of the firmware's kernel; by default the fastest one that is installed.
+            keep: True to keep the twin's frames, for its folder; they take some 100 bytes each.
+
+        Raises:
+            InputError: as `MachineParts.of`.
+        """
+        self._node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))
+        self._names = dict(zip(self._node_ids, robot.axis_names, strict=True))
+        self.machine: EmulatedMachine = machine_at(
+            robot, power_up, kernel or fastest_kernel(), None if keep else _forget
+        )
+        self._tell = tell
+        self._identifiers = Identifiers(self._node_ids)
+        self._sayings = Sayings(Decoder(self._names))
+        self._axes = [ComparedAxis(float(units)) for units in robot.wire_units_per_unit / robot.steps_per_unit]
+        self._player: WallClockPlayer | None = None
+        self._looked_counts = 0
+        self._watched: dict[int, Frame] = {}
+        """The last heartbeat of each host."""
+        self.frames = 0
+        self.caught_up_s = 0.0
+        self._shift_us: int | None = 0
+        """Added to the stamps; None: the next frame is to follow what was recorded before."""
+        self._last_us = 0
+        self._muted = False
+
+    @property
+    def joined(self) -> bool:
+        """True once the machine's beginning was heard."""
+        return self._player is not None
+
+    def take_recording(self, frames: Iterable[RecordedFrame]) -> None:
+        """Take what was on the bus up to now, from power-up on; the frames that are heard next follow it closely.
+
+        No deviation in it is told.
+        """
+        self._muted = True
+        for recorded in frames:
+            self.hear(recorded.us, recorded.frame)
+        self.pass_time(self._last_us)
+        self._muted = False
+        self._shift_us = None
+
+    def hear(self, us: int, frame: Frame) -> None:
+        """Take the next frame on the machine's bus, which became valid at this time by its stamp, in microseconds."""
+        if self._shift_us is None:
+            self._shift_us = self._last_us + _FOLLOWS_US - us
+        self._last_us = us = us + self._shift_us
+        sender = self._identifiers.sender_of(frame) or Sender.HOST
+        if self._player is None:
+            if sender is not Sender.BOARD or not _is_boot_up(frame):
+                return
+            self._player = self._begin(us)
+        if sender is Sender.OTHER:
+            return
+        if sender is Sender.HOST and frame.cob_id & ~NODE_ID_MAX == COB_HEARTBEAT:
+            self._watched[frame.cob_id] = frame
+        self._player.play(us, frame, sender)
+        if sender is Sender.BOARD:
+            self._pass_time(self._player, us)
+            self.frames += 1
+            self._take(self._player.counts_of(us), frame, of_board=True)
+        self._look(us)
+
+    def pass_time(self, us: int) -> None:
+        """Let time pass up to an instant by the stamps' clock at which nothing was heard."""
+        if self._player is not None and self._shift_us is not None:
+            self._pass_time(self._player, us + self._shift_us)
+            self._look(us + self._shift_us)
+
+    @property
+    def _dictionaries(self) -> list[ObjectDictionary]:
+        """The twin's objects, by axis; a reset makes new ones."""
+        boards = self.machine.simulation.boards
+        return [node.dictionary for board in boards for node in board.own.firmware.nodes]
+
+    def _begin(self, us: int) -> WallClockPlayer:
+        """Switch the twin on so that its first boot-up becomes valid at a time by the stamps' clock."""
+        simulation = self.machine.simulation
+        first_counts: list[int] = []
+
+        def heard(frame: Frame, counts: int) -> None:
+            if _is_boot_up(frame):
+                first_counts.append(counts)
+            self._twin_says(counts, frame)
+
+        simulation.bus.listen(heard)
+        while not first_counts and simulation.now_counts < _BOOTED_COUNTS:
+            simulation.run_until(simulation.now_counts + COUNTS_PER_US)
+        return WallClockPlayer(simulation, first_counts[0] - us * COUNTS_PER_US)
+
+    def _pass_time(self, player: WallClockPlayer, us: int) -> None:
+        self.machine.simulation.run_until(player.counts_of(us))
+
+    def _twin_says(self, counts: int, frame: Frame) -> None:
+        if frame.cob_id & NODE_ID_MAX in self._node_ids:
+            self._take(counts, frame, of_board=False)
+
+    def _take(self, counts: int, frame: Frame, *, of_board: bool) -> None:
+        """Take a frame of a node on one of the sides."""
+        self._sayings.hear(counts, frame, of_board=of_board)
+        axis = (frame.cob_id & NODE_ID_MAX) - FIRST_NODE_ID
+        base = frame.cob_id & ~NODE_ID_MAX
+        if base not in COB_TPDO:
+            return
+        dictionary = self._dictionaries[axis]
+        told = _told(dictionary, COB_TPDO.index(base), frame.data)
+        if told is None:
+            return
+        compared = self._axes[axis]
+        (compared.board if of_board else compared.twin).take(counts, told)
+        if of_board and compared.waits_for_the_twin:
+            self._catch_up(axis)
+        if of_board and told.position_units is not None:
+            for finding in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
+                self._say(counts, axis, *finding)
+
+    def _look(self, us: int) -> None:
+        """Tell what has differed for long enough; let the twin find a switch that the board has found."""
+        assert self._player is not None
+        now_counts = self._player.counts_of(us)
+        if now_counts - self._looked_counts < _LOOK_COUNTS:
+            return
+        self._looked_counts = now_counts
+        for counts, node_id, kind, board, twin in self._sayings.differing(now_counts):
+            self._say(counts, node_id - FIRST_NODE_ID, kind, board, twin)
+        for axis, (compared, dictionary) in enumerate(zip(self._axes, self._dictionaries, strict=True)):
+            now = _twin_axis(dictionary)
+            compared.follow(now_counts, now)
+            for finding in (*compared.states(now_counts), *compared.homings()):
+                self._say(now_counts, axis, *finding)
+
+    def _catch_up(self, axis: int) -> None:
+        """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
+
+        It does before the host's next frame, which might end the search. Hosts' heartbeats go on, since the twin
+        watches them. The stamps' clock is then so much later for the twin, unless jitter makes the difference.
+        """
+        assert self._player is not None
+        compared, simulation = self._axes[axis], self.machine.simulation
+        began_counts = simulation.now_counts
+        beaten_counts = began_counts
+        while compared.twin.homing and simulation.now_counts - began_counts < _AHEAD_MAX_COUNTS:
+            if simulation.now_counts - beaten_counts >= _HEARTBEATS_COUNTS:
+                beaten_counts = simulation.now_counts
+                for heartbeat in self._watched.values():
+                    simulation.host.send(heartbeat, beaten_counts)
+            simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
+            compared.follow(simulation.now_counts, _twin_axis(self._dictionaries[axis]))
+        if compared.twin.homing:
+            compared.leave()
+        passed_counts = simulation.now_counts - began_counts
+        if passed_counts <= _JITTER_COUNTS:
+            return
+        self._player.first_counts += passed_counts
+        self.caught_up_s += passed_counts / COUNTS_PER_SECOND
+
+    def _say(self, counts: int, axis: int, kind: Kind, board: str, twin: str, error_steps: float | None = None) -> None:
+        if self._muted:
+            return
+        assert self._player is not None
+        assert self._shift_us is not None
+        at_s = (counts - self._player.first_counts) / COUNTS_PER_SECOND - self._shift_us / 1e6
+        self._tell(Deviation(round(at_s, 6), self._names[FIRST_NODE_ID + axis], kind, board, twin, error_steps))
+
+
+def _forget(_frame: Frame, _counts: int) -> None:
+    """Keep no frame."""
+
+
+def _is_boot_up(frame: Frame) -> bool:
+    return frame.cob_id & ~NODE_ID_MAX == COB_HEARTBEAT and frame.data == _BOOT_UP
+
+
+def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> Told | None:
+    """Return what a TPDO tells of the drive, by the twin's mapping; None if the data are shorter than that."""
+    place = od.TPDO_MAPPING[number]
+    words = [dictionary.get(od.address_of(place, i + 1)) for i in range(dictionary.get(od.address_of(place)))]
+    mapping = tuple(word >> 8 for word in words)
+    if any(address not in ENTRIES for address in mapping):
+        return None
+    fields = pdo_fields(mapping, data)
+    if fields is None:
+        return None
+    values = {od.address_of(field["index"], field["subindex"]): int(field["value"]) for field in fields}
+    return Told(values.get(od.STATUSWORD), values.get(od.MODE_OF_OPERATION_DISPLAY), values.get(od.POSITION_ACTUAL))
+
+
+def _twin_axis(dictionary: ObjectDictionary) -> TwinAxis:
+    return TwinAxis(dictionary.get(od.POSITION_ACTUAL), dictionary.get(od.VELOCITY_ACTUAL))

@@ -1,0 +1,60 @@
+"""A machine in virtual time that a session operates, and the shadow that hears its bus afterwards."""
+
+import random
+from collections.abc import Sequence
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.harm import Operation
+from steptwin.host.operate.session import Session
+from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.replay import MachineAtPowerUp
+from steptwin.host.twin.shadow import Deviation, Shadow
+from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_US
+
+COUNTS_PER_S = 72_000_000
+CLOCK_US = 1_764_000_000_000_000
+"""What the computer's clock says at power-up, as in 2025."""
+Heard = list[tuple[int, Frame]]
+"""Frames with their stamps in microseconds by the computer's clock."""
+
+
+class Real:
+    """A board that stands for the real one."""
+
+    def __init__(self, robot: Robot, kernel: Kernel, stand_at: Sequence[float] | None = None) -> None:
+        self.board = EmbeddedBoard(robot, kernel, MachineOptions(stand_at=stand_at or list(robot.home)))
+        self.session = Session(self.board, robot)
+        self.rest_frames = 0
+        """Number of frames on the bus up to an instant at which the machine rests."""
+
+    def operate(self, operation: Operation) -> None:
+        self.board.operate(operation)
+
+    def heard(self, *, jitter_us: int = 0, ppm: float = 0.0, seed: int = 0) -> Heard:
+        """Return what a computer hears: stamps by a clock that is off by parts in a million, and late by up to some us.
+
+        The stamps rise, as a driver's do.
+        """
+        draw = random.Random(seed)
+        stamped, last_us = Heard(), 0
+        for counts, frame in self.board.bus_log:
+            us = CLOCK_US + round(counts / COUNTS_PER_US * (1 + ppm * 1e-6)) + draw.randint(0, jitter_us)
+            last_us = max(us, last_us + 1)
+            stamped.append((last_us, frame))
+        return stamped
+
+
+def shadowed(
+    robot: Robot, heard: Heard, kernel: Kernel, stand_at: Sequence[float] | None = None
+) -> tuple[list[Deviation], Shadow]:
+    """Let a shadow hear the frames; return what it tells."""
+    told: list[Deviation] = []
+    shadow = Shadow(robot, MachineAtPowerUp(MachineOptions(stand_at=stand_at or list(robot.home))), told.append, kernel)
+    for us, frame in heard:
+        shadow.hear(us, frame)
+    if heard:
+        shadow.pass_time(heard[-1][0] + 200_000)
+    return told, shadow

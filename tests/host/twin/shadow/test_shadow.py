@@ -1,0 +1,197 @@
+"""A shadow hears a machine in virtual time: no false alarm, and every harm is named within a second."""
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.machine import EmergencyStop, Slip, WatchdogReset
+from steptwin.host.operate.homing import home_robot
+from steptwin.host.operate.moving import move
+from steptwin.host.record.recorded_bus import RecordedFrame
+from steptwin.host.robots import load_robot
+from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.replay import MachineAtPowerUp
+from steptwin.host.twin.shadow import Deviation, Kind, Shadow
+from steptwin.protocol import od
+from steptwin.protocol.frame import COB_EMCY, COB_SDO_RESPONSE, COB_TPDO, Frame
+from tests.host.twin.shadow.machines import Heard, Real, shadowed
+
+ROBOT = load_robot("teaching-scara")
+AWAY = [20.0, 30.0, 10.0, 40.0]
+BACK = [-20.0, 10.0, 0.0, -40.0]
+ELSEWHERE = ([10.0, 20.0, 5.0, 30.0], [-10.0, -20.0, 15.0, -30.0])
+TH2_NODE = 0x11
+
+
+@pytest.fixture(scope="module")
+def quiet(fast_kernel: Kernel) -> Real:
+    """A machine that is homed and moved, with nothing amiss."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    move(real.session, AWAY)
+    real.board.wait(1.0)
+    real.rest_frames = len(real.board.bus_log)
+    real.board.wait(1.0)
+    move(real.session, BACK)
+    real.board.wait(1.0)
+    return real
+
+
+@pytest.mark.parametrize("jitter_us", [0, 300, 1500])
+@pytest.mark.parametrize("ppm", [-100.0, 0.0, 100.0])
+def test_no_false_alarm(quiet: Real, jitter_us: int, ppm: float, fast_kernel: Kernel) -> None:
+    """Whatever the computer's clock does within its tolerance."""
+    told, shadow = shadowed(ROBOT, quiet.heard(jitter_us=jitter_us, ppm=ppm), fast_kernel)
+    assert told == []
+    assert shadow.frames > 1000
+
+
+@pytest.mark.parametrize("stand_at", ELSEWHERE)
+def test_where_the_machine_stood_need_not_be_known(quiet: Real, stand_at: list[float], fast_kernel: Kernel) -> None:
+    """Until it is homed: then the twin searches its switches for as long as it needs."""
+    told, shadow = shadowed(ROBOT, quiet.heard(jitter_us=300), fast_kernel, stand_at)
+    assert told == []
+    assert shadow.caught_up_s > 0.5
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 1 << 30), jitter_us=st.integers(0, 1800), ppm=st.floats(-100, 100))
+def test_no_false_alarm_by_any_jitter(quiet: Real, seed: int, jitter_us: int, ppm: float, fast_kernel: Kernel) -> None:
+    told, _ = shadowed(ROBOT, quiet.heard(jitter_us=jitter_us, ppm=ppm, seed=seed), fast_kernel)
+    assert told == []
+
+
+def test_it_waits_for_a_boot_up(quiet: Real, fast_kernel: Kernel) -> None:
+    later = quiet.heard()[200:]
+    told, shadow = shadowed(ROBOT, later, fast_kernel)
+    assert not shadow.joined
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    ("operation", "kind", "says"),
+    [
+        (EmergencyStop(pressed=True), Kind.ERROR, "estop (0x9000)"),
+        (WatchdogReset(), Kind.BOOT_UP, "boot-up"),
+    ],
+)
+def test_what_the_board_does_without_a_cause_in_the_frames(
+    operation: Operation, kind: Kind, says: str, fast_kernel: Kernel
+) -> None:
+    """Every axis is named within 1 s, and what the twin did instead."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    at_s = 1_764_000_000 + real.board.now_s()
+    real.operate(operation)
+    real.board.wait(1.5)
+    told, _ = shadowed(ROBOT, real.heard(jitter_us=300), fast_kernel)
+    found = [each for each in told if each.kind is kind]
+    assert [each.axis for each in found] == list(ROBOT.axis_names)
+    assert all(says in each.board and each.twin == "nothing" for each in found)
+    assert all(at_s - 0.01 <= each.at_s < at_s + 1.0 for each in told)
+
+
+def test_a_state_that_only_the_board_is_in(fast_kernel: Kernel) -> None:
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    real.operate(EmergencyStop(pressed=True))
+    real.board.wait(1.0)
+    told, _ = shadowed(ROBOT, real.heard(), fast_kernel)
+    states = [(each.axis, each.board, each.twin) for each in told if each.kind is Kind.STATE]
+    assert states == [(name, "FAULT", "OPERATION ENABLED") for name in ROBOT.axis_names]
+
+
+@pytest.mark.parametrize("full_steps", [20, -20, 8])
+def test_a_homing_tells_the_lost_steps(full_steps: int, fast_kernel: Kernel) -> None:
+    """A rotor that has slipped by 20 full steps is 320 steps from where the board counts it."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    move(real.session, AWAY)
+    real.operate(Slip(1, full_steps))
+    move(real.session, BACK)
+    home_robot(real.session)
+    move(real.session, BACK)
+    told, _ = shadowed(ROBOT, real.heard(jitter_us=300), fast_kernel)
+    (found,) = told
+    assert (found.axis, found.kind) == ("th2", Kind.HOMING)
+    assert found.error_steps == pytest.approx(-16 * full_steps, abs=10)
+
+
+def changed(heard: Heard, cob_id: int, change: Callable[[bytes], bytes], first: int, last: int) -> Heard:
+    """Return the frames with another content in some of an identifier."""
+    made, number = Heard(), 0
+    for us, frame in heard:
+        if frame.cob_id == cob_id:
+            number += 1
+            if first <= number <= last:
+                frame = Frame(cob_id, change(frame.data))  # noqa: PLW2901
+        made.append((us, frame))
+    return made
+
+
+def moved(units: int) -> Callable[[bytes], bytes]:
+    """Return a change of a status PDO, whose last four bytes are the position."""
+
+    def change(data: bytes) -> bytes:
+        position = int.from_bytes(data[3:7], "little", signed=True) + units
+        return data[:3] + position.to_bytes(4, "little", signed=True)
+
+    return change
+
+
+@pytest.mark.parametrize(("steps", "found"), [(0, False), (1, False), (2, True), (-2, True)])
+def test_a_position_at_rest(quiet: Real, steps: int, found: bool, fast_kernel: Kernel) -> None:
+    """One step may be the next tick's; two are told, once, and within a second."""
+    heard = quiet.heard()
+    last = sum(frame.cob_id == COB_TPDO[0] + TH2_NODE for _, frame in heard)
+    real = changed(heard, COB_TPDO[0] + TH2_NODE, moved(steps * 1024), last - 5, last)
+    told, _ = shadowed(ROBOT, real, fast_kernel)
+    assert [(each.axis, each.kind, each.error_steps) for each in told] == (
+        [("th2", Kind.REST, float(steps))] if found else []
+    )
+
+
+def test_an_answer_and_an_error_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
+    """An abort in place of an answer is one deviation; the dialogue goes on."""
+    heard = quiet.heard()
+    abort = bytes((0x80, *od.MODE_OF_OPERATION.to_bytes(3, "little")[1:], 0, 0, 0, 0, 8))[:8]
+    told, _ = shadowed(ROBOT, changed(heard, COB_SDO_RESPONSE + TH2_NODE, lambda _: abort, 20, 20), fast_kernel)
+    (answer,) = told
+    assert (answer.axis, answer.kind) == ("th2", Kind.ANSWER)
+    at_us = heard[1500][0]
+    emergency = (at_us, Frame(COB_EMCY + TH2_NODE, bytes.fromhex("1042 01 0000000000")))
+    told, _ = shadowed(ROBOT, [*heard[:1500], emergency, *heard[1500:]], fast_kernel)
+    (error,) = told
+    assert (error.axis, error.kind, error.twin) == ("th2", Kind.ERROR, "nothing")
+
+
+def test_an_answer_that_is_missing(quiet: Real, fast_kernel: Kernel) -> None:
+    """The board says less than its twin."""
+    heard = quiet.heard()
+    us = [us for us, frame in heard if frame.cob_id == COB_SDO_RESPONSE + TH2_NODE][-1]
+    lost = [(at_us, frame) for at_us, frame in heard if (at_us, frame.cob_id) != (us, COB_SDO_RESPONSE + TH2_NODE)]
+    told, _ = shadowed(ROBOT, lost, fast_kernel)
+    assert [(each.axis, each.kind, each.board) for each in told] == [("th2", Kind.ANSWER, "nothing")]
+
+
+def test_it_goes_on_from_a_recording(quiet: Real, fast_kernel: Kernel) -> None:
+    """The recording may have ended hours ago by another clock, if the machine has stood still since."""
+    heard = quiet.heard()
+    told: list[Deviation] = []
+    stands = MachineAtPowerUp(MachineOptions(stand_at=list(ROBOT.home)))
+    shadow = Shadow(ROBOT, stands, told.append, fast_kernel)
+    shadow.take_recording(RecordedFrame(us - heard[0][0], frame, False) for us, frame in heard[: quiet.rest_frames])
+    assert shadow.joined
+    for us, frame in heard[quiet.rest_frames :]:
+        shadow.hear(us + 7_000_000_000, frame)
+    assert told == []
+
+
+def test_frames_of_other_nodes_do_not_matter(quiet: Real, fast_kernel: Kernel) -> None:
+    strange = [(us, Frame(0x1C0, b"\x01\x02")) for us, _ in quiet.heard()[100::50]]
+    told, _ = shadowed(ROBOT, sorted([*quiet.heard(), *strange], key=lambda each: each[0]), fast_kernel)
+    assert told == []
