@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from steptwin.host.record.recorded_bus import RecordedFrame
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.replay import MachineAtPowerUp
-    from steptwin.host.twin.shadow import Deviation, Shadow
+    from steptwin.host.twin.shadow import Discrepancy, Shadow
     from steptwin.protocol.frame import Frame
 
 _POLL_S: Final = 0.1
 _BEHIND_US: Final = 200_000
 """Time by which the twin stays behind this computer's clock while nothing is heard: frames may be on their way."""
 BOARD_LOG: Final = "board.log"
-DEVIATIONS: Final = "deviations.jsonl"
+DISCREPANCIES: Final = "discrepancies.jsonl"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,9 @@ class ShadowOptions:
 
     join: Path | None = option("DIR", "Recording of the machine from power-up until now, such as serve's --out.")
     new_board: bool = switch("The board has never stored the robot's settings.")
-    until_difference: bool = switch("End at the first deviation.")
+    until_difference: bool = switch("End at the first discrepancy.")
     seconds: float | None = option("S", "Time to listen; by default until Ctrl-C.")
-    out: str | None = option("DIR", "Folder for the twin's run, the real board's frames and the deviations.")
+    out: str | None = option("DIR", "Folder for the twin's run, the real board's frames and the discrepancies.")
 
 
 @command("lab-scara --connect 127.0.0.1", "lab-scara -i socketcan -c can0 --out out/night")
@@ -54,7 +54,7 @@ def shadow(
 
     It sends nothing. It begins with the boot-up of a node, so switch the board on or reset it while the shadow listens;
     or with --join. Told are errors, states, answers, positions, and the steps that a homing finds lost. Exit code 1 if
-    something differed, or if no boot-up came. With --json a line for each deviation.
+    something differed, or if no boot-up came. With --json a line for each discrepancy.
     """
     from steptwin.host.client.links.bus_link import open_bus
     from steptwin.host.twin.live.recording_report import UnplannedRun
@@ -65,11 +65,11 @@ def shadow(
         raise InputError(f"--seconds {wanted.seconds:g}: is not above 0 and finite")
     power_up, before = _power_up(loaded, machine, wanted)
     to = None if wanted.out is None else run_folder(wanted.out)
-    deviations: list[Deviation] = []
+    discrepancies: list[Discrepancy] = []
 
-    def tell(deviation: "Deviation") -> None:
-        deviations.append(deviation)
-        say(json.dumps(deviation.to_dict()) if live.as_json else str(deviation))
+    def tell(discrepancy: "Discrepancy") -> None:
+        discrepancies.append(discrepancy)
+        say(json.dumps(discrepancy.to_dict()) if live.as_json else str(discrepancy))
 
     with naming_machine_options():
         twin = Shadow(loaded, power_up, tell, keep=to is not None)
@@ -86,7 +86,7 @@ def shadow(
                     twin.hear(us, frame)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
-                if deviations and wanted.until_difference:
+                if discrepancies and wanted.until_difference:
                     break
         except KeyboardInterrupt:
             if wanted.seconds is not None:
@@ -94,10 +94,10 @@ def shadow(
     if run is not None and to is not None:
         with naming_options("out"):
             run.save(to)
-        _keep(to, kept, deviations)
-        live.add_files("the twin's run, the board's frames and the deviations are", to)
-    _sum_up(live, twin, deviations)
-    end_unless(twin.joined and not deviations)
+        _keep(to, kept, discrepancies)
+        live.add_files("the twin's run, the board's frames and the discrepancies are", to)
+    _sum_up(live, twin, discrepancies)
+    end_unless(twin.joined and not discrepancies)
 
 
 def _power_up(
@@ -140,20 +140,20 @@ def _heard(
         yield last_us, Frame(message.arbitration_id, bytes(message.data))
 
 
-def _keep(folder: Path, frames: "list[tuple[int, Frame]]", deviations: "list[Deviation]") -> None:
+def _keep(folder: Path, frames: "list[tuple[int, Frame]]", discrepancies: "list[Discrepancy]") -> None:
     """Write what was heard, as candump -L does, and what was told beside the twin's run."""
     lines = [f"({us / 1e6:.6f}) can0 {frame.cob_id:03X}#{frame.data.hex().upper()}\n" for us, frame in frames]
     (folder / BOARD_LOG).write_text("".join(lines), encoding="ascii")
-    told = "".join(f"{json.dumps(each.to_dict())}\n" for each in deviations)
-    (folder / DEVIATIONS).write_text(told, encoding="utf-8")
+    told = "".join(f"{json.dumps(each.to_dict())}\n" for each in discrepancies)
+    (folder / DISCREPANCIES).write_text(told, encoding="utf-8")
 
 
-def _sum_up(live: LiveOptions, twin: "Shadow", deviations: "list[Deviation]") -> None:
-    """Say what was heard, and how many deviations there were."""
+def _sum_up(live: LiveOptions, twin: "Shadow", discrepancies: "list[Discrepancy]") -> None:
+    """Say what was heard, and how many discrepancies there were."""
     if live.as_json:
-        say(json.dumps({"joined": twin.joined, "board_frames": twin.frames, "deviations": len(deviations)}))
+        say(json.dumps({"joined": twin.joined, "board_frames": twin.frames, "discrepancies": len(discrepancies)}))
     elif not twin.joined:
         say("no boot-up was heard: switch the board on or reset its nodes while the shadow listens, or give --join DIR")
     else:
-        said = f"{len(deviations)} deviations" if deviations else "the board does what its twin does"
+        said = f"{len(discrepancies)} discrepancies" if discrepancies else "the board does what its twin does"
         say(f"{twin.frames} frames of the board: {said}")

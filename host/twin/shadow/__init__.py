@@ -4,7 +4,7 @@
 tell again and again: states, positions, homing.
 """
 
-from steptwin.host.twin.shadow.deviation import Deviation, Kind
+from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
 from steptwin.host.twin.shadow.shadow import Shadow
 
-__all__ = ["Deviation", "Kind", "Shadow"]
+__all__ = ["Discrepancy", "DiscrepancyKind", "Shadow"]

@@ -7,7 +7,7 @@ axis is, the twin is asked itself: its counter at the instant of the board's PDO
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from steptwin.host.twin.shadow.deviation import SETTLED_COUNTS, Kind
+from steptwin.host.twin.shadow.discrepancy import SETTLED_COUNTS, DiscrepancyKind
 from steptwin.protocol.cia402 import Mode, State, Status
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
@@ -29,7 +29,7 @@ _TWICE: Final = 2
 """PDOs one after the other that must be too far off: one may have waited for the bus."""
 
 
-class Told(NamedTuple):
+class DriveReport(NamedTuple):
     """What a PDO of the drive tells, as far as it is mapped.
 
     Attributes:
@@ -77,7 +77,7 @@ class DriveSide:
         self.was_known = False
         """True if the position was known when the last homing began."""
 
-    def take(self, counts: int, told: Told) -> None:
+    def take(self, counts: int, told: DriveReport) -> None:
         """Take what a PDO tells."""
         self.mode = told.mode if told.mode is not None else self.mode
         if told.statusword is None:
@@ -116,7 +116,7 @@ class DriveSide:
 
 
 class _Finding(NamedTuple):
-    kind: Kind
+    kind: DiscrepancyKind
     board: str
     twin: str
     error_steps: float | None = None
@@ -161,7 +161,7 @@ class ComparedAxis:
         settled = now_counts - max(board.since_counts, twin.since_counts) >= SETTLED_COUNTS
         if settled and None not in states and states != self._told_states:
             self._told_states = states
-            yield _Finding(Kind.STATE, _words(board.state), _words(twin.state))
+            yield _Finding(DiscrepancyKind.STATE, _words(board.state), _words(twin.state))
 
     # --- positions
 
@@ -205,7 +205,7 @@ class ComparedAxis:
             bound = f"at most {bound_units / self._units_per_step:.1f} are jitter"
             board = f"{abs(error_steps):.1f} steps {'ahead' if error_steps > 0 else 'behind'}, {bound}"
             at = f"at {now.position_units / self._units_per_step:.1f} steps"
-            yield _Finding(Kind.REST if rests else Kind.MOVING, board, at, round(error_steps, 3))
+            yield _Finding(DiscrepancyKind.REST if rests else DiscrepancyKind.MOVING, board, at, round(error_steps, 3))
 
     @property
     def _at_target(self) -> bool:
@@ -260,7 +260,7 @@ class ComparedAxis:
         board_steps, twin_steps = (round(units / self._units_per_step) for units in places_units)
         error_steps = round(error_units / self._units_per_step, 1)
         words = f"found its switch at {board_steps} steps: some {abs(error_steps):.0f} steps were lost before"
-        yield _Finding(Kind.HOMING, words, f"at {twin_steps}", error_steps)
+        yield _Finding(DiscrepancyKind.HOMING, words, f"at {twin_steps}", error_steps)
 
     def _place(self, leg: _Leg, attained_counts: int) -> float:
         """Return where a side was when it had found its switch, from where it was last seen on its way there."""

@@ -6,13 +6,13 @@ from typing import Final, NamedTuple
 
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.twin.replay.differences import KEYS, NOTHING, words_of
-from steptwin.host.twin.shadow.deviation import SETTLED_COUNTS, Kind
+from steptwin.host.twin.shadow.discrepancy import SETTLED_COUNTS, DiscrepancyKind
 from steptwin.protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, NODE_ID_MAX, Frame
 
-KINDS: Final[Mapping[int, Kind]] = {
-    COB_HEARTBEAT: Kind.BOOT_UP,
-    COB_SDO_RESPONSE: Kind.ANSWER,
-    COB_EMCY: Kind.ERROR,
+KINDS: Final[Mapping[int, DiscrepancyKind]] = {
+    COB_HEARTBEAT: DiscrepancyKind.BOOT_UP,
+    COB_SDO_RESPONSE: DiscrepancyKind.ANSWER,
+    COB_EMCY: DiscrepancyKind.ERROR,
 }
 """The services by which a node says something once."""
 
@@ -43,7 +43,7 @@ class Sayings:
             side = self._board if of_board else self._twin
             side.setdefault(frame.cob_id, deque()).append(_Saying(counts, key, frame))
 
-    def differing(self, now_counts: int) -> Iterator[tuple[int, int, Kind, str, str]]:
+    def differing(self, now_counts: int) -> Iterator[tuple[int, int, DiscrepancyKind, str, str]]:
         """Yield instant, node id, kind, the board's and the twin's words of each saying without its like so far."""
         for cob_id in [*self._board, *(set(self._twin) - set(self._board))]:
             board, twin = (side.setdefault(cob_id, deque()) for side in (self._board, self._twin))

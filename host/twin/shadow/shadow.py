@@ -1,7 +1,7 @@
 """Play the hosts' frames of a running machine to a twin, by their time stamps, and compare what both do.
 
 The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. A shadow
-has no way to send: it takes frames, and tells deviations.
+has no way to send: it takes frames, and tells discrepancies.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,8 +14,8 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.replay.power_up import MachineAtPowerUp
 from steptwin.host.twin.replay.replaying import WallClockPlayer, machine_at
-from steptwin.host.twin.shadow.axes import ComparedAxis, Told, TwinAxis
-from steptwin.host.twin.shadow.deviation import Deviation, Kind
+from steptwin.host.twin.shadow.axes import ComparedAxis, DriveReport, TwinAxis
+from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
 from steptwin.host.twin.shadow.sayings import Sayings
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
@@ -54,7 +54,7 @@ class Shadow:
         self,
         robot: Robot,
         power_up: MachineAtPowerUp,
-        tell: Callable[[Deviation], None],
+        tell: Callable[[Discrepancy], None],
         kernel: Kernel | None = None,
         *,
         keep: bool = False,
@@ -64,7 +64,7 @@ class Shadow:
         Args:
             robot: the machine.
             power_up: how it stands at power-up; where it stands only matters until it is homed.
-            tell: called with each deviation.
+            tell: called with each discrepancy.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             keep: True to keep the twin's frames, for its folder; they take some 100 bytes each.
 
@@ -99,7 +99,7 @@ class Shadow:
     def take_recording(self, frames: Iterable[RecordedFrame]) -> None:
         """Take what was on the bus up to now, from power-up on; the frames that are heard next follow it closely.
 
-        No deviation in it is told.
+        No discrepancy in it is told.
         """
         self._muted = True
         for recorded in frames:
@@ -222,13 +222,15 @@ class Shadow:
         self._player.first_counts += passed_counts
         self.caught_up_s += passed_counts / COUNTS_PER_SECOND
 
-    def _say(self, counts: int, axis: int, kind: Kind, board: str, twin: str, error_steps: float | None = None) -> None:
+    def _say(
+        self, counts: int, axis: int, kind: DiscrepancyKind, board: str, twin: str, error_steps: float | None = None
+    ) -> None:
         if self._muted:
             return
         assert self._player is not None
         assert self._shift_us is not None
         at_s = (counts - self._player.first_counts) / COUNTS_PER_SECOND - self._shift_us / 1e6
-        self._tell(Deviation(round(at_s, 6), self._names[FIRST_NODE_ID + axis], kind, board, twin, error_steps))
+        self._tell(Discrepancy(round(at_s, 6), self._names[FIRST_NODE_ID + axis], kind, board, twin, error_steps))
 
 
 def _forget(_frame: Frame, _counts: int) -> None:
@@ -239,7 +241,7 @@ def _is_boot_up(frame: Frame) -> bool:
     return frame.cob_id & ~NODE_ID_MAX == COB_HEARTBEAT and frame.data == _BOOT_UP
 
 
-def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> Told | None:
+def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport | None:
     """Return what a TPDO tells of the drive, by the twin's mapping; None if the data are shorter than that."""
     place = od.TPDO_MAPPING[number]
     words = [dictionary.get(od.address_of(place, i + 1)) for i in range(dictionary.get(od.address_of(place)))]
@@ -250,7 +252,9 @@ def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> Told | None
     if fields is None:
         return None
     values = {od.address_of(field["index"], field["subindex"]): int(field["value"]) for field in fields}
-    return Told(values.get(od.STATUSWORD), values.get(od.MODE_OF_OPERATION_DISPLAY), values.get(od.POSITION_ACTUAL))
+    return DriveReport(
+        values.get(od.STATUSWORD), values.get(od.MODE_OF_OPERATION_DISPLAY), values.get(od.POSITION_ACTUAL)
+    )
 
 
 def _twin_axis(dictionary: ObjectDictionary) -> TwinAxis:

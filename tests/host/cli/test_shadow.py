@@ -65,10 +65,10 @@ def test_nothing_differs(
     (line,) = capsys.readouterr().out.splitlines()
     summary = json.loads(line)
     assert summary.pop("board_frames") > 500
-    assert summary == {"joined": True, "deviations": 0}
+    assert summary == {"joined": True, "discrepancies": 0}
 
 
-def test_each_deviation_is_a_line(
+def test_each_discrepancy_is_a_line(
     estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert shadowing(estopped[0], monkeypatch, "--json") == 1
@@ -76,7 +76,7 @@ def test_each_deviation_is_a_line(
     assert [(line["axis"], line["kind"]) for line in lines] == [
         (axis, kind) for kind in ("error", "state") for axis in ROBOT.axis_names
     ]
-    assert last["deviations"] == len(lines) == 8
+    assert last["discrepancies"] == len(lines) == 8
 
 
 def test_until_the_first_one(
@@ -86,7 +86,7 @@ def test_until_the_first_one(
     lines = capsys.readouterr().out.splitlines()
     assert "th1 error: board EMCY th1 estop (0x9000)" in lines[0]
     assert len(lines) <= 9  # all that is due by then, and the sum
-    assert lines[-1].endswith(" deviations")
+    assert lines[-1].endswith(" discrepancies")
 
 
 def test_the_folder(
@@ -96,7 +96,7 @@ def test_the_folder(
     heard, before = estopped
     out = tmp_path / "night"
     assert shadowing(heard, monkeypatch, "--out", str(out)) == 1
-    told = (out / "deviations.jsonl").read_text(encoding="utf-8").splitlines()
+    told = (out / "discrepancies.jsonl").read_text(encoding="utf-8").splitlines()
     assert len(told) == 8
     assert len((out / "board.log").read_text(encoding="ascii").splitlines()) == len(heard)
     capsys.readouterr()

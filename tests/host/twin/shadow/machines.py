@@ -10,7 +10,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.replay import MachineAtPowerUp
-from steptwin.host.twin.shadow import Deviation, Shadow
+from steptwin.host.twin.shadow import Discrepancy, Shadow
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -49,9 +49,9 @@ class Real:
 
 def shadowed(
     robot: Robot, heard: Heard, kernel: Kernel, stand_at: Sequence[float] | None = None
-) -> tuple[list[Deviation], Shadow]:
+) -> tuple[list[Discrepancy], Shadow]:
     """Let a shadow hear the frames; return what it tells."""
-    told: list[Deviation] = []
+    told: list[Discrepancy] = []
     shadow = Shadow(robot, MachineAtPowerUp(MachineOptions(stand_at=stand_at or list(robot.home))), told.append, kernel)
     for us, frame in heard:
         shadow.hear(us, frame)

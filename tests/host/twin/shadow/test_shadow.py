@@ -15,7 +15,7 @@ from steptwin.host.record.recorded_bus import RecordedFrame
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.replay import MachineAtPowerUp
-from steptwin.host.twin.shadow import Deviation, Kind, Shadow
+from steptwin.host.twin.shadow import Discrepancy, DiscrepancyKind, Shadow
 from steptwin.protocol import od
 from steptwin.protocol.frame import COB_EMCY, COB_SDO_RESPONSE, COB_TPDO, Frame
 from tests.host.twin.shadow.machines import Heard, Real, shadowed
@@ -75,12 +75,12 @@ def test_it_waits_for_a_boot_up(quiet: Real, fast_kernel: Kernel) -> None:
 @pytest.mark.parametrize(
     ("operation", "kind", "says"),
     [
-        (EmergencyStop(pressed=True), Kind.ERROR, "estop (0x9000)"),
-        (WatchdogReset(), Kind.BOOT_UP, "boot-up"),
+        (EmergencyStop(pressed=True), DiscrepancyKind.ERROR, "estop (0x9000)"),
+        (WatchdogReset(), DiscrepancyKind.BOOT_UP, "boot-up"),
     ],
 )
 def test_what_the_board_does_without_a_cause_in_the_frames(
-    operation: Operation, kind: Kind, says: str, fast_kernel: Kernel
+    operation: Operation, kind: DiscrepancyKind, says: str, fast_kernel: Kernel
 ) -> None:
     """Every axis is named within 1 s, and what the twin did instead."""
     real = Real(ROBOT, fast_kernel)
@@ -101,7 +101,7 @@ def test_a_state_that_only_the_board_is_in(fast_kernel: Kernel) -> None:
     real.operate(EmergencyStop(pressed=True))
     real.board.wait(1.0)
     told, _ = shadowed(ROBOT, real.heard(), fast_kernel)
-    states = [(each.axis, each.board, each.twin) for each in told if each.kind is Kind.STATE]
+    states = [(each.axis, each.board, each.twin) for each in told if each.kind is DiscrepancyKind.STATE]
     assert states == [(name, "FAULT", "OPERATION ENABLED") for name in ROBOT.axis_names]
 
 
@@ -117,7 +117,7 @@ def test_a_homing_tells_the_lost_steps(full_steps: int, fast_kernel: Kernel) -> 
     move(real.session, BACK)
     told, _ = shadowed(ROBOT, real.heard(jitter_us=300), fast_kernel)
     (found,) = told
-    assert (found.axis, found.kind) == ("th2", Kind.HOMING)
+    assert (found.axis, found.kind) == ("th2", DiscrepancyKind.HOMING)
     assert found.error_steps == pytest.approx(-16 * full_steps, abs=10)
 
 
@@ -151,22 +151,22 @@ def test_a_position_at_rest(quiet: Real, steps: int, found: bool, fast_kernel: K
     real = changed(heard, COB_TPDO[0] + TH2_NODE, moved(steps * 1024), last - 5, last)
     told, _ = shadowed(ROBOT, real, fast_kernel)
     assert [(each.axis, each.kind, each.error_steps) for each in told] == (
-        [("th2", Kind.REST, float(steps))] if found else []
+        [("th2", DiscrepancyKind.REST, float(steps))] if found else []
     )
 
 
 def test_an_answer_and_an_error_of_its_own(quiet: Real, fast_kernel: Kernel) -> None:
-    """An abort in place of an answer is one deviation; the dialogue goes on."""
+    """An abort in place of an answer is one discrepancy; the dialogue goes on."""
     heard = quiet.heard()
     abort = bytes((0x80, *od.MODE_OF_OPERATION.to_bytes(3, "little")[1:], 0, 0, 0, 0, 8))[:8]
     told, _ = shadowed(ROBOT, changed(heard, COB_SDO_RESPONSE + TH2_NODE, lambda _: abort, 20, 20), fast_kernel)
     (answer,) = told
-    assert (answer.axis, answer.kind) == ("th2", Kind.ANSWER)
+    assert (answer.axis, answer.kind) == ("th2", DiscrepancyKind.ANSWER)
     at_us = heard[1500][0]
     emergency = (at_us, Frame(COB_EMCY + TH2_NODE, bytes.fromhex("1042 01 0000000000")))
     told, _ = shadowed(ROBOT, [*heard[:1500], emergency, *heard[1500:]], fast_kernel)
     (error,) = told
-    assert (error.axis, error.kind, error.twin) == ("th2", Kind.ERROR, "nothing")
+    assert (error.axis, error.kind, error.twin) == ("th2", DiscrepancyKind.ERROR, "nothing")
 
 
 def test_an_answer_that_is_missing(quiet: Real, fast_kernel: Kernel) -> None:
@@ -175,13 +175,13 @@ def test_an_answer_that_is_missing(quiet: Real, fast_kernel: Kernel) -> None:
     us = [us for us, frame in heard if frame.cob_id == COB_SDO_RESPONSE + TH2_NODE][-1]
     lost = [(at_us, frame) for at_us, frame in heard if (at_us, frame.cob_id) != (us, COB_SDO_RESPONSE + TH2_NODE)]
     told, _ = shadowed(ROBOT, lost, fast_kernel)
-    assert [(each.axis, each.kind, each.board) for each in told] == [("th2", Kind.ANSWER, "nothing")]
+    assert [(each.axis, each.kind, each.board) for each in told] == [("th2", DiscrepancyKind.ANSWER, "nothing")]
 
 
 def test_it_goes_on_from_a_recording(quiet: Real, fast_kernel: Kernel) -> None:
     """The recording may have ended hours ago by another clock, if the machine has stood still since."""
     heard = quiet.heard()
-    told: list[Deviation] = []
+    told: list[Discrepancy] = []
     stands = MachineAtPowerUp(MachineOptions(stand_at=list(ROBOT.home)))
     shadow = Shadow(ROBOT, stands, told.append, fast_kernel)
     shadow.take_recording(RecordedFrame(us - heard[0][0], frame, False) for us, frame in heard[: quiet.rest_frames])

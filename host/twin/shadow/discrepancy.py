@@ -9,7 +9,7 @@ SETTLED_COUNTS: Final = 50 * COUNTS_PER_MS
 """Time by which one side may be later than the other: a passing state is told by a PDO or not, within 20 ms."""
 
 
-class Kind(StrEnum):
+class DiscrepancyKind(StrEnum):
     """What differs."""
 
     BOOT_UP = "boot-up"
@@ -21,7 +21,7 @@ class Kind(StrEnum):
     HOMING = "homing"
 
 
-class Deviation(NamedTuple):
+class Discrepancy(NamedTuple):
     """Something that the real board does otherwise.
 
     Attributes:
@@ -35,7 +35,7 @@ class Deviation(NamedTuple):
 
     at_s: float
     axis: str
-    kind: Kind
+    kind: DiscrepancyKind
     board: str
     twin: str
     error_steps: float | None = None
@@ -44,7 +44,7 @@ class Deviation(NamedTuple):
         return f"{self.at_s:.3f} {self.axis} {self.kind}: board {self.board}, twin {self.twin}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the deviation under the keys of a line of JSON."""
+        """Return the discrepancy under the keys of a line of JSON."""
         return {
             "at_s": self.at_s,
             "axis": self.axis,
