@@ -25,8 +25,12 @@ def test_it_names_what_the_board_does_of_its_own() -> None:
         ):
             assert process.stdout
             lines: Queue[str] = Queue()
-            reader = threading.Thread(target=lambda: [lines.put(line) for line in process.stdout or ()], daemon=True)
-            reader.start()
+
+            def read() -> None:
+                for line in process.stdout or ():
+                    lines.put(line)
+
+            threading.Thread(target=read, daemon=True).start()
             until_s = time.monotonic() + WAIT_S
             while lines.empty() and time.monotonic() < until_s:
                 # The shadow may have to start yet: a reset that it has not heard does not matter.

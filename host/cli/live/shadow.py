@@ -53,7 +53,7 @@ def shadow(
     """Let a twin hear what the hosts tell a running machine, and say where the real board does otherwise.
 
     It sends nothing. It begins with the boot-up of a node, so switch the board on or reset it while the shadow listens;
-    or with --join. Told are errors, states, answers, positions, and the steps that a homing finds lost. Exit code 1 if
+    or with --join. It tells errors, states, answers, positions, and the steps that a homing finds lost. Exit code 1 if
     something differed, or if no boot-up came. With --json a line for each discrepancy.
     """
     from steptwin.host.client.links.bus_link import open_bus

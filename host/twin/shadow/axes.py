@@ -5,6 +5,7 @@ axis is, the twin is asked itself: its counter at the instant of the board's PDO
 """
 
 from collections.abc import Iterator
+from math import copysign
 from typing import Final, NamedTuple
 
 from steptwin.host.twin.shadow.discrepancy import SETTLED_COUNTS, DiscrepancyKind
@@ -25,6 +26,10 @@ RESTS_COUNTS: Final = 150 * COUNTS_PER_MS
 """Time without motion after which an axis is at rest: its PDO comes every 100 ms."""
 LOST_UNITS: Final = 2 * 16384
 """Difference of the switch's place that is none: two full steps, in wire units. A rotor that slips loses four."""
+_UNSEEN_S: Final = 0.1
+"""Longest time in which a board's place on its way to a switch is not told: it sends a PDO each 100 ms."""
+_SAME_SPEED: Final = 0.3
+"""Part by which a speed may differ that two PDOs tell."""
 _TWICE: Final = 2
 """PDOs one after the other that must be too far off: one may have waited for the bus."""
 
@@ -49,10 +54,12 @@ class TwinAxis(NamedTuple):
     Attributes:
         position_units: 0x6064.
         velocity_units_per_s: 0x606C.
+        leaving_units_per_s: speed at which a homing leaves the switch, 0x6099:02.
     """
 
     position_units: int
     velocity_units_per_s: int
+    leaving_units_per_s: int
 
 
 class _Leg(NamedTuple):
@@ -143,8 +150,8 @@ class ComparedAxis:
         self._peak_units_per_s = 0
         self._last_units: int | None = None
         self._judged_homing: int | None = None
-        self._board_leg = self._twin_leg = _Leg(0, 0)
-        self._leg_units_per_s = 0
+        self._board_leg = self._board_leg_before = self._twin_leg = _Leg(0, 0)
+        self._leg_units_per_s = 0.0
         """Speed of the twin at the end of its search."""
         self._left: int | None = None
         """Beginning of the board's homing for which the twin is not waited."""
@@ -175,14 +182,14 @@ class ComparedAxis:
             self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
             if self.twin.homing:
                 self._twin_leg = _Leg(now_counts, now.position_units)
-                self._leg_units_per_s = now.velocity_units_per_s
+                self._leg_units_per_s = copysign(now.leaving_units_per_s, now.velocity_units_per_s)
 
     def positions(self, now_counts: int, units: int, now: TwinAxis) -> Iterator[_Finding]:
         """Yield the difference of the board's position at this instant, if it is one and was not told."""
         self.follow(now_counts, now)
         repeated, self._last_units = units == self._last_units, units
         if self.board.homing:
-            self._board_leg = _Leg(now_counts, units)
+            self._board_leg_before, self._board_leg = self._board_leg, _Leg(now_counts, units)
         if self.board.homing or self.twin.homing:
             self._off_times = 0
             return
@@ -255,12 +262,25 @@ class ComparedAxis:
             self._place(self._twin_leg, twin.attained_counts),
         )
         error_units = places_units[0] - places_units[1]
-        if not board.was_known or abs(error_units) <= LOST_UNITS:
+        if not board.was_known or abs(error_units) <= self._lost_bound_units:
             return
         board_steps, twin_steps = (round(units / self._units_per_step) for units in places_units)
         error_steps = round(error_units / self._units_per_step, 1)
         words = f"found its switch at {board_steps} steps: some {abs(error_steps):.0f} steps were lost before"
         yield _Finding(DiscrepancyKind.HOMING, words, f"at {twin_steps}", error_steps)
+
+    @property
+    def _lost_bound_units(self) -> float:
+        """Difference of the switch's place that is none: two full steps, if the board was seen leaving the switch.
+
+        Else its way in the time in which it was not seen: a search overruns the switch by more or less.
+        """
+        before, last = self._board_leg_before, self._board_leg
+        seen_s = (last.counts - before.counts) / COUNTS_PER_SECOND
+        leaving = self._leg_units_per_s
+        if seen_s > 0 and abs((last.units - before.units) / seen_s - leaving) <= _SAME_SPEED * abs(leaving):
+            return LOST_UNITS
+        return max(LOST_UNITS, self._peak_units_per_s * _UNSEEN_S)
 
     def _place(self, leg: _Leg, attained_counts: int) -> float:
         """Return where a side was when it had found its switch, from where it was last seen on its way there."""

@@ -258,4 +258,6 @@ def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport
 
 
 def _twin_axis(dictionary: ObjectDictionary) -> TwinAxis:
-    return TwinAxis(dictionary.get(od.POSITION_ACTUAL), dictionary.get(od.VELOCITY_ACTUAL))
+    return TwinAxis(
+        dictionary.get(od.POSITION_ACTUAL), dictionary.get(od.VELOCITY_ACTUAL), dictionary.get(od.HOMING_ZERO_SPEED)
+    )

@@ -105,7 +105,7 @@ def test_a_state_that_only_the_board_is_in(fast_kernel: Kernel) -> None:
     assert states == [(name, "FAULT", "OPERATION ENABLED") for name in ROBOT.axis_names]
 
 
-@pytest.mark.parametrize("full_steps", [20, -20, 8])
+@pytest.mark.parametrize("full_steps", [20, -20, 8, 4, -4, 40])
 def test_a_homing_tells_the_lost_steps(full_steps: int, fast_kernel: Kernel) -> None:
     """A rotor that has slipped by 20 full steps is 320 steps from where the board counts it."""
     real = Real(ROBOT, fast_kernel)
@@ -118,7 +118,7 @@ def test_a_homing_tells_the_lost_steps(full_steps: int, fast_kernel: Kernel) -> 
     told, _ = shadowed(ROBOT, real.heard(jitter_us=300), fast_kernel)
     (found,) = told
     assert (found.axis, found.kind) == ("th2", DiscrepancyKind.HOMING)
-    assert found.error_steps == pytest.approx(-16 * full_steps, abs=10)
+    assert found.error_steps == pytest.approx(-16 * full_steps, abs=3)
 
 
 def changed(heard: Heard, cob_id: int, change: Callable[[bytes], bytes], first: int, last: int) -> Heard:
