@@ -431,6 +431,13 @@ DC_LINK_VOLTAGE = ro(0x6079_00, U32, "DC link circuit voltage in {unit}", MV, TX
 TARGET_POSITION = rw(
     0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point"
 )
+array(0x607B, "Position range limit")
+POSITION_RANGE_MIN = rw(
+    0x607B_01, I32, "Min position range limit in {unit}", I32.low, unit=POSITION, write="Positioning.check_low"
+)
+POSITION_RANGE_MAX = rw(
+    0x607B_02, I32, "Max position range limit in {unit}", I32.high, unit=POSITION, write="Positioning.check_high"
+)
 HOME_OFFSET = rw(0x607C_00, I32, "Home offset", unit=POSITION)
 array(0x607D, "Software position limit")
 POSITION_LIMIT_MIN = rw(
@@ -519,6 +526,14 @@ MAX_DECELERATION = rw(0x60C6_00, U32, "Max deceleration", U32.high, 1, unit=ACCE
 array(0x60E3, "Supported homing methods")
 SUPPORTED_HOMING_METHODS: Final = tuple(
     const(0x60E3_00 + i, I8, f"Supported homing method {i}", method) for i, method in enumerate(HOMING_METHODS, start=1)
+)
+_RELATIVES: Final = (0, 1, 2)
+_DIRECTIONS: Final = (0x00, 0x40, 0x80, 0xC0)
+POSITIONING_OPTION = rw(
+    0x60F2_00,
+    U16,
+    "Positioning option code: bits 1 and 0 what a relative target counts from, bits 7 and 6 the direction",
+    values=frozenset(relative | direction for relative in _RELATIVES for direction in _DIRECTIONS),
 )
 FOLLOWING_ERROR_ACTUAL = ro(
     0x60F4_00, I32, "Following error actual value", POSITION, TX, read="PositionReference.following_error_units"

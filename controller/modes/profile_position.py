@@ -3,9 +3,9 @@
 A rising bit 4 of the controlword gives a set-point: the target position (607Ah), with the profile objects as they are
 then. Bit 12 of the statusword acknowledges it and falls with bit 4. One further set-point may wait; while it does, bit
 12 stays until that set-point begins. Without bit 5 a new set-point waits until the present one is reached; with bit 5
-it replaces the present and the waiting one at once. With bit 6 the target counts from the last target (60F2h = 0), or
-from where the axis stands if it has had no target since it was stopped or enabled. Bit 9, passing a set-point without
-stopping, is not supported.
+it replaces the present and the waiting one at once. With bit 6 the target is relative; what to, and in which direction
+an axis that turns without end moves, is the positioning option code (60F2h, see `positioning`). Bit 9, passing a
+set-point without stopping, is not supported.
 
 A target beyond the soft limits (607Dh) or the i32 range is moved to the limit; bit 11 says so until the next set-point
 begins. Halt (bit 8) ramps to rest by the halt option code (605Dh), with the profile deceleration or that of a quick
@@ -15,6 +15,7 @@ stop; when the bit falls, the motion to the target goes on.
 from typing import NamedTuple
 
 from steptwin.controller.modes.drive_mode import DriveMode
+from steptwin.controller.modes.positioning import Positioning
 from steptwin.controller.modes.profile import Limits
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
@@ -36,6 +37,7 @@ class ProfilePosition(DriveMode):
     def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
         super().__init__(context)
         self._limits = context.limits
+        self._positioning = Positioning(context)
         self._feed = feed
         self._active: _SetPoint | None = None
         """The set-point in progress; a halt does not end it."""
@@ -70,20 +72,23 @@ class ProfilePosition(DriveMode):
         at_once = bool(controlword & Control.CHANGE_AT_ONCE)
         if self._next and not at_once:
             return  # not acknowledged: the host must wait until bit 12 falls
-        set_point = self._set_point(relative=bool(controlword & Control.RELATIVE))
+        waits = self._active is not None and not at_once
+        set_point = self._set_point(relative=bool(controlword & Control.RELATIVE), waits=waits)
         self._acknowledged = True
         self._last_target_units = set_point.target_units
-        if self._active and not at_once:
+        if waits:
             self._next = set_point
             return
         self._next = None
         self._begin(set_point, halted=bool(controlword & Control.HALT))
 
-    def _set_point(self, *, relative: bool) -> _SetPoint:
-        wanted = self._dictionary.get(od.TARGET_POSITION)
-        if relative:
-            last = self._last_target_units
-            wanted += self._motion.demand_units if last is None else last
+    def _set_point(self, *, relative: bool, waits: bool) -> _SetPoint:
+        last_target = self._last_target_units
+        wanted = self._positioning.target_units(
+            relative=relative,
+            last_target_units=last_target,
+            from_units=last_target if waits and last_target is not None else self._motion.demand_units,
+        )
         target = self._limits.clamped(wanted)
         velocity = self._dictionary.get(od.PROFILE_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
         limits = self._feed.limits(velocity)

@@ -49,6 +49,9 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x2018, 3): (DONE, STATE),  # no fault yet: 0
     (0x2020, 3): (DONE, RANGE),  # 255 is no node of the board
     (0x605A, 0): (DONE, DONE),
+    (0x607B, 1): (DONE, AbortCode.MAX_BELOW_MIN),  # a turn ends above its beginning
+    (0x607B, 2): (AbortCode.MAX_BELOW_MIN, DONE),
+    (0x60F2, 0): (DONE, RANGE),  # all ones set bits that are not offered
     **dict(pdo_rules()),
 }
 """Entries with rules beyond their range."""
