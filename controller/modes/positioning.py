@@ -28,7 +28,7 @@ class RelativeTo(IntEnum):
     ACTUAL = 2
 
 
-class Direction(IntEnum):
+class TurnDirection(IntEnum):
     """Bits 7 and 6 of the positioning option code."""
 
     STRAIGHT = 0
@@ -41,15 +41,15 @@ _DIRECTION_SHIFT: Final = 6
 _TWO_BITS: Final = 3
 
 
-def way_units(from_units: int, target_units: int, turn_units: int, direction: Direction) -> int:
+def way_units(from_units: int, target_units: int, turn_units: int, direction: TurnDirection) -> int:
     """Return the way to a target on an axis that turns without end, in units; `turn_units` is a whole turn."""
     ahead_units = (target_units - from_units) % turn_units
     behind_units = ahead_units - turn_units if ahead_units else 0
-    if direction is Direction.STRAIGHT:
+    if direction is TurnDirection.STRAIGHT:
         return target_units - from_units
-    if direction is Direction.NEGATIVE:
+    if direction is TurnDirection.NEGATIVE:
         return behind_units
-    if direction is Direction.POSITIVE or 2 * ahead_units <= turn_units:
+    if direction is TurnDirection.POSITIVE or 2 * ahead_units <= turn_units:
         return ahead_units
     return behind_units
 
@@ -83,7 +83,9 @@ class Positioning:
         low, high = self._dictionary.get(od.POSITION_RANGE_MIN), self._dictionary.get(od.POSITION_RANGE_MAX)
         if (low, high) == (DataType.INTEGER32.low, DataType.INTEGER32.high):
             return wanted_units
-        return from_units + way_units(from_units, wanted_units, high - low + 1, Direction(option >> _DIRECTION_SHIFT))
+        return from_units + way_units(
+            from_units, wanted_units, high - low + 1, TurnDirection(option >> _DIRECTION_SHIFT)
+        )
 
     def _base_units(self, base: RelativeTo, last_target_units: int | None) -> int:
         if base is RelativeTo.ACTUAL:
