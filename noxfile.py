@@ -21,7 +21,7 @@ SLOW: Final = (
     "tests/host/client/test_live.py",
 )
 
-nox.options.sessions = ["tests", "built", "lowest"]
+nox.options.sessions = ["tests", "built", "lowest", "types"]
 nox.options.default_venv_backend = "venv"
 
 
@@ -73,3 +73,10 @@ def built(session: nox.Session, target: str) -> None:
 def lowest(session: nox.Session) -> None:
     """Test with the lowest versions that pyproject.toml allows, as `make test-lowest` does."""
     session.run("make", "test-lowest", f"LOWEST={session.create_tmp()}/lowest", external=True)
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Check that every public name of the installed package has a known type, by another checker than `make lint`."""
+    session.install(f".{EXTRAS}", "basedpyright", "scipy-stubs")
+    session.run("basedpyright", "--verifytypes", "steptwin", "--ignoreexternal")

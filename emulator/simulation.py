@@ -75,7 +75,7 @@ class Simulation:
         self._schedule = Schedule(schedule)
         self._down_until_counts: dict[int, int] = {}
         """Instant before which a board that is down does not start, by its number."""
-        self.boards = tuple(boards)
+        self.boards: tuple[Board, ...] = tuple(boards)
         self._lone_board = None if self.boards[1:] else self.boards[0]
         """The board, if there is only one."""
         self._late_readers = [board for board in self.boards if board.config.read_latency_counts]
@@ -83,21 +83,25 @@ class Simulation:
         self._drifting = any(board.own_clock for board in self.boards)
         """True if the boards' servo ticks do not begin together."""
         self.bus = bus
-        self.now_counts = 0
-        self.host = CanController(unheard, in_order=True)
+        self.now_counts: int = 0
+        self.host: CanController = CanController(unheard, in_order=True)
         """The host's interface: it takes every frame at once and sends in order, as SocketCAN's drivers do.
 
         The host sets `receive` and `on_sent` to be told of frames."""
         bus.attach(self.host)
         for board in self.boards:
             bus.attach(board.can)
-        self.nodes = tuple(nodes)
+        self.nodes: tuple[SimpleNode, ...] = tuple(nodes)
         """The further nodes on the bus."""
         for node in self.nodes:
             bus.attach(node.can)
-        self.rotor_watch = None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
+        self.rotor_watch: RotorWatch | None = (
+            None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
+        )
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
-        self.shelf_watch = None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_full_steps)
+        self.shelf_watch: ShelfWatch | None = (
+            None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_full_steps)
+        )
         """The shelf beside the machine; None if there is none."""
         self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []

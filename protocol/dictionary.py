@@ -74,7 +74,7 @@ class Cell:
     __slots__ = ("_high", "_low", "_type", "_values", "obey", "supply", "value")
 
     def __init__(self, entry: Entry) -> None:
-        self.value = 0
+        self.value: int = 0
         self._type = entry.data_type
         self._low = entry.data_type.low if entry.low is None else entry.low
         self._high = entry.data_type.high if entry.high is None else entry.high

@@ -30,9 +30,9 @@ class EmergencyProducer:
     def __init__(self) -> None:
         self.history: deque[int] = deque(maxlen=HISTORY_DEPTH)
         """Error codes of the last errors, the newest first."""
-        self.register = 0
+        self.register: int = 0
         """Error register (1001h): the bits of all active errors."""
-        self.lost = 0
+        self.lost: int = 0
         """Number of frames that were displaced from the queue."""
         self._active: set[tuple[ErrorCode, int]] = set()
         self._waiting: deque[tuple[ErrorCode, bytes]] = deque()

@@ -36,7 +36,7 @@ class HeartbeatConsumer:
         self._watches: dict[int, _Watch] = {}
         """Watched producers, by the address of the entry that names each."""
         dictionary.bind(self)
-        self.changed = True
+        self.changed: bool = True
         """True when the set of producers may have changed; the reader resets it."""
 
     def restart(self) -> None:

@@ -68,7 +68,7 @@ class HeartbeatProducer:
     """Announces the node's state every `period_us`; 0 switches the heartbeat off."""
 
     def __init__(self) -> None:
-        self.period_us = 0
+        self.period_us: int = 0
         self.due_us: int | None = None
 
     def set_period(self, period_us: int, now_us: int) -> None:

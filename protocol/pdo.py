@@ -129,11 +129,13 @@ class ReceivePdo:
     def __init__(self, dictionary: MappedObjects, parameters: PdoParameters, on_refused: Callable[[int], None]) -> None:
         """Read the parameters; call `on_refused`, with its word of a mapping, for each value that is refused."""
         communication = parameters.communication
-        self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
-        self.exists = not self.cob_id & COB_ID_INVALID
+        self.cob_id: int = dictionary.get(address_of(communication, od.PDO_COB_ID))
+        self.exists: bool = not self.cob_id & COB_ID_INVALID
         """True if its COB-ID is valid."""
-        self.synchronous = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
-        self.timeout_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
+        self.synchronous: bool = (
+            dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE)) <= _LAST_SYNCHRONOUS
+        )
+        self.timeout_us: int = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
         """Longest time between two frames; 0: any."""
         self.deadline_us: int | None = None
         """Time when the next frame is late; None while none is awaited."""
@@ -200,16 +202,16 @@ class TransmitPdo:
             announced: entries whose changes `trigger` tells, by which type 255 goes; None: those of all, for any type.
         """
         communication = parameters.communication
-        self.cob_id = dictionary.get(address_of(communication, od.PDO_COB_ID))
-        self.exists = not self.cob_id & COB_ID_INVALID
+        self.cob_id: int = dictionary.get(address_of(communication, od.PDO_COB_ID))
+        self.exists: bool = not self.cob_id & COB_ID_INVALID
         """True if its COB-ID is valid."""
-        self.transmission_type = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE))
+        self.transmission_type: int = dictionary.get(address_of(communication, od.PDO_TRANSMISSION_TYPE))
         self._inhibit_us = dictionary.get(address_of(communication, od.PDO_INHIBIT_TIME)) * _INHIBIT_UNIT_US
         self._event_timer_us = dictionary.get(address_of(communication, od.PDO_EVENT_TIMER)) * _MS_US
         fields, self._length = _fields(dictionary, parameters.mapping)
         self._fields = fields
-        self.addresses = frozenset(field.address for field in fields)
-        self.event_driven = self.transmission_type >= ANY_CHANGE
+        self.addresses: frozenset[int] = frozenset(field.address for field in fields)
+        self.event_driven: bool = self.transmission_type >= ANY_CHANGE
         """True if the PDO is sent when a mapped value changes."""
         told = announced is None or (self.transmission_type > ANY_CHANGE and bool(self.addresses & announced))
         self._sampled = self.event_driven and bool(fields) and not told

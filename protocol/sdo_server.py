@@ -90,7 +90,7 @@ class SdoServer:
         self._transfer: _Transfer | None = None
         self._in_block = False
         """True while the segments of a block download are due."""
-        self.dropped = 0
+        self.dropped: int = 0
         """Number of requests that got no answer, because they did not have the 8 bytes of an SDO."""
 
     def reset(self) -> None:

@@ -30,7 +30,7 @@ class Interpolation(DriveMode):
         self._errors = context.errors
         self._stop = stop
         self._group = context.board.motion.group
-        self.next_sequence = 0
+        self.next_sequence: int = 0
         """Number that the next record must have."""
         self._sticky = 0
         """Flags that stay set until they are cleared."""

@@ -47,7 +47,7 @@ class ProfileFeed:
         self._profile = Profile([])
         self._pieces: deque[_Piece] = deque()
         """The segment in execution, if any, then those that wait behind it."""
-        self.active = False
+        self.active: bool = False
         """True while the axis moves by a profile."""
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if there is nothing to queue."""

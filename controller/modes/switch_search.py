@@ -108,10 +108,10 @@ class SwitchSearch:
         speeds: Speeds,
         inputs: DigitalInput,
     ) -> None:
-        self.phase = Phase.START
-        self.error = HomingError.NONE
+        self.phase: Phase = Phase.START
+        self.error: HomingError = HomingError.NONE
         """The reason for FAILED."""
-        self.latched_step = 0
+        self.latched_step: int = 0
         """The step counter when the edge was seen; valid from LATCHED on."""
         self._motion = context.motion
         self._feed = feed

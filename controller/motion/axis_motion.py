@@ -8,7 +8,7 @@ from typing import Final
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import GroupTime
-from steptwin.controller.motion.kernel import Cells
+from steptwin.controller.motion.kernel import Cells, Rows
 from steptwin.controller.motion.step_config import UNCONFIGURED, StepConfig
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
@@ -66,13 +66,13 @@ class BoardState:
     def __init__(self, kernel: Kernel, axis_count: int) -> None:
         self.kernel = kernel
         self.axis_count = axis_count
-        self.cells = kernel.cells(axis_count * k.AXIS_FIELDS)
+        self.cells: Cells = kernel.cells(axis_count * k.AXIS_FIELDS)
         """The kernel's fields of all axes."""
-        self.cells_singly = kernel.singly(self.cells)
-        self.queue = kernel.cells(axis_count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
-        self.clk = kernel.rows(axis_count, EDGE_CAPACITY)
-        self.direction = kernel.rows(axis_count, EDGE_CAPACITY)
-        self.group = GroupTime(kernel.cells(k.GROUP_FIELDS))
+        self.cells_singly: Cells = kernel.singly(self.cells)
+        self.queue: Cells = kernel.cells(axis_count * k.QUEUE_DEPTH * k.SEGMENT_FIELDS)
+        self.clk: Rows = kernel.rows(axis_count, EDGE_CAPACITY)
+        self.direction: Rows = kernel.rows(axis_count, EDGE_CAPACITY)
+        self.group: GroupTime = GroupTime(kernel.cells(k.GROUP_FIELDS))
         self.tick = 0
         """The first servo tick not yet computed."""
         self.running_axes: set[int] = set()
@@ -81,7 +81,7 @@ class BoardState:
         """Number of times that an axis has been started. While it stays the same, no other axis has begun to run."""
         self.events: dict[int, AxisEvent] = {}
         """Events at the start of `tick`, by axis; a flush or stop before the board's clock gets there cancels them."""
-        self.edges_per_tick = 0
+        self.edges_per_tick: int = 0
         """Bound of the edges of a pin in a tick: the fastest axis' steps, and one more at either end of the tick."""
 
     def bound_edges(self) -> None:
@@ -102,7 +102,7 @@ class AxisMotion:
         self._base = axis * k.AXIS_FIELDS
         self._cells = board.cells_singly
         self._push = board.kernel.push  # called for every record
-        self.config = UNCONFIGURED
+        self.config: StepConfig = UNCONFIGURED
         """How the axis makes its steps."""
         self._lowered = False
         """True while the axis still runs within a higher rate limit than that of its configuration."""

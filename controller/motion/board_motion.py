@@ -20,7 +20,7 @@ class BoardMotion(BoardState):
 
     def __init__(self, kernel: Kernel, axis_count: int) -> None:
         super().__init__(kernel, axis_count)
-        self.axes = tuple(AxisMotion(self, axis) for axis in range(axis_count))
+        self.axes: tuple[AxisMotion, ...] = tuple(AxisMotion(self, axis) for axis in range(axis_count))
         self._advance = kernel.advance  # called every few ticks
         self._cells_before = kernel.cells(axis_count * k.AXIS_FIELDS)
         self._free_edges = EDGE_CAPACITY
@@ -38,7 +38,7 @@ class BoardMotion(BoardState):
         (`room_ticks` is 0).
         """
         if not self.running_axes:
-            self.tick = until_tick
+            self.tick: int = until_tick
             return until_tick
         until = min(until_tick, self.tick + self.room_ticks)
         rest_tick = self.group.rest_tick
@@ -73,9 +73,10 @@ class BoardMotion(BoardState):
 
     def take_events(self) -> list[tuple[int, AxisEvent]]:
         """Return each event once, with its axis. An axis that has an event is at rest or must be stopped."""
-        events, self.events = list(self.events.items()), {}
+        events = list(self.events.items())
+        self.events.clear()
         ended = {axis for axis, event in events if event in (AxisEvent.FINISHED, AxisEvent.UNDERRUN)}
-        self.running_axes -= ended
+        self.running_axes.difference_update(ended)
         self.group.members -= ended
         return events
 

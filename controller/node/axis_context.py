@@ -43,7 +43,7 @@ class PositionReference:
         self._lost_steps = dictionary.cell(od.LOST_STEPS)
         self._lost_before_steps = 0
         """Steps lost before the reference was set last: they do not count."""
-        self.known = False
+        self.known: bool = False
         """True from a homing on, until the axis may have moved without counting."""
         dictionary.bind(self)
 
@@ -97,19 +97,19 @@ class AxisContext:
     def __init__(self, axis: int, node_id: int, flash_page: FlashPage, board: BoardContext) -> None:
         self.axis = axis
         self.board = board
-        self.motion = board.motion.axes[axis]
-        self.dictionary = ObjectDictionary(node_id, stored=flash_page)
-        self.process_data = ProcessData(self.dictionary)
-        self.heartbeats = HeartbeatConsumer(self.dictionary)
-        self.errors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
-        self.pins = AxisPins()
-        self.limits = SoftLimits(self.dictionary)
-        self.reference = PositionReference(self.motion, self.dictionary)
+        self.motion: AxisMotion = board.motion.axes[axis]
+        self.dictionary: ObjectDictionary = ObjectDictionary(node_id, stored=flash_page)
+        self.process_data: ProcessData = ProcessData(self.dictionary)
+        self.heartbeats: HeartbeatConsumer = HeartbeatConsumer(self.dictionary)
+        self.errors: AxisErrors = AxisErrors(self.dictionary, self.heartbeats, self.touch)
+        self.pins: AxisPins = AxisPins()
+        self.limits: SoftLimits = SoftLimits(self.dictionary)
+        self.reference: PositionReference = PositionReference(self.motion, self.dictionary)
         self.dictionary.bind(board.measurements)
         self.dictionary.bind(self.motion)
         self.now_us = 0
         """Time of the call being served."""
-        self.touched = False
+        self.touched: bool = False
         """True once the call being served has changed anything that the node may have to send."""
 
     def touch(self) -> None:

@@ -42,15 +42,15 @@ class AxisDrive:
     """
 
     def __init__(self, context: AxisContext) -> None:
-        self.axis = context.axis
-        self.state = State.NOT_READY_TO_SWITCH_ON
-        self.energised = False
+        self.axis: int = context.axis
+        self.state: State = State.NOT_READY_TO_SWITCH_ON
+        self.energised: bool = False
         """True while the driver's outputs are on."""
         self._context = context
         self._motion = context.motion
         self._dictionary = context.dictionary
         self._controlword = 0
-        self.emergency_stopped = False
+        self.emergency_stopped: bool = False
         """True from an emergency stop by a program (2015h) until the fault reset."""
         self._after_stop: State | None = None
         """State to enter when the stop in progress has ended."""
@@ -58,15 +58,15 @@ class AxisDrive:
         """Time from which on the driver, whose outputs are on, takes steps (2001h:06)."""
         self._enable_due_us: int | None = None
         """The same while "enable operation" waits for it; else None."""
-        self.fault_number = 0
+        self.fault_number: int = 0
         """Number of the last fault or emergency stop, also of one that found the drive in fault already."""
         self._fault_us = 0
-        self.supervision = Supervision(context)
+        self.supervision: Supervision = Supervision(context)
         self._probes = TouchProbes(context)
-        self.stop = AxisStop(context)
-        self.interpolation = Interpolation(context, self.stop)
-        self.settings = DriverSettings(context, self.interpolation)
-        self.feed = ProfileFeed(context, self.interpolation)
+        self.stop: AxisStop = AxisStop(context)
+        self.interpolation: Interpolation = Interpolation(context, self.stop)
+        self.settings: DriverSettings = DriverSettings(context, self.interpolation)
+        self.feed: ProfileFeed = ProfileFeed(context, self.interpolation)
         self._profile_velocity = ProfileVelocity(context, self.feed)
         self._modes: dict[int, DriveMode] = {
             Mode.NONE: DriveMode(context),
@@ -76,7 +76,7 @@ class AxisDrive:
             Mode.INTERPOLATED_POSITION: self.interpolation,
             Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
         }
-        self.mode_number = int(Mode.NONE)
+        self.mode_number: int = int(Mode.NONE)
         context.dictionary.bind(self)
 
     def reset(self) -> None:

@@ -8,15 +8,16 @@ from steptwin.controller.node.axis_context import AxisContext, BoardContext
 from steptwin.controller.node.axis_drive import AxisDrive
 from steptwin.controller.node.charge import Charge
 from steptwin.controller.node.lss_slave import LssSlave
-from steptwin.controller.node.pins import Pin
+from steptwin.controller.node.pins import AxisPins, Pin
 from steptwin.controller.node.stops import LOSS_EFFECTS, ConnectionLoss
 from steptwin.controller.node.transmit_queue import Outbox, Service
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, State, Status
-from steptwin.protocol.dictionary import FlashPage
+from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
+from steptwin.protocol.pdo import ProcessData
 from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage
@@ -36,22 +37,22 @@ class AxisNode:
         self.axis = axis
         self.serial_number = node_id
         """Given by the factory, for the place of the axis; by default its node id, which LSS may change."""
-        self.nmt_state = NmtState.INITIALISING
+        self.nmt_state: NmtState = NmtState.INITIALISING
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if the node waits for nothing."""
-        self.routes_changed = True
+        self.routes_changed: bool = True
         """True when the COB-IDs that this node listens to may have changed, until the firmware resets it."""
         self.connection_loss: ConnectionLoss | None = None
         """Why the master is lost, when a time-out says so, until `abort_connection`."""
         self._resetting = False
         """True while the axis comes to rest before the node is reset."""
         self._context = context = AxisContext(axis, node_id, flash_page, board)
-        self.dictionary = context.dictionary
+        self.dictionary: ObjectDictionary = context.dictionary
         identity = *map(context.dictionary.get, (od.VENDOR_ID, od.PRODUCT_CODE, od.REVISION_NUMBER)), node_id
         self._lss = LssSlave(identity, node_id, flash_page, busy=self._board_moves)
-        self.node_id = self._lss.active_id
-        self.process_data = context.process_data
-        self.pins = context.pins
+        self.node_id: int = self._lss.active_id
+        self.process_data: ProcessData = context.process_data
+        self.pins: AxisPins = context.pins
         self._motion = context.motion
         self._clock_zero_us = 0
         """Time when the high resolution time stamp (1013h) was 0."""
@@ -62,7 +63,7 @@ class AxisNode:
         self._errors = context.errors
         self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
         self._charge = Charge(self.dictionary)
-        self.drive = AxisDrive(context)
+        self.drive: AxisDrive = AxisDrive(context)
         self.dictionary.bind(self)
         ParameterStorage(self.dictionary, flash_page, busy=self._board_moves)
 

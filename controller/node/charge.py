@@ -13,7 +13,7 @@ class Charge:
     """The token of the program in charge, until that program gives it back or falls silent."""
 
     def __init__(self, dictionary: ObjectDictionary) -> None:
-        self.token = CHARGE_FREE
+        self.token: int = CHARGE_FREE
         """The token of the program in charge; CHARGE_FREE while none is."""
         self._claimed = False
         self.due_us: int | None = None

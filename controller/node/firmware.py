@@ -80,20 +80,22 @@ class Firmware:
             raise ValueError(f"a board has 1 to {AXES_MAX} axes, not {axis_count}")
         if not 1 <= first_node_id <= NODE_ID_MAX - axis_count + 1:
             raise ValueError(f"{axis_count} node ids from {first_node_id} on are not within 1 to {NODE_ID_MAX}")
-        self.motion = BoardMotion(kernel, axis_count)
+        self.motion: BoardMotion = BoardMotion(kernel, axis_count)
         pages: list[FlashPage] = [FlashPage() for _ in range(axis_count)] if flash is None else flash
         self._measurements = BoardReadings()
         self._trips: dict[int, list[FaultCause]] = {}
         """The axes that request the fault reaction, and their errors."""
-        self.transmit = TransmitQueue()
+        self.transmit: TransmitQueue = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
         self._inputs = [DigitalInput(0)] * axis_count
         factory_ids = range(first_node_id, first_node_id + axis_count)
         board = BoardContext(
             self.motion, self._measurements, SyncClock(), self.transmit, self._trip, list(factory_ids), self._inputs
         )
-        self.nodes = tuple(AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages))
-        self.dropped_frames = 0
+        self.nodes: tuple[AxisNode, ...] = tuple(
+            AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)
+        )
+        self.dropped_frames: int = 0
         """Number of frames whose COB-ID no node listens to."""
         self.pins: list[PinChange] = []
         """Pin changes since the last `take_pins`."""

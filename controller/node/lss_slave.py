@@ -70,10 +70,10 @@ class LssSlave:
         self._identity = identity
         self._page = page
         self._busy = busy
-        self.state = LssState.WAITING
-        self.pending_id = node_id if page.node_id is None else page.node_id
+        self.state: LssState = LssState.WAITING
+        self.pending_id: int = node_id if page.node_id is None else page.node_id
         """The node id from the next reset of communication on."""
-        self.active_id = self.pending_id
+        self.active_id: int = self.pending_id
         self._matched: list[int] = []
         """Numbers of the parts that a selection or an identification has matched so far, in order."""
         self._scanned_part = 0

@@ -33,7 +33,7 @@ class Supervision:
         self._off_window_us: int | None = None
         """Time since which the following error has been out of its window; None while it is within."""
         self._watches_limits = self._watches_following = False
-        self.inputs = DigitalInput(0)
+        self.inputs: DigitalInput = DigitalInput(0)
         """The axis' present input levels."""
         self.due_us: int | None = None
         """Time of the next call of `poll`; None if there is nothing to watch."""

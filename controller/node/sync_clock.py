@@ -42,7 +42,7 @@ class SyncClock:
     """The slots of one board. All axes that follow SYNC share them, which keeps the axes in step."""
 
     def __init__(self) -> None:
-        self.slot = Slot(0, 0)
+        self.slot: Slot = Slot(0, 0)
         """The open slot."""
         self._period_us = 0
         self._users: set[int] = set()

@@ -110,9 +110,9 @@ class Board:
             program = self._own = OwnProgram(kernel, config.axis_count, flash)
         self._program = program
         starts = config.start_substeps or (0,) * config.axis_count
-        self.inputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
-        self.drivers = DriverBank(config.modules, self.inputs)
-        self.measurements = BoardReadings()
+        self.inputs: BoardInputs = BoardInputs(config.switches, starts, config.travels, config.period_min_counts)
+        self.drivers: DriverBank = DriverBank(config.modules, self.inputs)
+        self.measurements: BoardReadings = BoardReadings()
         """What the board measures."""
         self._held_protects = [False] * config.axis_count
         """True for each axis whose Protect pin is held low from outside."""
@@ -120,13 +120,13 @@ class Board:
         """True for each axis whose motor is short-circuited."""
         self._heat_due_tick: int | None = None
         """Tick at whose start the drivers' own Protect pins must be read next; None while they stay high."""
-        self.down = False
+        self.down: bool = False
         """True while the processor has no power or is in reset."""
         self._hot = False
         """True while a driver tells that a protection holds its outputs off."""
         self._watching_outputs = False
         """True if the board must note each change of a digital output at once."""
-        self.output_changed = False
+        self.output_changed: bool = False
         """True if a digital output has changed; the reader resets it."""
         self.rotor_of: Callable[[int], Shaft] | None = None
         """Tells where an axis' rotor is, if motors turn with the board."""
@@ -139,7 +139,7 @@ class Board:
         """The firmware since power-up."""
         self.motion: BoardPulses = self.running.motion
         """Its pulses."""
-        self.can = self._make_controller()
+        self.can: CanController = self._make_controller()
         """The CAN controller; `poll` fills its mailboxes with the firmware's frames."""
         self.inputs.restart_count()
         self._seen = [DigitalInput(0)] * self.config.axis_count

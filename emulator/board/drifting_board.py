@@ -46,7 +46,7 @@ class DriftingController(CanController):
     def connect(self, submitted: Callable[[int], None]) -> None:
         """Tell the bus of frames in its time."""
         clock = self._clock
-        self.submitted = lambda _local_counts: submitted(clock.now_counts)
+        self.submitted: Callable[[int], None] = lambda _local_counts: submitted(clock.now_counts)
 
     def sent(self, frame: Frame, now_counts: int) -> None:
         """Remove a frame that was sent and acknowledged."""

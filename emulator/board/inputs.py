@@ -66,7 +66,7 @@ class BoardInputs:
         self._period_min_counts = period_min_counts
         """Shortest time between two pulses that a driver counts."""
         self.emergency_stop = False
-        self.of_drivers = [DigitalInput(0)] * len(start_substeps)
+        self.of_drivers: list[DigitalInput] = [DigitalInput(0)] * len(start_substeps)
         """What each axis' driver tells: that its Protect pin is low, or that its fault output is active."""
         self._general = [DigitalInput(0)] * len(start_substeps)
         """Active general inputs of each axis."""

@@ -19,7 +19,7 @@ class LocalClock:
     def __init__(self, ppm: int) -> None:
         """Begin at 0 with the simulation; `ppm` is positive for a crystal that is fast."""
         self._rate = PPM + ppm
-        self.now_counts = 0
+        self.now_counts: int = 0
         """Instant of the simulation that the board has come to."""
         self._now_local_counts = 0
         """What the board has counted then: `local_counts` of it, or one less if the board has stopped before."""

@@ -44,7 +44,7 @@ class OwnProgram:
     def start(self, board: "Board") -> Firmware:
         """Return a new firmware, with the parameters that are stored."""
         config = board.config
-        self.firmware = Firmware(self._kernel, config.axis_count, self.flash, config.first_node_id)
+        self.firmware: Firmware = Firmware(self._kernel, config.axis_count, self.flash, config.first_node_id)
         self.firmware.motion.group.on_ramp = self._note_ramp
         return self.firmware
 

@@ -65,19 +65,19 @@ class Bus:
         self.bitrate = bitrate
         self.bit_counts = COUNTS_PER_SECOND // bitrate
         self._log = log or self._keep
-        self.log_counts = array("q")
+        self.log_counts: array[int] = array("q")
         """Instant when each frame became valid at its receivers; empty if `log` was given."""
         self.log_frames: list[Frame] = []
-        self.frames = 0
+        self.frames: int = 0
         """Number of frames that became valid."""
-        self.error_frames = 0
+        self.error_frames: int = 0
         """Number of transmissions that ended in an error frame."""
-        self.busy_bits = 0
+        self.busy_bits: int = 0
         self.next_event_counts: int | None = None
         """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
-        self.busy = False
+        self.busy: bool = False
         """True while a frame is on the wire, or a station has one to send now or after its bus-off."""
-        self.faults = FaultsInForce()
+        self.faults: FaultsInForce = FaultsInForce()
         """The wire's faults on purpose."""
         self._waiting: list[tuple[Frame, type[BusFault]]] = []
         """Frames that still wait, with the faults that strike a frame only once and have struck it."""

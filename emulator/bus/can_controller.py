@@ -81,9 +81,9 @@ class CanController:
             on_bus_off: called when the controller goes into bus-off, by which the processor is interrupted (BOFF).
             in_order: True to send mailboxes in the order that they were filled (TXFP = 1), not by identifier.
         """
-        self.errors = FaultConfinement()
-        self.state = ErrorState.ACTIVE
-        self.on_bus = True
+        self.errors: FaultConfinement = FaultConfinement()
+        self.state: ErrorState = ErrorState.ACTIVE
+        self.on_bus: bool = True
         """True while the station sends, receives and acknowledges; False in bus-off."""
         self.read_latency_counts = read_latency_counts
         self.mailboxes: list[Frame] = []
@@ -91,15 +91,15 @@ class CanController:
 
         All identifiers differ: of two equal ones bxCAN would send the frame in the lower mailbox first, which may be
         the newer. So a frame waits in the queue until no mailbox has its identifier."""
-        self.idle_since_counts = 0
+        self.idle_since_counts: int = 0
         """Instant when the last frame of the station's own was sent."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """Called when there is a frame to send; the bus sets it by `connect`."""
         self.silent_until_counts = 0
         """Instant before which the station does not begin to send."""
-        self.recovery_sequences_left = 0
+        self.recovery_sequences_left: int = 0
         """Number of sequences of 11 recessive bits that are still missing, in bus-off."""
-        self.overruns = 0
+        self.overruns: int = 0
         """Number of messages lost so far because their FIFO was full."""
         self.receive = receive
         self.on_sent = on_sent

@@ -32,8 +32,8 @@ class FaultConfinement:
     """
 
     def __init__(self) -> None:
-        self.transmit_errors = 0
-        self.receive_errors = 0
+        self.transmit_errors: int = 0
+        self.receive_errors: int = 0
 
     @property
     def state(self) -> ErrorState:

@@ -34,7 +34,7 @@ class Core:
 
     def __init__(self, image: Image) -> None:
         self.image = image
-        self.engine = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
+        self.engine: Uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.engine.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M3)
         self.engine.mem_map(FLASH, _FLASH_BYTES)
         self.engine.mem_map(RAM, RAM_BYTES)

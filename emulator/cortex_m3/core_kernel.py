@@ -34,7 +34,7 @@ class CoreKernel:
     """The kernel's functions, executed by a core."""
 
     def __init__(self, image: Image) -> None:
-        self.core = Core(image)
+        self.core: Core = Core(image)
         self._axis, self._segment, self._group = map(Layout, ("axis", "segment", "group"))
         for table, first in ((_CLK_ROWS, 0), (_DIRECTION_ROWS, AXES_MAX)):
             rows = [EDGES + (first + axis) * ROW_BYTES for axis in range(AXES_MAX)]

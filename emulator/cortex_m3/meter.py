@@ -135,8 +135,8 @@ class ExecutionCounter:
 
     def reset(self) -> None:
         """Begin at 0 again."""
-        self.instructions = 0
-        self.flash_waits = 0
+        self.instructions: int = 0
+        self.flash_waits: int = 0
         self._low = self._typical = self._high = 0
         self._end = 0
 

@@ -122,7 +122,7 @@ class AxisWires:
         self._dir_told_level = dir_level
         self._enable_turns: list[int] = []
         """Turns of the board's ENABLE that have not been passed on."""
-        self.lost_steps = 0
+        self.lost_steps: int = 0
         """Steps at the board's pins less steps at the terminals, each signed by DIR at the same place."""
 
     @property

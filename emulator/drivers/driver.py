@@ -3,6 +3,7 @@
 from typing import Final
 
 from steptwin.emulator.board.edges import Int8Array, Int64Array
+from steptwin.emulator.drivers.chip.chip import DriverChip
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.input_stage import InputStage
 from steptwin.emulator.drivers.limits import Violations, merged
@@ -20,7 +21,7 @@ class Driver:
 
     def __init__(self, module: Module) -> None:
         self.module: Final = module
-        self.chip = module.make_chip()
+        self.chip: DriverChip = module.make_chip()
         self._turned_to: int | None = None
         """Microsteps to which the module's switches have been turned."""
         self._stage = None if module.only_wires else InputStage(module, self.chip.pulse_min_counts)

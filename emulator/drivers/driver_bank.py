@@ -75,7 +75,7 @@ class DriverBank:
     """
 
     def __init__(self, modules: Sequence[Module], inputs: BoardInputs) -> None:
-        self.drivers = [Driver(module) for module in modules]
+        self.drivers: list[Driver] = [Driver(module) for module in modules]
         self.pin_changes: list[PinChange] = []
         """Changes, not taken yet, of the pins that the firmware holds at a level."""
         self._inputs = inputs
@@ -91,7 +91,7 @@ class DriverBank:
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]
         """Slips of each axis' rotor that are not forgotten: instant, and full steps."""
-        self.slipped_full_steps = [0] * len(self.drivers)
+        self.slipped_full_steps: list[int] = [0] * len(self.drivers)
         """Sum of all slips of each axis' rotor since power-up."""
 
     # --- in

@@ -131,7 +131,7 @@ class InputStage:
             )
         )
         """Time after which an edge has no influence any more."""
-        self.meant_steps = 0
+        self.meant_steps: int = 0
         """Pulses whose fate is certain, each signed by DIR at its beginning."""
         self._rises, self._falls = NO_COUNTS, NO_COUNTS
         self._last_fall_counts = _LONG_AGO

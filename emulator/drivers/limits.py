@@ -90,7 +90,7 @@ class ViolationLog:
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
         self._parts: list[Violations] = []
-        self.count = 0
+        self.count: int = 0
 
     def know(self, limits: tuple[Limit, ...]) -> None:
         """Know further limits, behind those known."""

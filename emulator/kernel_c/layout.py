@@ -28,7 +28,7 @@ class Layout:
         in_order = sorted(members, key=lambda member: self._columns[member[0]])
         self._low = np.array([np.iinfo(kind).min for _, kind in in_order])
         self._high = np.array([np.iinfo(kind).max for _, kind in in_order])
-        self.type = np.dtype(members, align=True)
+        self.type: np.dtype[np.void] = np.dtype(members, align=True)
         """The structure."""
 
     def packed(self, cells: Cells) -> bytes:

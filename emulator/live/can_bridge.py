@@ -31,11 +31,11 @@ class CanBridge:
     """Passes frames between a python-can bus and a live simulation."""
 
     def __init__(self, loop: LiveLoop, bus: can.BusABC) -> None:
-        self.foreign_frames = 0
+        self.foreign_frames: int = 0
         """Number of dropped frames from the bus: not classical data frames with an 11-bit identifier."""
-        self.overruns = 0
+        self.overruns: int = 0
         """Number of frames from the bus that were lost because too many waited."""
-        self.unsent_frames = 0
+        self.unsent_frames: int = 0
         """Number of frames that the bus did not take."""
         self.failure: str | None = None
         """Error that made the bus unusable; None while it works."""

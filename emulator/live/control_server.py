@@ -27,9 +27,9 @@ class JsonLineSession:
     """The dialogue with one client."""
 
     def __init__(self) -> None:
-        self.complaint = ""
+        self.complaint: str = ""
         """Reason why the session is closed."""
-        self.outbox = bytearray()
+        self.outbox: bytearray = bytearray()
         """Bytes to send to the client; the server removes what it has sent."""
         self._inbox = bytearray()
 
@@ -107,9 +107,9 @@ class ControlServer(TcpServer[JsonLineSession]):
 
     def __init__(self, loop: LiveLoop, listener: socket.socket, handle: Handler) -> None:
         """Call `handle` in the loop's thread, with each request at its instant."""
-        self.requests = 0
+        self.requests: int = 0
         """Number of requests, refused ones as well."""
-        self.refused = 0
+        self.refused: int = 0
         """Number of requests that were refused."""
         self._handle = handle
         self._turns: deque[tuple[_Client, dict[str, Any]]] = deque()

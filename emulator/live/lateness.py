@@ -11,8 +11,8 @@ class Lateness:
     """Histogram of lateness in nanoseconds; an early event counts as 0."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self.max_ns = 0
+        self.count: int = 0
+        self.max_ns: int = 0
         self._counts: dict[int, int] = {}
 
     def add(self, late_ns: int) -> None:

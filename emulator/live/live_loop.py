@@ -44,7 +44,7 @@ class LiveLoop:
         """
         self.live = live
         self.now_ns = clock_ns
-        self.looked_ns = 0
+        self.looked_ns: int = 0
         """Instant of the last look at the sockets; a frame read since then has come in at this instant."""
         self.hand_on: Callback = lambda: None
         """Called after each stretch of simulation, to send waiting frames."""

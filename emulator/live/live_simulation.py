@@ -42,9 +42,9 @@ class Stalls:
     """Number, sum and maximum of the stalls."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self.total_ns = 0
-        self.longest_ns = 0
+        self.count: int = 0
+        self.total_ns: int = 0
+        self.longest_ns: int = 0
 
     def add(self, dt_ns: int) -> None:
         """Add a stall."""
@@ -78,15 +78,15 @@ class LiveSimulation:
     def __init__(self, simulation: Simulation, pacer: Pacer) -> None:
         self.simulation = simulation
         self.pacer = pacer
-        self.epoch_us = 0
+        self.epoch_us: int = 0
         """Time when the boards were switched on, in us since 1970; gives frames a time of day."""
         self.view: Viewer = lambda _frame, _counts, _sender: None
         """Called with every frame on the bus."""
-        self.ticks = Lateness()
+        self.ticks: Lateness = Lateness()
         """Lateness of the servo ticks when an event is possible: while an axis moves, and a little longer."""
-        self.frames = Lateness()
+        self.frames: Lateness = Lateness()
         """Lateness of the boards' frames."""
-        self.stalls = Stalls()
+        self.stalls: Stalls = Stalls()
         """Times for which the boards' clock stood."""
         self._incoming: deque[_Incoming] = deque()
         self._senders: dict[Frame, deque[Sender]] = {}

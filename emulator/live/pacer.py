@@ -26,7 +26,7 @@ class Pacer:
         rate = Fraction(speed).limit_denominator(_SPEED_PARTS) * Fraction(COUNTS_PER_SECOND, _NS_PER_SECOND)
         self.start_ns = start_ns
         """Instant when the boards are switched on; may be set later until then."""
-        self.stood_ns = 0
+        self.stood_ns: int = 0
         """Wall time for which the boards' clock has stood since."""
         self.speed = speed
         self._counts, self._per_ns = rate.numerator, rate.denominator

@@ -52,12 +52,12 @@ class SocketcandSession:
     """The dialogue with one client."""
 
     def __init__(self) -> None:
-        self.mode = SessionMode.NO_BUS
-        self.complaint = ""
+        self.mode: SessionMode = SessionMode.NO_BUS
+        self.complaint: str = ""
         """Reason why the session is closed."""
-        self.outbox = bytearray(b"< hi >")
+        self.outbox: bytearray = bytearray(b"< hi >")
         """Bytes to send to the client; the server removes what it has sent."""
-        self.foreign_frames = 0
+        self.foreign_frames: int = 0
         """Number of dropped frames: remote frames, CAN FD frames and frames with 29-bit identifiers."""
         self._inbox = bytearray()
         self._held: bytearray | None = None

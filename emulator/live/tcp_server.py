@@ -88,7 +88,7 @@ class TcpServer(ABC, Generic[SessionT]):
     """
 
     def __init__(self, loop: LiveLoop, listener: socket.socket, window: int) -> None:
-        self.served = 0
+        self.served: int = 0
         """Number of connections so far."""
         self.disconnected: Counter[str] = Counter()
         """Number of connections that the server ended, by reason."""

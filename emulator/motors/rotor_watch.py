@@ -107,14 +107,14 @@ class RotorWatch:
         """Substeps in a rad of each rotor."""
         self._cycles_substeps = [_CYCLE_FULL_STEPS * each for each in substeps]
         """Substeps in an electrical cycle of each rotor."""
-        self.payload_kg = wiring.payload_kg
+        self.payload_kg: float = wiring.payload_kg
         """Mass of the payload."""
         self.other_payloads_kg: list[float] = []
         """Masses that it has been given since power-up, the last one the present."""
         self._bare, self._loaded = wiring.arm_with(0.0), wiring.arm_with(wiring.payload_kg)
         self._held = int(wiring.held_by is None)
         """1 while the payload hangs at the tool."""
-        self.rotors = Rotors(drives, self._arm, wiring.supply, wiring.start_rad, backend=wiring.backend)
+        self.rotors: Rotors = Rotors(drives, self._arm, wiring.supply, wiring.start_rad, backend=wiring.backend)
         self._unmounted = set(range(len(drives)))
         """Axes whose outputs have not been on yet."""
         self._steady: list[Steady | None] = [None] * len(drives)
@@ -139,7 +139,7 @@ class RotorWatch:
         self._pieces: Iterator[None] | None = None
         """What is left of a stretch that `work` has begun."""
         self._end_tick = 1
-        self.next_counts = TICK_COUNTS - 1
+        self.next_counts: int = TICK_COUNTS - 1
         """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
 
     def _reader(self, board: Board, first: int) -> Callable[[int], Shaft]:

@@ -39,10 +39,10 @@ class NativePulses:
 
     def __init__(self) -> None:
         self.running = False
-        self.undrained_pulses = 0
+        self.undrained_pulses: int = 0
         self.moved_counts = 0
         """Instant of its last edge."""
-        self.levels = [0] * len(PINS)
+        self.levels: list[int] = [0] * len(PINS)
         self.clk: list[int] = []
         self.direction: list[int] = []
 
@@ -62,12 +62,12 @@ class NativeMotion:
     """The edges of all axes, and the instant up to which they are known."""
 
     def __init__(self, axis_count: int) -> None:
-        self.axes = tuple(NativePulses() for _ in range(axis_count))
+        self.axes: tuple[NativePulses, ...] = tuple(NativePulses() for _ in range(axis_count))
         self.reached_counts = 0
-        self.starts = 0
+        self.starts: int = 0
         self.running_axes: set[int] = set()
         self.room_ticks = 1 << 30
-        self.events = ()
+        self.events: tuple[()] = ()
 
     @property
     def tick(self) -> int:
@@ -109,7 +109,7 @@ class NativeFrames:
 
     def __init__(self) -> None:
         self.services: list[Frame] = []
-        self.process_data = ()
+        self.process_data: tuple[()] = ()
         self.due_counts: int | None = None
 
     def take(self, mailboxes: "Collection[Frame]", idle_since_counts: int, now_counts: int) -> Frame | None:  # noqa: ARG002
@@ -126,8 +126,8 @@ class NativeFirmware:
         """Prepare it; its process begins with `boot`."""
         self._path, self._node, self._flash = path, node, flash
         self._process: FirmwareProcess | None = None
-        self.motion = NativeMotion(axis_count)
-        self.transmit = NativeFrames()
+        self.motion: NativeMotion = NativeMotion(axis_count)
+        self.transmit: NativeFrames = NativeFrames()
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
 
@@ -276,7 +276,7 @@ class NativeProgram:
     def __init__(self, path: Path) -> None:
         """Take the file of a library."""
         self.path = path
-        self.flash = b""
+        self.flash: bytes = b""
         self._running: NativeFirmware | None = None
 
     def start(self, board: "Board") -> NativeFirmware:

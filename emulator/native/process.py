@@ -36,7 +36,7 @@ class FirmwareProcess:
         assert self._process.stdin
         assert self._process.stdout
         self._requests, self._answers = self._process.stdin.fileno(), self._process.stdout.fileno()
-        self.close = weakref.finalize(self, _end, self._process)
+        self.close: weakref.finalize[..., object] = weakref.finalize(self, _end, self._process)
         """End the process; the flash is lost."""
         unusable = self._answer("loading", _LOADS_S)
         if unusable is not None:

@@ -1,6 +1,6 @@
 """Hold the values of a simple node's object dictionary, with the checks that its description asks for."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from steptwin.emulator.nodes.description import BYTES_MAX, NodeDescription, NodeEntry, NodeValue
@@ -24,7 +24,7 @@ class NodeCell:
     """Every value that a PDO brings is checked, and its change noted."""
 
     def __init__(self, address: int, entry: NodeEntry, changed: Callable[[int], None]) -> None:
-        self.value = 0
+        self.value: int = 0
         self._address, self._entry, self._changed = address, entry, changed
 
     def get(self) -> int:
@@ -55,7 +55,7 @@ class NodeObjects:
     """
 
     def __init__(self, description: NodeDescription) -> None:
-        self.entries = description.entries
+        self.entries: Mapping[int, NodeEntry] = description.entries
         self.changed: Callable[[int], None] = _ignore
         self.check: Callable[[int, int], None] = lambda _address, _value: None
         self._indices = frozenset(address >> 8 for address in self.entries)

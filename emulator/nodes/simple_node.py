@@ -55,15 +55,15 @@ class SimpleNode:
 
     def __init__(self, description: NodeDescription) -> None:
         self.description = description
-        self.node_id = description.node_id
-        self.nmt_state = NmtState.INITIALISING
+        self.node_id: int = description.node_id
+        self.nmt_state: NmtState = NmtState.INITIALISING
         self._accepted: frozenset[int] = frozenset()
-        self.can = self._new_controller()
-        self.powered = True
+        self.can: CanController = self._new_controller()
+        self.powered: bool = True
         """False while the node is without supply; `Simulation.switch_node` changes it."""
-        self.refused = 0
+        self.refused: int = 0
         """Number of values in RPDOs that the description's limits refused."""
-        self.dropped = 0
+        self.dropped: int = 0
         """Number of frames that were not sent because too many waited for the bus."""
         self._objects = objects = NodeObjects(description)
         self._history = [place for place in range(_HISTORY << 8 | 1, _HISTORY << 8 | 0xFF) if place in objects.entries]

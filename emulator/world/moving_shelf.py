@@ -115,13 +115,13 @@ class MovingShelf:
         self._config = config
         self.events: list[ShelfHappening] = []
         """What has happened, not forgotten, in order of time."""
-        self.out_mm = dict.fromkeys(config.strikers_mm, 0.0)
+        self.out_mm: dict[str, float] = dict.fromkeys(config.strikers_mm, 0.0)
         """How far each drawer is out."""
-        self.stock = dict(config.stock)
+        self.stock: dict[str, str] = dict(config.stock)
         """The box in each slot and at each spot that has one."""
-        self.carried = ""
+        self.carried: str = ""
         """The box that hangs at the magnet; empty without one."""
-        self.held = ""
+        self.held: str = ""
         """The slot whose drawer the hand holds; empty without one."""
         self._grip_mm = (0.0, 0.0, 0.0)
         """The tip's distance from the striker when the lock went in."""

@@ -63,7 +63,7 @@ class ShelfWatch:
 
     def __init__(self, wiring: ShelfWiring, boards: Sequence[Board], rotors: Callable[[], Sequence[float]]) -> None:
         """Stand beside boards; `rotors` tells where their rotors are, as `ShelfWiring.tip_at` takes it."""
-        self.shelf = MovingShelf(wiring.shelf)
+        self.shelf: MovingShelf = MovingShelf(wiring.shelf)
         self._wiring = wiring
         self._boards = tuple(boards)
         self._rotors = rotors

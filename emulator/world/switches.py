@@ -105,16 +105,16 @@ class AxisSwitches:
     """An axis' switches and its position; a switch that sticks still follows the axis, unseen."""
 
     def __init__(self, switches: Sequence[Switch], position_substeps: int) -> None:
-        self.position_substeps = position_substeps
+        self.position_substeps: int = position_substeps
         self._closed = {switch: switch.closed_at(position_substeps, before=False) for switch in switches}
-        self.substeps_to_change = self._least_way()
+        self.substeps_to_change: int = self._least_way()
         """Least distance until one of the switches changes; it is asked for more often than the axis moves."""
-        self.stuck = DigitalInput(0)
+        self.stuck: DigitalInput = DigitalInput(0)
         """Inputs that are held at a level, whatever the position."""
         self._stuck_closed = DigitalInput(0)
         self._cut = self._cut_closed = DigitalInput(0)
         """Inputs whose wires are broken, and those of them that look closed."""
-        self.inverted = DigitalInput(0)
+        self.inverted: DigitalInput = DigitalInput(0)
         """Inputs that a bouncing contact shows otherwise than they are."""
 
     def __bool__(self) -> bool:

@@ -57,7 +57,7 @@ def _print_help(command: TyperCommand | TyperGroup, context: Any) -> None:
     print_help(command, context)
 
 
-app = typer.Typer(
+app: Final = typer.Typer(
     name="steptwin",
     cls=Commands,
     help="A firmware-faithful twin of STM32 + TB6560 stepper boards: plan, stream over CAN, emulate, verify.",

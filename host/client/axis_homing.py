@@ -108,7 +108,7 @@ class PairWatch:
 
     def __init__(self, axes: Sequence[AxisClient], pair: HomingPair) -> None:
         self._pair = pair
-        self.axes = (axes[pair.first], axes[pair.second])
+        self.axes: tuple[AxisClient, AxisClient] = (axes[pair.first], axes[pair.second])
         self._starts_units = [axis.read(od.POSITION_ACTUAL) for axis in self.axes]
         self._ways_units = [0, 0]
         self._seeking = [True, True]

@@ -163,7 +163,7 @@ class ControlClient:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self.title = address_text(host, port)
+        self.title: str = address_text(host, port)
         """HOST:PORT, as in messages."""
         self._host, self._port = host, port
         self._socket: socket.socket | None = None

@@ -56,7 +56,7 @@ class Machine:
     def __init__(self, link: Link, names: tuple[str, ...]) -> None:
         self.link = link
         dictionary, patience = object_dictionary(), Patience()
-        self.axes = tuple(
+        self.axes: tuple[AxisClient, ...] = tuple(
             AxisClient(link, name, FIRST_NODE_ID + i, dictionary, patience) for i, name in enumerate(names)
         )
         self._heartbeat = Heartbeat(link.network)

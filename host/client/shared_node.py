@@ -146,7 +146,7 @@ class Patience:
     """
 
     def __init__(self) -> None:
-        self.timeout_s = _PATIENCE_S
+        self.timeout_s: float = _PATIENCE_S
 
     def learn(self, *, answered: bool) -> None:
         """Take note whether a node has answered."""
@@ -166,7 +166,7 @@ class SharedSdoClient(SdoClient):
 
     patience: Patience
     """Shared by the nodes of a machine; set by the node."""
-    malformed = 0
+    malformed: int = 0
     """Number of answers that were dropped because they have not 8 bytes (CiA 301, 7.2.4.3)."""
     responses: "queue.Queue[tuple[bytes, Whose]]"
     _segments = 0

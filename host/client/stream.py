@@ -68,7 +68,7 @@ class Stream:
 
     def __init__(self, link: Link, axes: tuple[AxisClient, ...], motion: StreamedMotion) -> None:
         """Start a trajectory; raises as `Machine.start`."""
-        self.ended = False
+        self.ended: bool = False
         self._link = link
         self._axes = axes
         for axis in axes:
@@ -79,7 +79,7 @@ class Stream:
             if motion.highest_percent > 100:  # that of a queue that is clear is 100 %
                 axis.write(od.GROUP_RATE_HIGHEST_Q16, od.rate_q16(motion.highest_percent))
         legs = divide(motion.records, motion.outputs, motion.waits)
-        self.waits = Waits(axes, motion.waits, legs)
+        self.waits: Waits = Waits(axes, motion.waits, legs)
         self._feeds = [QueueFeed(axis, own, link.now_s()) for axis, own in zip(axes, legs[0].records, strict=True)]
         fed_ms = self.waits.feed_first(self._feeds)
         # full queues leave the bus to the questions that outputs on the way need, from the start on

@@ -94,7 +94,7 @@ class Waits:
                 self._holds_ms[0] += HOLD_MS
         self._begin_ms = first_ms
         """Executed time when the present wait begins."""
-        self.timed_out = False
+        self.timed_out: bool = False
         """True once the time-out of the present wait has passed: no more records are fed, and the motion ends there."""
 
     @property

@@ -42,7 +42,7 @@ class InputError(StepTwinError):
 
     def __init__(self, message: str, *others: str) -> None:
         super().__init__(message)
-        self.messages = (message, *others)
+        self.messages: tuple[str, *tuple[str, ...]] = (message, *others)
 
 
 class DeviceFaultError(StepTwinError):

@@ -17,7 +17,7 @@ class Findings:
     """The errors of one input; each block under `collecting` ends with its first error, and the work goes on."""
 
     def __init__(self, messages: list[str] | None = None, place: str = "") -> None:
-        self.messages = [] if messages is None else messages
+        self.messages: list[str] = [] if messages is None else messages
         """Messages of the errors, in the order that they were found."""
         self._place = place
 

@@ -92,7 +92,7 @@ class Table:
         if not isinstance(values, dict):
             raise InputError(f"{short(values)} is not a {kind}")
         self.values: Mapping[str, object] = values
-        self.findings = findings or Findings()
+        self.findings: Findings = findings or Findings()
         self._kind = kind
 
     def __iter__(self) -> Iterator[str]:

@@ -160,7 +160,7 @@ class Engine:
         for fault in scenario.faults:
             with prefixed(f"{fault.name}: "):
                 target.check(fault.harm)
-        self.scenario = scenario.drawn()
+        self.scenario: Scenario = scenario.drawn()
         self.target = target
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_MAX)
         """The last EMCYs since power-up."""
@@ -171,7 +171,9 @@ class Engine:
         self._host = host
         self._sync_counts: int | None = None
         """Instant of the last SYNC before the motion."""
-        self.played = [Played(fault, replace(fault.harm), self._watch(fault.trigger)) for fault in self.scenario.faults]
+        self.played: list[Played] = [
+            Played(fault, replace(fault.harm), self._watch(fault.trigger)) for fault in self.scenario.faults
+        ]
         self._waiting = list(self.played)
         self._lasting: dict[tuple[object, ...], _Changed] = {}
         """What faults have changed that may end, by its place."""

@@ -108,7 +108,9 @@ class Places:
     def __init__(self, axes_per_board: Sequence[int]) -> None:
         """Note the number of axes on each board, in the order of the joints."""
         self._boards = range(len(axes_per_board))
-        self.axes = tuple((board, axis) for board, axes in enumerate(axes_per_board) for axis in range(axes))
+        self.axes: tuple[tuple[int, int], ...] = tuple(
+            (board, axis) for board, axes in enumerate(axes_per_board) for axis in range(axes)
+        )
 
     def on_boards(self, operation: Operation) -> list[tuple[int, Operation]]:
         """Return an operation on the machine as operations on boards, each with the number of its board.
@@ -173,9 +175,11 @@ class Target:
         self.robot = robot
         self.simulation = simulation
         self.start_steps = start_steps
-        self.places = Places([board.config.axis_count for board in simulation.boards])
-        self.axes = tuple((simulation.boards[number], axis) for number, axis in self.places.axes)
-        self.board_numbers = [number for number, _ in self.places.axes]
+        self.places: Places = Places([board.config.axis_count for board in simulation.boards])
+        self.axes: tuple[tuple[Board, int], ...] = tuple(
+            (simulation.boards[number], axis) for number, axis in self.places.axes
+        )
+        self.board_numbers: list[int] = [number for number, _ in self.places.axes]
 
     def check(self, harm: Harm) -> None:
         """Raise InputError unless the machine has what a harm concerns: motors that turn, a receiver, a chip's part."""

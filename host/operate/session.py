@@ -51,8 +51,8 @@ class Session:
         """Connect to the robot's machine; `token` is for programs that must send the same frames each time."""
         self.link = link
         self.robot = robot
-        self.machine = Machine(link, robot.axis_names)
-        self.lease = Lease(self.machine.axes, token)
+        self.machine: Machine = Machine(link, robot.axis_names)
+        self.lease: Lease = Lease(self.machine.axes, token)
         self._stops_known: int | None = None
         """Stops that the axes had reported when the present action began; None without an action."""
 
@@ -254,10 +254,10 @@ class MachineCharge:
 
     def __init__(self, session: Session, what: str, needs: Collection[str] | None) -> None:
         self.session = session
-        self.start = session.ask(what, needs)
+        self.start: MachineAtRest = session.ask(what, needs)
         self._what = what
         self._needs = needs
-        self.begun = False
+        self.begun: bool = False
         """True once the axes are being set up: from then on an error stops them."""
 
     def enable(self, moving: Collection[int] | None = None) -> Machine:

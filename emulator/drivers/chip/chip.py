@@ -48,8 +48,8 @@ class Rotor:
     """The position of one motor's rotor since power-up, which grows with steps at which DIR is high."""
 
     def __init__(self, excitation: Excitation) -> None:
-        self.position_substeps = 0
-        self.excitation = excitation
+        self.position_substeps: int = 0
+        self.excitation: Excitation = excitation
         self._zero_substeps = excitation.initial_substeps
         """Angle of the field at the position 0; the angle grows with steps at which DIR is low."""
 
@@ -153,11 +153,11 @@ class DriverChip:
             most = f"{sheet.current_max_a.value:g} A, the most that a {sheet.name} carries"
             raise ValueError(f"{full_a:.2f} A is not above 0 and up to {most}")
         self.sheet: Final = sheet
-        self.position_steps = 0
+        self.position_steps: int = 0
         """Steps counted since power-up, also through resets; steps with DIR high count up."""
-        self.lost_steps = 0
+        self.lost_steps: int = 0
         """Signed pulses less signed steps counted."""
-        self.pulse_min_counts = sheet.pulse_min_counts
+        self.pulse_min_counts: int = sheet.pulse_min_counts
         """Shortest pulse that it counts."""
         self._wiring = Wiring(sheet, full_a)
         self._levels: dict[str, int] = dict.fromkeys(sheet.terminals, 0)

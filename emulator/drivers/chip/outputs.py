@@ -20,13 +20,14 @@ class Wiring:
     """What the levels at a chip's inputs mean, by its sheet, and its full current in ampere."""
 
     def __init__(self, sheet: ChipSheet, full_a: float) -> None:
-        self.sheet, self.full_a = sheet, full_a
-        self.cycle_substeps = CYCLE_FULL_STEPS * sheet.substeps
-        self.enable_delay = Delay(
+        self.sheet: ChipSheet = sheet
+        self.full_a: float = full_a
+        self.cycle_substeps: int = CYCLE_FULL_STEPS * sheet.substeps
+        self.enable_delay: Delay = Delay(
             *(0 if delay is None else counts_of_ns(delay.value) for delay in (sheet.on_delay_ns, sheet.off_delay_ns))
         )
         self._excitations = excitations(sheet)
-        self.of_mode = {*sheet.modes.value.pins, sheet.logic_rail, "RESET"}
+        self.of_mode: set[str] = {*sheet.modes.value.pins, sheet.logic_rail, "RESET"}
         """Inputs that decide by which angle a step turns the field, or put it to its home angle."""
 
     def live(self, levels: Levels) -> int:

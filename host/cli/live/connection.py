@@ -1,10 +1,10 @@
 """The frame of the commands for a live board: the options that they share, the session that these open, the answer."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.options import LIVE_PANEL, option, switch
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from steptwin.host.operate.recovering import AxisState
     from steptwin.host.operate.session import Session
     from steptwin.host.robots.robot import Robot
-live_option = partial(option, rich_help_panel=LIVE_PANEL)
-live_switch = partial(switch, rich_help_panel=LIVE_PANEL)
+live_option: Callable[..., Any] = partial(option, rich_help_panel=LIVE_PANEL)
+live_switch: Callable[..., Any] = partial(switch, rich_help_panel=LIVE_PANEL)
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,7 +187,7 @@ class BusLink:
         """Connect to a bus, named `title` in messages; `network` makes another network on it than the usual one."""
         self.network: canopen.Network = network() if network else BusNetwork(bus, title)
         self.network.connect()
-        self.held_up_s = 0.0
+        self.held_up_s: float = 0.0
         self._all_held_up_s = 0.0
 
     def now_s(self) -> float:

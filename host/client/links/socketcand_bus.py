@@ -40,7 +40,7 @@ class SocketcandBus(can.BusABC):
     """
 
     def __init__(self, channel: str, host: str, port: int) -> None:
-        self.dropped = 0
+        self.dropped: int = 0
         """Number of things that the server said and that are neither frames nor answers."""
         self._failure = ""
         self._complaint = ""
@@ -61,7 +61,7 @@ class SocketcandBus(can.BusABC):
         self._heard_s = time.monotonic()
         self._asked_s: float | None = None
         """Time of the request for an echo that has not come yet."""
-        self.channel_info = f"socketcand on {channel}@{host}:{port}"
+        self.channel_info: str = f"socketcand on {channel}@{host}:{port}"
         super().__init__(channel)
         self._take_items()  # the first frames may have come with the last answer
 

@@ -53,7 +53,7 @@ class ActiveGoal:
     def __init__(self, goal_id: str, args: object) -> None:
         self.goal_id = goal_id
         self.args = args
-        self.state = GoalState.ACCEPTED
+        self.state: GoalState = GoalState.ACCEPTED
 
     def take(self, event: GoalEvent) -> None:
         """Go on to the state that follows on an event; raise ValueError if the event cannot happen now."""

@@ -71,7 +71,7 @@ class Publisher:
         self._state = state
         self._emergencies: deque[tuple[int, int]] = deque(maxlen=100)
         """Number of an axis and error code of emergencies that the events do not tell of yet."""
-        self.reports = Reports(session, self._emergency)
+        self.reports: Reports = Reports(session, self._emergency)
         self._arm: DrawnArm | None = None
         self._published_s = self._news_s = float("-inf")
         self._states: tuple[str, ...] = ()

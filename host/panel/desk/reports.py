@@ -70,7 +70,7 @@ class Reports:
 
     def __init__(self, session: Session, emergency: Callable[[int, int], None]) -> None:
         """Listen from now on; `emergency` is called in the receiving thread with an axis' number and an error code."""
-        self.axes = tuple(AxisTelemetry() for _ in session.machine.axes)
+        self.axes: tuple[AxisTelemetry, ...] = tuple(AxisTelemetry() for _ in session.machine.axes)
         for number, (axis, report) in enumerate(zip(session.machine.axes, self.axes, strict=True)):
             for cob_id, take in (
                 (COB_TPDO[0], report.take_drive),

@@ -56,9 +56,9 @@ class AxisReports:
     """The reports of one axis during a motion, each with the time when it was on the bus."""
 
     def __init__(self) -> None:
-        self.places = Thinned()
+        self.places: Thinned = Thinned()
         """The positions reported by TPDO1, in wire units."""
-        self.records = Thinned()
+        self.records: Thinned = Thinned()
         """The numbers, from 0 on, of the records that TPDO3 reports as executed."""
         self._executing = 0
 

@@ -164,19 +164,19 @@ class DeskState:
 
     def __init__(self, robot: Robot) -> None:
         """Begin without a connection to the machine of this robot's file."""
-        self.events = EventLog()
-        self.history = History(len(robot.joints))
-        self.drawing = Drawing()
-        self.runs = RunResults()
-        self.limits = MachineSettings(robot, robot)
-        self.operators = Operators(self.events, self._change_operator)
-        self.shown = ShownStates()
-        self.presses = Presses(self.events.error)
-        self.stops = StopRequests()
-        self.speed = RunSpeed(self.events, self.shown, self.runs.note_faster)
+        self.events: EventLog = EventLog()
+        self.history: History = History(len(robot.joints))
+        self.drawing: Drawing = Drawing()
+        self.runs: RunResults = RunResults()
+        self.limits: MachineSettings = MachineSettings(robot, robot)
+        self.operators: Operators = Operators(self.events, self._change_operator)
+        self.shown: ShownStates = ShownStates()
+        self.presses: Presses = Presses(self.events.error)
+        self.stops: StopRequests = StopRequests()
+        self.speed: RunSpeed = RunSpeed(self.events, self.shown, self.runs.note_faster)
         self.session: Session | None = None
         self.reports: Reports | None = None
-        self.latest = Snapshot()
+        self.latest: Snapshot = Snapshot()
         self.activity: Activity | None = None
         self.emergency_stopped = False
         self.simulated: bool | None = None

@@ -82,8 +82,8 @@ class ConnectedMachine:
     def __init__(self, link: DeskLink, state: DeskState) -> None:
         self._link = link
         self._state = state
-        self.session = Session(link, state.robot)
-        self.publisher = Publisher(self.session, state)
+        self.session: Session = Session(link, state.robot)
+        self.publisher: Publisher = Publisher(self.session, state)
         state.runs.listen(self.session)
         self._slow_questions_s = float("-inf")
         self._often = self._read = False

@@ -94,7 +94,7 @@ class Chip:
     """
 
     def __init__(self, text: str = "", tone: Tone = "") -> None:
-        self.element = ui.label(text).classes("chip")
+        self.element: ui.label = ui.label(text).classes("chip")
         self._tone: Tone = ""
         self.show(text, tone)
 

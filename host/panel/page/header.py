@@ -24,7 +24,8 @@ class PageHead:
     def __init__(self, visitor: Visitor) -> None:
         self._visitor = visitor
         desk = visitor.desk
-        with ui.header().classes("panel-header") as self.root:
+        self.root: ui.header = ui.header().classes("panel-header")
+        with self.root:
             ui.label(desk.robot.name).classes("panel-title").props('role=heading aria-level="1"')
             self._simulated = Chip("SIMULATED", "warn")
             ui.label("no connection to the panel").classes("chip bad no-panel")

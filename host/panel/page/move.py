@@ -52,7 +52,8 @@ class SavedPositions:
 
     def __init__(self, visitor: Visitor, scene: ArmScene, path: str, go: Go) -> None:
         self._visitor, self._scene, self._path, self._go = visitor, scene, path, go
-        with stack() as self.root:
+        self.root: ui.element = stack()
+        with self.root:
             with line():
                 self._name = ui.input("name").props("outlined dense").classes("w-field")
                 plain("Save present position", self._save, "bookmark_add")
@@ -180,13 +181,14 @@ class JointsForm:
         self._filled = self._known = False
         robot = visitor.desk.robot
         self._kinematics = make_kinematics(robot)
-        with stack() as self.root:
+        self.root: ui.element = stack()
+        with self.root:
             ranges = {joint.name: OptionRange(joint.lower, joint.upper, str(joint.unit)) for joint in robot.joints}
             fields = (FormField(name, name, None, allowed) for name, allowed in ranges.items())
             self._form = Form(fields, self._show_ghost)
             self._tool = note("")
             with line():
-                self.button = act("Move", self._move, "arrow_forward", moves=True)
+                self.button: ui.button = act("Move", self._move, "arrow_forward", moves=True)
                 plain(STANDS_THERE, self._declare, "push_pin", moves=True).tooltip(_DECLARE)
                 plain("Fill in present position", self.fill)
                 home = dict(zip(robot.joint_names, robot.home, strict=True))
@@ -263,7 +265,8 @@ class ToolForm:
         self._branch: str | None = None
         self._task = self._kinematics.task
         self._key = "rpy_deg" if self._task is POSE else None
-        with stack() as self.root:
+        self.root: ui.element = stack()
+        with self.root:
             if self._key is not None:
                 with line():
                     ui.label("Orientation as").classes("muted")
@@ -275,7 +278,7 @@ class ToolForm:
             heading("Ways to get there")
             self._branches = ui.element("div").classes("stack tight").props('role=radiogroup aria-label="branches"')
             with line():
-                self.button = act("Move", self._move, "arrow_forward", moves=True)
+                self.button: ui.button = act("Move", self._move, "arrow_forward", moves=True)
                 plain("Fill in present position", self.fill)
 
     def _make_form(self) -> Form:

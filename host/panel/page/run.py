@@ -56,7 +56,8 @@ class Upload:
         """Make it; `changed` is called when another file, or none, is there, `refused` with the reason for none."""
         self.file: tuple[str, bytes] | None = None
         self._changed, self._refused = changed, refused
-        with stack("tight") as self.root:
+        self.root: ui.element = stack("tight")
+        with self.root:
             self._field = ui.upload(
                 label=f"choose or drop a file: {', '.join(ENDINGS)}",
                 auto_upload=True,

@@ -149,16 +149,16 @@ class Replay:
 
     def __init__(self, run: StoredRun, marks: Iterable[RunMark]) -> None:
         self.run = run
-        self.machine = RecordedMachine.of(run)
-        self.marks = tuple(sorted(marks, key=lambda mark: mark.counts))
+        self.machine: RecordedMachine = RecordedMachine.of(run)
+        self.marks: tuple[RunMark, ...] = tuple(sorted(marks, key=lambda mark: mark.counts))
         """Everything that has happened, in order of time."""
         evidence = run.comparison.evidence
-        self.start_counts = evidence.start_counts
+        self.start_counts: int = evidence.start_counts
         record, motion_counts = whole_record(evidence), round(run.duration_s * COUNTS_PER_SECOND)
-        self.record = Span(0, max(record.to_counts, self.start_counts + motion_counts))
+        self.record: Span = Span(0, max(record.to_counts, self.start_counts + motion_counts))
         """The whole record, from power-up to the last edge or the motion's end."""
         lead_counts = int(LEAD_S * COUNTS_PER_SECOND)
-        self.shown = Span(max(0, self.start_counts - lead_counts), self.record.to_counts)
+        self.shown: Span = Span(max(0, self.start_counts - lead_counts), self.record.to_counts)
         """The part that a slider covers: the motion, and what is shortly before it."""
         self._pins = pins(evidence)
         self._currents = {
@@ -298,7 +298,8 @@ class RunPair:
             if values[0] != values[1]:
                 names = [replay.run.report.run.robot for replay in (first, second)]
                 raise InputError(f"{names[1]}: is another machine than {names[0]}: two runs of one can be compared")
-        self.first, self.second = first, second
+        self.first: Replay = first
+        self.second: Replay = second
 
     def at(self, t_s: float) -> Apart:
         """Return how far the machines are apart at a time of both motions; after its end a machine stands still."""

@@ -16,11 +16,11 @@ class Player:
 
     def __init__(self, replays: Sequence[Replay]) -> None:
         self._replays = replays
-        self.first_s = min(replay.time_s(replay.shown.from_counts) for replay in replays)
-        self.last_s = max(replay.time_s(replay.shown.to_counts) for replay in replays)
-        self.t_s = 0.0
-        self.playing = False
-        self.speed = 1.0
+        self.first_s: float = min(replay.time_s(replay.shown.from_counts) for replay in replays)
+        self.last_s: float = max(replay.time_s(replay.shown.to_counts) for replay in replays)
+        self.t_s: float = 0.0
+        self.playing: bool = False
+        self.speed: float = 1.0
 
     def play(self) -> None:
         """Let the time run; from the motion's start if it is at its end."""

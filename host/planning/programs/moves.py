@@ -100,10 +100,10 @@ class Moves:
         """The present cell of each pallet whose cells are visited."""
         self._kinematics = make_kinematics(robot)
         self._task = self._kinematics.task
-        self.composer = Composer(robot, np.array(robot.home) if joints is None else joints)
+        self.composer: Composer = Composer(robot, np.array(robot.home) if joints is None else joints)
         self.place = ""
         """The step that is being added, as messages name it."""
-        self.legs = FlowingLegs(robot, self.composer.joints, drives)
+        self.legs: FlowingLegs = FlowingLegs(robot, self.composer.joints, drives)
         """The steps that flow into each other and have not ended yet."""
         self.switched: tuple[Switching, ...] = ()
         """Outputs that change on the way of the last step that did not flow."""

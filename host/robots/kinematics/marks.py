@@ -36,7 +36,7 @@ class Skeleton:
         self._kinematics = make_kinematics(robot)
         home = self._kinematics.links(np.array([robot.home]))
         bodies = [part.points_mm[0] for part in home if part.role is not Role.GUIDE]
-        self.size_mm = max(1.0, float(np.ptp(np.vstack(bodies), axis=0).max()))
+        self.size_mm: float = max(1.0, float(np.ptp(np.vstack(bodies), axis=0).max()))
         rows = self._kinematics.dh.rows
         self._joints = [i for i, row in enumerate(rows) if row.theta_deg.variable or row.d_mm.variable]
 

@@ -188,30 +188,36 @@ def turn_of(distances: Mapping[str, float]) -> FloatArray:
 class NoTool(Task):
     """The task of a machine without a tool."""
 
-    name, width, rates = "none", 0, 0
+    name: ClassVar[str] = "none"
+    width: ClassVar[int] = 0
+    rates: ClassVar[int] = 0
     coordinates: ClassVar[Mapping[str, str]] = {}
-    steps = coordinates
-    keys = ()
+    steps: ClassVar[Mapping[str, str]] = coordinates
+    keys: ClassVar[tuple[str, ...]] = ()
     _not_told = "this machine has no tool; its joints have positions"
 
 
 class PositionTask(Task):
     """The task of a tool that can be brought to a place, and whose orientation follows or never changes."""
 
-    name, width, rates = "position", 3, 3
-    coordinates = PLACE
-    steps = PLACE
-    keys = ("x_mm", "y_mm", "z_mm")
+    name: ClassVar[str] = "position"
+    width: ClassVar[int] = 3
+    rates: ClassVar[int] = 3
+    coordinates: ClassVar[Mapping[str, str]] = PLACE
+    steps: ClassVar[Mapping[str, str]] = PLACE
+    keys: ClassVar[tuple[str, ...]] = ("x_mm", "y_mm", "z_mm")
     _not_told = "the tool of this robot can be told x, y and z alone"
 
 
 class ScaraTask(Task):
     """The task of a SCARA's tool: a place, and a turn about the vertical, NaN where it follows from the arm."""
 
-    name, width, rates = "scara", 4, 4
+    name: ClassVar[str] = "scara"
+    width: ClassVar[int] = 4
+    rates: ClassVar[int] = 4
     coordinates: ClassVar[Mapping[str, str]] = {**PLACE, "phi": "deg"}
-    steps = coordinates
-    keys = ("x_mm", "y_mm", "z_mm", "attitude_deg")
+    steps: ClassVar[Mapping[str, str]] = coordinates
+    keys: ClassVar[tuple[str, ...]] = ("x_mm", "y_mm", "z_mm", "attitude_deg")
     _not_told = "the tool of this robot turns about the vertical alone: its orientation is phi, in degrees"
 
     def off_deg(self, poses: FloatArray, planned: FloatArray) -> FloatArray:
@@ -241,10 +247,12 @@ class ScaraTask(Task):
 class DirectionTask(Task):
     """The task of an arm of five axes: a place, and the direction in which the tool points."""
 
-    name, width, rates = "direction", 6, 6
+    name: ClassVar[str] = "direction"
+    width: ClassVar[int] = 6
+    rates: ClassVar[int] = 6
     coordinates: ClassVar[Mapping[str, str]] = {**PLACE, **COLUMNS[DIRECTION]}
     steps: ClassVar[Mapping[str, str]] = {**PLACE, **_TURNS}
-    keys = ("x_mm", "y_mm", "z_mm", "direction_x", "direction_y", "direction_z")
+    keys: ClassVar[tuple[str, ...]] = ("x_mm", "y_mm", "z_mm", "direction_x", "direction_y", "direction_z")
     is_flat = False
     key = DIRECTION
     _not_told = "the tool of this robot can be told its direction, such as direction = [0, 0, -1]; its spin follows"
@@ -306,10 +314,12 @@ class DirectionTask(Task):
 class PoseTask(Task):
     """The task of a tool that can be brought to any place in any orientation."""
 
-    name, width, rates = "pose", 7, 6
+    name: ClassVar[str] = "pose"
+    width: ClassVar[int] = 7
+    rates: ClassVar[int] = 6
     coordinates: ClassVar[Mapping[str, str]] = {**PLACE, **COLUMNS["rpy_deg"]}
     steps: ClassVar[Mapping[str, str]] = {**PLACE, **_TURNS}
-    keys = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
+    keys: ClassVar[tuple[str, ...]] = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
     is_flat = False
     key = "rpy_deg"
     _not_told = "the tool of this robot turns in space: its orientation is rpy_deg = [roll, pitch, yaw] or another key"

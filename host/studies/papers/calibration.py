@@ -6,7 +6,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, radians
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
@@ -41,8 +41,8 @@ class CalibrationStudy(Study):
     """Table 1 in both conventions, the drawn arm, and a calibration; matrices at th1, th2, d3, th4 of `at`."""
 
     robot_name = "calibration-scara"
-    at = (30.0, 45.0, 50.0, 20.0)
-    shown = (20.0, 50.0, 60.0, 30.0)
+    at: ClassVar[tuple[float, ...]] = (30.0, 45.0, 50.0, 20.0)
+    shown: ClassVar[tuple[float, ...]] = (20.0, 50.0, 60.0, 30.0)
 
     def _tip_mm(self, joints: FloatArray, convention: Convention = Convention.STANDARD) -> FloatArray:
         """Return the tip, of shape (n, 3), by the table read in a convention."""

@@ -7,7 +7,7 @@ tables and dimensions are lost in the copy used.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, sqrt
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
@@ -51,8 +51,8 @@ class HybridStudy(Study):
     """The five points, the helix at the paper's steps, and the runs; matrices at th1, Z5, Z6, th4 of `at`."""
 
     robot_name = "hybrid-arm"
-    at = (20.0, 0.0, 0.0, 0.0)
-    shown = (-35.0, 0.0, 40.0, 0.0)
+    at: ClassVar[tuple[float, ...]] = (20.0, 0.0, 0.0, 0.0)
+    shown: ClassVar[tuple[float, ...]] = (-35.0, 0.0, 40.0, 0.0)
 
     @cached_property
     def arm(self) -> HybridArm:

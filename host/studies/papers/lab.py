@@ -7,7 +7,7 @@ H. Wang, B. Yin, R. Luo, X. Wang, "Mechanism design and kinematics analysis of 4
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan2, cos, degrees, floor, hypot, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
@@ -41,9 +41,9 @@ class LabStudy(Study):
     """The spiral at the paper's 377 points, and its formulas at d1, th2, th3, th4 of `at`."""
 
     robot_name = "lab-scara"
-    at = (150.0, 30.0, 45.0, 60.0)
-    shown = (150.0, 20.0, 50.0, 0.0)
-    products = (4, 5)
+    at: ClassVar[tuple[float, ...]] = (150.0, 30.0, 45.0, 60.0)
+    shown: ClassVar[tuple[float, ...]] = (150.0, 20.0, 50.0, 0.0)
+    products: ClassVar[tuple[int, ...]] = (4, 5)
 
     @property
     def transmission_rows(self) -> Rows:

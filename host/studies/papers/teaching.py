@@ -7,7 +7,7 @@ X. Yao, Y. Pan, Y. Gao, "Research and Implementation of SCARA Manipulator Contro
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, degrees, radians, sin
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -34,8 +34,8 @@ class TeachingStudy(Study):
     """The two points, the laws between them, and the run; formulas at th1, th2, d3, th4 of `at`."""
 
     robot_name = "teaching-scara"
-    at = (30.0, 60.0, 20.0, 15.0)
-    shown = (20.0, 50.0, 20.0, 30.0)
+    at: ClassVar[tuple[float, ...]] = (30.0, 60.0, 20.0, 15.0)
+    shown: ClassVar[tuple[float, ...]] = (20.0, 50.0, 20.0, 30.0)
 
     @property
     def formulas(self) -> dict[str, Computed]:

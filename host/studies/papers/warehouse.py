@@ -7,7 +7,7 @@ DOI 10.3969/j.issn.1009-9492.2019.05.018.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, hypot, nan, radians, sin
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
@@ -84,8 +84,8 @@ class WarehouseStudy(Study):
     """The drawer pull at the paper's samples, and the runs."""
 
     robot_name = "warehouse-scara"
-    at = (0.0, 0.0, 100.0, 0.0, 60.0, 30.0)
-    shown = (0.0, 0.0, 100.0, 0.0, 60.0, -20.0)
+    at: ClassVar[tuple[float, ...]] = (0.0, 0.0, 100.0, 0.0, 60.0, 30.0)
+    shown: ClassVar[tuple[float, ...]] = (0.0, 0.0, 100.0, 0.0, 60.0, -20.0)
 
     @cached_property
     def t_s(self) -> FloatArray:

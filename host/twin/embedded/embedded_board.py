@@ -11,11 +11,12 @@ from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
 from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotors import RotorRecord
 from steptwin.emulator.nodes.simple_node import SimpleNode
+from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork, FaultyNetwork, whole_us_counts
-from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts
+from steptwin.host.twin.machine.emulated_machine import EmulatedMachine, MachineParts, OperationLog
 from steptwin.host.twin.machine.evidence import axes_by_own_clocks, axes_evidence, tick_after
 from steptwin.host.twin.machine.input_changes import InputChange, set_input
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
@@ -23,6 +24,7 @@ from steptwin.host.twin.motors.after_run import RotorTrace, rotor_trace
 from steptwin.host.twin.motors.driving import followed_ms, last_edge_counts
 from steptwin.host.verify import AxisEvidence, BusReport, Evidence
 from steptwin.host.verify.switching import output_changes
+from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -60,21 +62,24 @@ class EmbeddedBoard:
         schedule = tuple(schedule)
         for each in schedule:
             check_motors(each.operation, turning=options.motors)
-        self.robot, self.options = robot, options
+        self.robot: Robot = robot
+        self.options: MachineOptions = options
         parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
-        self.driver_profile = parts.driver_profile
+        self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)
         self._rotor_records: list[RotorRecord] = []
         """What the rotors have done; nothing without motors."""
         if watch := self._machine.simulation.rotor_watch:
             watch.on_record = self._rotor_records.append
-        self.host = self._machine.host
+        self.host: HostCondition = self._machine.host
         """What a scenario has made of the host."""
-        self.operations = self._machine.operations
+        self.operations: OperationLog = self._machine.operations
         """What is done to the machine beside its bus."""
-        self.engine = self._machine.engine
+        self.engine: Engine | None = self._machine.engine
         """Plays the scenario; None without one."""
-        self.network = self._network(harmed=self.engine is not None and self.engine.scenario.harms_host)
+        self.network: EmbeddedNetwork = self._network(
+            harmed=self.engine is not None and self.engine.scenario.harms_host
+        )
         self._changes: list[InputChange] = []
         """Changes of inputs that wait for the SYNC that starts the motion."""
         self._changes_after = 0

@@ -83,8 +83,9 @@ class ControlPort:
         """Listen; port 0 takes a free one."""
         self._listener = listen(socketcand.LOOPBACK, port, "control_port")
         self._server: ControlServer | None = None
-        address, self.port = self._listener.getsockname()[:2]
-        self.address = f"{address}:{self.port}"
+        address, port = self._listener.getsockname()[:2]
+        self.port: int = port
+        self.address: str = f"{address}:{self.port}"
         """HOST:PORT, as clients are given it."""
 
     def attach(self, loop: LiveLoop, board: LiveBoard) -> None:

@@ -61,9 +61,10 @@ class SocketcandEndpoint(Endpoint):
         """Listen at an address of this machine; port 0 takes a free one."""
         self._listener = listen(host, port, allow_remote=allow_remote)
         self._server: SocketcandServer | None = None
-        address, self.port = self._listener.getsockname()[:2]
-        self.remote = not is_loopback(address)
-        self.title = (
+        address, port = self._listener.getsockname()[:2]
+        self.port: int | None = port
+        self.remote: bool = not is_loopback(address)
+        self.title: str = (
             f"socketcand at {address}:{self.port}; python-can's tools: "
             f"-i socketcand -c {CHANNEL} --bus-kwargs host={address} port={self.port}"
         )
@@ -113,7 +114,7 @@ class PythonCanEndpoint(Endpoint):
         self._name = connection.title
         self._bus = open_bus(connection)
         self._bridge: CanBridge | None = None
-        self.title = f"on python-can's interface {self._name}"
+        self.title: str = f"on python-can's interface {self._name}"
 
     def attach(self, loop: LiveLoop) -> None:
         """Pass frames between the bus and the board."""

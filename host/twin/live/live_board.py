@@ -11,6 +11,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
+from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm, Surroundings
@@ -20,6 +21,7 @@ from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.reporting import played_document
 from steptwin.host.record.bus_log import BusLog, log_line
 from steptwin.host.record.folder import LIVE_JOB, AxisTotals, Header, Mark, Piece, Recording
@@ -40,7 +42,7 @@ from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
 from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
 from steptwin.host.verify import AxisEvidence, RateRamps, ShelfEvent, shelf_document, speeds_document
-from steptwin.protocol.drivers import ActiveEdge
+from steptwin.protocol.drivers import ActiveEdge, DriverProfile
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
 
@@ -132,11 +134,11 @@ class LiveBoard:
         """
         parts = MachineParts.of(robot, kernel, options, stretch_ticks=_STRETCH_TICKS)
         self.robot = robot
-        self.driver_profile = parts.driver_profile
+        self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = machine = EmulatedMachine(parts, log=self._log, operations_max=OPERATIONS_MAX)
         self._boards = machine.simulation.boards
-        self.bus = machine.bus
-        self.engine = machine.engine
+        self.bus: Bus = machine.bus
+        self.engine: Engine | None = machine.engine
         """Plays the scenario; None without one."""
         if self.engine is not None and self.engine.scenario.harms_host:
             raise InputError(f"{self.engine.scenario.name}: {_NO_HOST}")
@@ -151,7 +153,7 @@ class LiveBoard:
             JointTotals(joint, steps, module.active_edge)
             for joint, steps, module in zip(robot.axes, parts.start_steps, modules, strict=True)
         ]
-        self.recent_bus_load_percent = 0.0
+        self.recent_bus_load_percent: float = 0.0
         """Part of the time between the last two calls of `record` when the bus was busy, in percent."""
         self._busy_bits, self._busy_until_s = 0, 0.0
         """Bits on the bus up to the last `record`, and its instant."""
@@ -167,7 +169,7 @@ class LiveBoard:
         if watch := machine.simulation.rotor_watch:
             self.rotors = RotorFigures(robot, watch.rotors)
             watch.on_record = self.rotors.add
-        self.live = LiveSimulation(machine.simulation, Pacer(time.perf_counter_ns(), speed))
+        self.live: LiveSimulation = LiveSimulation(machine.simulation, Pacer(time.perf_counter_ns(), speed))
 
     def _header(self) -> Header:
         axes = tuple(

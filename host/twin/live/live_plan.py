@@ -50,9 +50,9 @@ class ReceivedPlan:
     def __init__(self, robot: Robot) -> None:
         """Begin without a plan."""
         self._lacking: str | None = NO_MOTION
-        self.going = False
+        self.going: bool = False
         """True while the motion is under way."""
-        self.number = 0
+        self.number: int = 0
         """Counts the plans that were begun: this is the present one's number."""
         self._rows: list[tuple[int, _Row | None]] = []
         """Rows that are not taken yet, each with the number of its plan; None stands for the head of the file."""

@@ -16,7 +16,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.live.control_port import ControlPort
-from steptwin.host.twin.live.endpoint import open_endpoint
+from steptwin.host.twin.live.endpoint import Endpoint, open_endpoint
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.input_changes import set_input
 from steptwin.host.twin.machine.machine_options import MachineKeywords, MachineOptions
@@ -88,13 +88,13 @@ class ServedBoard:
         options.boards_of(robot)
         _check_replaced(out, log, replace=replace)
         folder = None if out is None else prepare_folder(out)
-        self.endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
+        self.endpoint: Endpoint = open_endpoint(host, port, interface, channel, bits_per_s, allow_remote=allow_remote)
         with ExitStack() as on_error:
             on_error.callback(self.endpoint.close)
-            self.control = None if control_port is None else ControlPort(control_port)
+            self.control: ControlPort | None = None if control_port is None else ControlPort(control_port)
             if self.control:
                 on_error.callback(self.control.close)
-            self.board = LiveBoard(
+            self.board: LiveBoard = LiveBoard(
                 robot,
                 kernel or fastest_kernel(),
                 options,

@@ -172,7 +172,7 @@ class EmulatedMachine(Target):
         """
         robot, options = parts.robot, parts.options
         self.parts = parts
-        self.bus = Bus(options.bits_per_s(robot), log)
+        self.bus: Bus = Bus(options.bits_per_s(robot), log)
         try:
             simulation = Simulation(
                 parts.boards, self.bus, schedule, parts.shelf, parts.motors, tuple(parts.nodes.values())
@@ -180,10 +180,10 @@ class EmulatedMachine(Target):
         except FirmwareError as error:
             raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)
-        self.operations = OperationLog(self, operations_max)
-        self.host = HostCondition()
+        self.operations: OperationLog = OperationLog(self, operations_max)
+        self.host: HostCondition = HostCondition()
         scenario = options.scenario_for(robot)
-        self.engine = None if scenario is None else Engine(scenario, self, self.host)
+        self.engine: Engine | None = None if scenario is None else Engine(scenario, self, self.host)
 
     def switch_node(self, node_id: int, *, on: bool) -> None:
         """Take the supply from a further node, or give it back; KeyError if there is none of this id."""

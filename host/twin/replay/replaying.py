@@ -99,7 +99,7 @@ class WallClockPlayer:
     def __init__(self, simulation: Simulation, first_counts: int) -> None:
         """Begin; `first_counts` is the boards' instant when that clock was 0, which may be before power-up."""
         self._simulation = simulation
-        self.first_counts = first_counts
+        self.first_counts: int = first_counts
         self._answered: Counter[int] = Counter()
         self._seen: Counter[int] = Counter()
         simulation.bus.listen(self._count)

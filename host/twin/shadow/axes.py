@@ -74,14 +74,14 @@ class DriveSide:
 
     def __init__(self) -> None:
         self.state: str | None = None
-        self.since_counts = 0
+        self.since_counts: int = 0
         self.mode: int | None = None
-        self.statusword = 0
+        self.statusword: int = 0
         self.began_counts: int | None = None
         """Start of the last homing; None before the first one."""
         self.attained_counts: int | None = None
         """End of the last homing; None while it goes on, and before the first one."""
-        self.was_known = False
+        self.was_known: bool = False
         """True if the position was known when the last homing began."""
 
     def take(self, counts: int, told: DriveReport) -> None:
@@ -134,8 +134,8 @@ class ComparedAxis:
 
     def __init__(self, units_per_step: float) -> None:
         """Begin; nothing is known of the board's position before both have been at the same one."""
-        self.board = DriveSide()
-        self.twin = DriveSide()
+        self.board: DriveSide = DriveSide()
+        self.twin: DriveSide = DriveSide()
         self._units_per_step = units_per_step
         self._told_states: tuple[str | None, str | None] | None = None
         self._anchored = False

@@ -84,8 +84,8 @@ class Shadow:
         self._looked_counts = 0
         self._watched: dict[int, Frame] = {}
         """The last heartbeat of each host."""
-        self.frames = 0
-        self.caught_up_s = 0.0
+        self.frames: int = 0
+        self.caught_up_s: float = 0.0
         self._shift_us: int | None = 0
         """Added to the stamps; None: the next frame is to follow what was recorded before."""
         self._last_us = 0

@@ -16,7 +16,7 @@ from tests.host.operate.sessions import ROBOT, CommandLine
 
 FOREIGN = "d1: node 0x10 belongs to the robot warehouse-scara, not to lab-scara"
 STOPS = ("stop", "estop")
-WITHOUT_FORCE = ("serve", "inject", "doctor", "monitor", *STOPS)
+WITHOUT_FORCE = ("serve", "inject", "doctor", "monitor", "shadow", *STOPS)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_every_live_command_can_be_forced() -> None:
     commands = typer.main.get_group(app).commands
     forced = {name for name in commands if any("--force" in option.opts for option in commands[name].params)}
     live = {name for name, command in commands.items() if getattr(command, "rich_help_panel", "") == "Live board"}
-    assert len(live) == 18
+    assert len(live) == 19
     assert forced == live - {*WITHOUT_FORCE} | {"run"}
 
 

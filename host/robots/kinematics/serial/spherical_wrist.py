@@ -174,7 +174,7 @@ class SphericalWrist:
         self._k1, self._k2 = constant(k[0]), constant(k[1])
         self._skew = float(k[0] @ k[1])
         self._beside = constant(np.cross(k[1], k[0]))
-        self.offset_mm = float(k[1] @ (wrist - r[0]))
+        self.offset_mm: float = float(k[1] @ (wrist - r[0]))
         self._between = r[0] - r[1]
         # --- q3 and q2, in the plane of f and g = k2 x f
         self._f = _unit(np.cross(k[1], k[0]))
@@ -182,7 +182,7 @@ class SphericalWrist:
         self._k3 = 1.0 if k[1] @ k[2] > 0.0 else -1.0
         plane = np.stack([self._f, self._g])
         self._upper, self._fore = plane @ (r[2] - r[1]), plane @ (wrist - r[2])
-        self.lengths_mm = float(np.linalg.norm(self._upper)), float(np.linalg.norm(self._fore))
+        self.lengths_mm: tuple[float, float] = float(np.linalg.norm(self._upper)), float(np.linalg.norm(self._fore))
         across = float(_cross(self._upper, self._fore))
         self._elbow_rad = float(np.arctan2(-self._k3 * across, self._upper @ self._fore))
         # --- the wrist, in the frame of k4, f4 and g4
@@ -192,9 +192,9 @@ class SphericalWrist:
         self._six, self._x6, self._y6 = (_turning(basis, k[4], v) for v in (k[5], x6, np.cross(k[5], x6)))
         a5, b5, c5 = self._six[0]
         self._wrist_rad, self._wrist_size, self._wrist_rest = float(np.arctan2(b5, a5)), float(np.hypot(a5, b5)), c5
-        self.is_square = abs(self._wrist_rest) < _CLAMPED and abs(self._wrist_size - 1.0) < _CLAMPED
+        self.is_square: bool = abs(self._wrist_rest) < _CLAMPED and abs(self._wrist_size - 1.0) < _CLAMPED
         """True if axis 5 is square to both neighbours: then an angle near 0 is known to the last digit."""
-        self.rates = WristRates(axes, wrist)
+        self.rates: WristRates = WristRates(axes, wrist)
         """How fast the joints are for a velocity of the tool."""
         self.signs: dict[str, tuple[float, float, float]] = {}
         self._name_branches(r, k)
