@@ -41,6 +41,7 @@ class FilmOptions:
     to_s: float | None = option("SECONDS", "Last time of the motion.", "--to")
     magnify: float | None = option("FACTOR", "Magnify the path's error so many times; by default until it shows.")
     frames: bool = switch("Also draw the frames of base, joints and tool: x red, y green, z blue.")
+    pulses: float | None = option("MS", "Below a gif or mp4, show each driver's CLK pin in so many ms before it.")
     fps: float = option("N", "Frames a second.", default=20.0)
     width: int = option("PIXELS", "Width of a gif or mp4.", default=720)
 
@@ -62,7 +63,9 @@ def animate(
     from steptwin.host.record.animation import Camera, Shot, check_kind, write_animation
     from steptwin.host.record.folder import read_run
 
-    with naming_options("out", "camera", "speed", "fps", "width", from_s="--from", to_s="--to", gain="--magnify"):
+    with naming_options(
+        "out", "camera", "speed", "fps", "width", from_s="--from", to_s="--to", gain="--magnify", pulses_ms="--pulses"
+    ):
         check_kind(out)
         keep_files([out], replace=replace)
         seen_from = Camera.named(wanted.camera)
@@ -72,7 +75,7 @@ def animate(
             warn(f"{folder}: {stored.interruption}")
         if stored.no_plan:
             warn(f"{folder}: has no plan: {stored.no_plan}; this shows what the drivers have counted")
-        shot = Shot(wanted.fps, wanted.speed, wanted.from_s, wanted.to_s, wanted.magnify, wanted.frames)
+        shot = Shot(wanted.fps, wanted.speed, wanted.from_s, wanted.to_s, wanted.magnify, wanted.frames, wanted.pulses)
         with progress_bar(out.name) as progress:
             film = write_animation(out, stored, seen_from, shot, wanted.width, progress)
     frames, lasts_s = len(film.times_s), (len(film.times_s) - 1) / film.fps

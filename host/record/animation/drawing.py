@@ -53,6 +53,11 @@ _MARGIN: Final = 0.05
 _CORNER_PIXELS: Final = np.array([55.0, 85.0])
 """Place of the world's axes in the picture, from its lower left corner."""
 _ARROW_PIXELS: Final = 32
+_ROW: Final = 0.034
+"""Height of a CLK pin's row, in parts of the picture's."""
+_FOOT: Final = 0.06
+"""Height of the line of text below everything."""
+_PULSE: Final = "#2a7f62"
 
 PixelArray = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -81,11 +86,14 @@ class FilmDrawing:
             for lines in (self._shadow, *self._boxes):
                 axes.add_collection(lines)
             self._counted: Line2D = axes.plot([], [], color=COUNTED, linewidth=1.2)[0]
+            self._pulses = LineCollection([], color=_PULSE, linewidth=0.9)
+            if film.pulses:
+                self._pulse_axes(figure).add_collection(self._pulses)
             self._clock = figure.text(0.015, 0.02, "", family="DejaVu Sans Mono", size=11)
             plain_texts(figure)
             self._mm_per_pixel = float(np.diff(axes.get_xlim())[0]) / axes.bbox.width
         drawn = [line for _, line in (*self._parts, *self._marks)]
-        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock):
+        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock, *self._pulse_lines):
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
@@ -111,9 +119,39 @@ class FilmDrawing:
         self._clock.set_text(f"t = {film.times_s[i]:.3f} s")
         far_to_near = sorted(self._parts, key=lambda each: self._nearness(each[0], i))
         drawn = [line for _, line in (*far_to_near, *self._marks)]
-        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock):
+        self._pulses.set_segments(self._pulse_segments(film.times_s[i]))
+        for artist in (self._shadow, *self._boxes, *drawn, self._counted, self._clock, *self._pulse_lines):
             artist.draw(self._canvas.get_renderer())
         return np.array(self._canvas.buffer_rgba(), np.uint8)
+
+    @property
+    def _pulse_lines(self) -> list[LineCollection]:
+        return [self._pulses] if self._film.pulses else []
+
+    @property
+    def _strip(self) -> float:
+        """Height of all CLK pins' rows, in parts of the picture's."""
+        return _ROW * len(self._film.pulses)
+
+    def _pulse_segments(self, t_s: float) -> list[FloatArray]:
+        """Return each pin's line, the first axis on top, over the milliseconds before an instant."""
+        film, top = self._film, len(self._film.pulses) - 1
+        lines = [row.levels(t_s - film.pulses_ms / 1000, t_s) for row in film.pulses]
+        return [line * (1000.0, 0.6) + (0.0, top - i + 0.2) for i, line in enumerate(lines)]
+
+    def _pulse_axes(self, figure: Figure) -> Axes:
+        """Return axes for the CLK pins below the scene."""
+        film, rows = self._film, len(self._film.pulses)
+        axes = figure.add_axes((0.1, _FOOT, 0.885, self._strip))
+        axes.set_axis_off()
+        axes.set_xlim(-film.pulses_ms, 0.0)
+        axes.set_ylim(0.0, rows)
+        for i, row in enumerate(film.pulses):
+            axes.text(
+                -0.012, (rows - i - 0.5) / rows, row.name, size=8, ha="right", va="center", transform=axes.transAxes
+            )
+        figure.text(0.985, _FOOT + self._strip, f"CLK, {film.pulses_ms:g} ms", size=8, ha="right", color="0.35")
+        return axes
 
     def _seen(self, points_mm: FloatArray) -> FloatArray:
         return self._camera.seen(points_mm)
@@ -144,7 +182,7 @@ class FilmDrawing:
         figure.text(0.015, 0.985, film.title, size=12, weight="bold", va="top")
         about = f"path's error magnified {film.gain:g} times" if film.gain > 1.0 else "path's error not magnified"
         figure.text(0.985, 0.02, f"grey: planned, blue: counted, {about}{speed}", size=8, ha="right", color="0.35")
-        axes = figure.add_axes((0.0, 0.06, 1.0, 0.88))
+        axes = figure.add_axes((0.0, _FOOT + self._strip, 1.0, 0.88 - self._strip))
         axes.set_axis_off()
         axes.set_aspect("equal")
         seen = np.concatenate([self._seen(self._extent_mm)[:, :2], self._on_ground(self._extent_mm)])
@@ -168,11 +206,12 @@ class FilmDrawing:
 
     def _draw_world_axes(self, axes: Axes) -> None:
         """Draw the directions of x, y and z into the lower left corner."""
+        corner_pixels = _CORNER_PIXELS + np.array([0.0, self._strip * axes.figure.bbox.height])
         for name, way in zip("xyz", np.eye(3), strict=True):
             along = _ARROW_PIXELS * self._seen(way)[:2]
             if np.hypot(*along) < _ARROW_PIXELS / 10:
                 continue  # seen along this axis
-            ends = [(float(x), float(y)) for x, y in _CORNER_PIXELS + np.outer((0.0, 1.0, 1.3), along)]
+            ends = [(float(x), float(y)) for x, y in corner_pixels + np.outer((0.0, 1.0, 1.3), along)]
             arrow = {"arrowstyle": "->", "color": "0.55", "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", ends[1], ends[0], "figure pixels", "figure pixels", arrow, annotation_clip=False)
             axes.annotate(name, ends[2], xycoords="figure pixels", ha="center", va="center", color="0.4")

@@ -19,6 +19,8 @@ from steptwin.host.record.folder import StoredRun
 from steptwin.host.record.path_error import PathError, heading, path_error, round_below
 from steptwin.host.record.recorded_machine import RecordedMachine
 from steptwin.host.robots.kinematics import ArmPart, Role
+from steptwin.host.verify import AxisEvidence, Evidence
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 ELEVATION_MAX_DEG: Final = 90.0
 
@@ -161,6 +163,7 @@ class Shot:
         to_s: last time of the motion; None: its end.
         gain: factor by which the path's error is magnified; None: a round one that makes it visible.
         frames: whether the frames of base, joints and tool are shown.
+        pulses_ms: time before each instant in which the drivers' CLK pins are shown; None: they are not.
     """
 
     fps: float = FPS
@@ -169,6 +172,28 @@ class Shot:
     to_s: float | None = None
     gain: float | None = None
     frames: bool = False
+    pulses_ms: float | None = None
+
+
+PULSES_MS_MAX: Final = 1000.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PulseRow:
+    """The CLK pin of an axis: its name, and the times of its edges in the motion, each of shape (pulses,)."""
+
+    name: str
+    rises_s: FloatArray
+    falls_s: FloatArray
+
+    def levels(self, from_s: float, to_s: float) -> FloatArray:
+        """Return the pin's line within a window: times from its end, 0 or less, and levels, of shape (points, 2)."""
+        first, last = np.searchsorted(self.falls_s, from_s), np.searchsorted(self.rises_s, to_s)
+        rises, falls = self.rises_s[first:last], self.falls_s[first:last]
+        corners_s = np.repeat(np.column_stack([rises, falls]).ravel(), 2).clip(from_s, to_s)
+        levels = np.tile([0.0, 1.0, 1.0, 0.0], len(rises))
+        times_s = np.concatenate([[from_s], corners_s, [to_s]]) - to_s
+        return np.column_stack([times_s, np.concatenate([[0.0], levels, levels[-1:] if falls.size else [0.0]])])
 
 
 USUAL_SHOT: Final = Shot()
@@ -189,6 +214,8 @@ class Film:
         path: the tool's path over the whole motion, and its error.
         path_until: shape (frames,), number of the path's points that each frame has behind it.
         gain: factor by which the path's error is to be magnified.
+        pulses: the CLK pins, if they are to be shown.
+        pulses_ms: time before each instant in which they are shown.
     """
 
     title: str
@@ -201,6 +228,8 @@ class Film:
     path: PathError
     path_until: Int64Array
     gain: float
+    pulses: tuple[PulseRow, ...] = ()
+    pulses_ms: float = 0.0
 
     @property
     def grid_mm(self) -> float:
@@ -221,6 +250,8 @@ def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
     path = path_error(machine.comparison, path_s)
     if shot.gain is not None and not (isfinite(shot.gain) and 1.0 <= shot.gain <= 1e9):
         raise InputError(f"gain={shot.gain:g} is outside 1..1e9")
+    if shot.pulses_ms is not None and not 0.0 < shot.pulses_ms <= PULSES_MS_MAX:
+        raise InputError(f"pulses_ms={shot.pulses_ms:g} is not above 0, or above {PULSES_MS_MAX:g} ms")
     return Film(
         title=heading(run.report.run, *(["counts without a plan"] if run.no_plan else [])),
         times_s=times_s,
@@ -232,7 +263,25 @@ def make_film(run: StoredRun, shot: Shot = USUAL_SHOT) -> Film:
         path=path,
         path_until=2 * np.searchsorted(path_s, times_s, side="right"),
         gain=path.gain if shot.gain is None else shot.gain,
+        pulses=() if shot.pulses_ms is None else _pulse_rows(machine.comparison.evidence),
+        pulses_ms=shot.pulses_ms or 0.0,
     )
+
+
+def _pulse_rows(evidence: Evidence) -> tuple[PulseRow, ...]:
+    """Return the CLK pins of all axes by the motion's time; a pulse that has no end yet is left out."""
+    return tuple(
+        PulseRow(axis.name, *(_motion_s(counts[: axis.clk_fall_counts.size], evidence) for counts in _clk(axis)))
+        for axis in evidence.axes
+    )
+
+
+def _clk(axis: AxisEvidence) -> tuple[Int64Array, Int64Array]:
+    return axis.clk_rise_counts, axis.clk_fall_counts
+
+
+def _motion_s(counts: Int64Array, evidence: Evidence) -> FloatArray:
+    return np.asarray((counts - evidence.start_counts) / COUNTS_PER_SECOND)
 
 
 def _span_s(duration_s: float, shot: Shot) -> tuple[float, float]:

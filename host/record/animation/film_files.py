@@ -118,6 +118,8 @@ def write_animation(
     check_kind(path)
     if not WIDTH_PIXELS_MIN <= width_pixels <= WIDTH_PIXELS_MAX:
         raise InputError(f"width={width_pixels} is outside {WIDTH_PIXELS_MIN}..{WIDTH_PIXELS_MAX} pixels")
+    if shot.pulses_ms is not None and path.suffix == ".html":
+        raise InputError(f"pulses_ms={shot.pulses_ms:g}: a page shows no pins, a .gif or .mp4 does")
     film = make_film(run, shot)
     _KINDS[path.suffix](path, film, camera, width_pixels, progress)
     return film

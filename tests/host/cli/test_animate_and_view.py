@@ -37,6 +37,8 @@ def test_a_page_is_written(stored: str, tmp_path: Path, capsys: pytest.CaptureFi
             ["--out", "arm.html", "--camera", "0,91"],
             "--camera 0,91: elevation 91.0 deg is outside -90..90 deg; the nearest",
         ),
+        (["--out", "arm.html", "--pulses", "5"], "--pulses 5: a page shows no pins, a .gif or .mp4 does"),
+        (["--out", "arm.gif", "--pulses", "0"], "--pulses 0 is not above 0, or above 1000 ms"),
         (["--out", "arm.html", "--speed", "0"], "--speed 0 is not above 0"),
         (["--out", "arm.html", "--from", "2"], "--from 2 s: the motion goes from 0 to 1 s"),
         (["--out", "arm.html", "--magnify", "0"], "--magnify 0 is outside 1..1e9"),

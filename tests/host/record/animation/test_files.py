@@ -153,3 +153,14 @@ def test_names_cannot_end_the_pages_script(tmp_path: Path, film: Film) -> None:
     text = (tmp_path / "arm.html").read_text(encoding="utf-8")
     assert text.count("<script") == text.count("</script") == 1
     assert "\u2028" not in text
+
+
+def test_pulses_are_drawn_below_the_arm_and_change(tmp_path: Path) -> None:
+    """A page, which has no pins, refuses them."""
+    film = make_film(RUN, Shot(fps=4.0, pulses_ms=5.0))
+    drawn = FilmDrawing(film, ISO, 480)
+    early, late = drawn.frame(0), drawn.frame(len(film.times_s) // 4)
+    rows = np.flatnonzero((early != late).any(axis=(1, 2)))
+    assert rows.max() > 0.75 * early.shape[0]
+    with pytest.raises(InputError, match="a page shows no pins"):
+        write_animation(tmp_path / "arm.html", RUN, ISO, Shot(pulses_ms=5.0))

@@ -7,7 +7,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.animation import CAMERAS, Camera, Shot, make_film
-from steptwin.host.record.animation.film import FRAMES_MAX, USUAL_LENGTH_S
+from steptwin.host.record.animation.film import FRAMES_MAX, USUAL_LENGTH_S, PulseRow
 from steptwin.host.record.recorded_machine import RecordedMachine
 from tests.host.record.machines import perfect_run
 
@@ -150,3 +150,29 @@ def test_a_mechanism_that_its_counts_pull_apart_leaves_a_film_of_the_rest() -> N
     assert np.isnan(film.parts[-1].points_mm).any()
     assert np.isfinite(film.extent_mm()).all()
     assert np.isfinite(film.grid_mm)
+
+
+def test_the_line_of_a_pin_in_a_window() -> None:
+    """Each pulse has its four corners; those at the window's ends are cut off there."""
+    row = PulseRow("th1", np.array([0.1, 0.3, 0.5]), np.array([0.2, 0.4, 0.6]))
+    line = row.levels(0.15, 0.35)
+    assert line[:, 0] == pytest.approx([-0.2, -0.2, -0.2, -0.15, -0.15, -0.05, -0.05, 0.0, 0.0, 0.0])
+    assert line[:, 1].tolist() == [0, 0, 1, 1, 0, 0, 1, 1, 0, 0]
+    assert row.levels(0.7, 0.8) == pytest.approx(np.array([[-0.1, 0.0], [0.0, 0.0]]))
+
+
+def test_a_film_has_the_pulses_of_every_driver() -> None:
+    film = make_film(RUN, Shot(pulses_ms=5.0))
+    evidence = RUN.comparison.evidence
+    for row, axis in zip(film.pulses, evidence.axes, strict=True):
+        assert row.name == axis.name
+        assert len(row.rises_s) == len(row.falls_s) == axis.clk_fall_counts.size
+        assert row.rises_s * 72e6 + evidence.start_counts == pytest.approx(axis.clk_rise_counts[: len(row.rises_s)])
+        assert (row.rises_s < row.falls_s).all()
+    assert make_film(RUN).pulses == ()
+
+
+@pytest.mark.parametrize("pulses_ms", [0.0, -1.0, 1000.1, float("nan")])
+def test_windows_of_pulses_are_bounded(pulses_ms: float) -> None:
+    with pytest.raises(InputError, match=r"^pulses_ms="):
+        make_film(RUN, Shot(pulses_ms=pulses_ms))
