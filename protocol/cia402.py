@@ -86,6 +86,7 @@ class Mode(IntEnum):
     HOMING = 6
     INTERPOLATED_POSITION = 7
     CYCLIC_SYNCHRONOUS_POSITION = 8
+    CYCLIC_SYNCHRONOUS_VELOCITY = 9
 
     @property
     def supported_bit(self) -> int:

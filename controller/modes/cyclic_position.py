@@ -1,4 +1,4 @@
-"""Cyclic synchronous position mode (CiA 402-2): take a set-point with each SYNC and run through all of them.
+"""Cyclic synchronous position and velocity modes (CiA 402-2): take a set-point with each SYNC, run through all.
 
 The set-point is the target position (607Ah). It is used when the slot of its SYNC closes (see `SyncClock`): a cubic of
 one period T, which ends at the set-point, then begins with the next servo tick. The cubic begins with the velocity at
@@ -23,6 +23,11 @@ so). At rest a lost slot does no harm: the axis holds its position, and without 
 Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
 SYNC has come; as at the beginning, the host starts from the position demand.
 
+In velocity mode the set-point is the target velocity (60FFh). It leads to a position: that of the slot before, and
+the way at this velocity in a period; what is less than a unit is kept for the next one. All else is as in position
+mode, but that a velocity beyond the axis' highest is reduced to it (bit 11), as in profile velocity mode. The target
+velocity is 0 again after each stop. There is no velocity offset (60B1h).
+
 Positions are in units, velocities in 1/64 unit per ms, as on the wire. These are functions of numbers alone, without
 CANopen or an axis.
 """
@@ -38,7 +43,7 @@ from steptwin.controller.node.stops import AxisStop
 from steptwin.controller.node.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.cia402 import Control, ErrorCode, Status
+from steptwin.protocol.cia402 import Control, ErrorCode, Mode, Status
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
 _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
@@ -118,13 +123,13 @@ NO_SYNC, NO_SET_POINT = 0, 1
 
 
 class _SlotReceptions(NamedTuple):
-    """Receptions of a slot so far: whether its SYNC has come, and its set-point."""
+    """Receptions of a slot so far: whether its SYNC has come, and its set-point, in units or in units per s."""
 
     sync: bool
-    set_point_units: int | None
+    set_point: int | None
 
 
-_NOTHING = _SlotReceptions(sync=False, set_point_units=None)
+_NOTHING = _SlotReceptions(sync=False, set_point=None)
 
 
 class CyclicPosition(DriveMode):
@@ -153,6 +158,8 @@ class CyclicPosition(DriveMode):
         """Number of slots bridged since that set-point."""
         self._lost = 0
         self._at_limit = False
+        self._rest = 0
+        """In velocity mode, the way that is less than a unit, in thousandths of one."""
         context.dictionary.bind(self)
 
     def note_set_point(self, _units: int) -> None:
@@ -177,6 +184,8 @@ class CyclicPosition(DriveMode):
     def interrupted(self) -> None:
         """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
         self._enabled = False
+        if self._by_velocity:
+            self._dictionary.set(od.TARGET_VELOCITY, 0)
         self._release()
 
     def _release(self) -> None:
@@ -200,9 +209,9 @@ class CyclicPosition(DriveMode):
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._context.now_us)
-        target_units = self._dictionary.get(od.TARGET_POSITION)
-        set_point_units = target_units if self._written else self._received[slot].set_point_units
-        self._received[slot] = _SlotReceptions(sync=True, set_point_units=set_point_units)
+        target = self._dictionary.get(od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION)
+        set_point = target if self._written else self._received[slot].set_point
+        self._received[slot] = _SlotReceptions(sync=True, set_point=set_point)
         self._written = False
 
     def _begin(self) -> bool:
@@ -219,7 +228,7 @@ class CyclicPosition(DriveMode):
         self._received = [_NOTHING, _NOTHING]
         self._points_units = (self._motion.tail_units,) * 3
         self._taken_units = self._points_units[0]
-        self._bridged_slots = self._lost = 0
+        self._bridged_slots = self._lost = self._rest = 0
         self._following = True
         return True
 
@@ -236,17 +245,35 @@ class CyclicPosition(DriveMode):
             return
         received = self._received.pop(0)
         self._received.append(_NOTHING)
-        set_point_units = received.set_point_units
-        point_units = self._bridged(received) if set_point_units is None else self._taken(set_point_units)
+        set_point = received.set_point
+        point_units = self._bridged(received) if set_point is None else self._taken(set_point)
         if point_units is not None:
             self._points_units = (point_units, *self._points_units[:2])
             closed, self._slot = self._slot, self._clock.after(self._slot)
             self._move(closed)
 
-    def _taken(self, set_point_units: int) -> int | None:
+    @property
+    def _by_velocity(self) -> bool:
+        """True in velocity mode."""
+        return self._dictionary.get(od.MODE_OF_OPERATION_DISPLAY) == Mode.CYCLIC_SYNCHRONOUS_VELOCITY
+
+    def _integrated(self, units_per_s: int) -> int:
+        """Return where a velocity leads from the last point in a period."""
+        way_thousandths = units_per_s * self._dictionary.get(od.INTERPOLATION_PERIOD) + self._rest
+        way_units, self._rest = divmod(way_thousandths, 1000)
+        return self._points_units[0] + way_units
+
+    def _taken(self, set_point: int) -> int | None:
         """Return the set-point, moved within the soft limits; trip and return None if it is too far away."""
-        point_units = self._within_limits(set_point_units)
-        self._at_limit = point_units != set_point_units
+        if self._by_velocity:
+            highest = self._velocity_limit * 1000 // VELOCITY_PER_UNIT_PER_MS
+            velocity = max(-highest, min(set_point, highest))
+            wanted_units = self._integrated(velocity)
+            reduced = velocity != set_point
+        else:
+            wanted_units, reduced = set_point, False
+        point_units = self._within_limits(wanted_units)
+        self._at_limit = reduced or point_units != wanted_units
         periods, self._bridged_slots = self._bridged_slots + 1, 0
         self._lost = max(0, self._lost - _GOOD)
         travelled_units, self._taken_units = abs(point_units - self._taken_units), point_units

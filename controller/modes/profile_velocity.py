@@ -6,6 +6,8 @@ target position. Bit 11 of the statusword then says why it stands. A new target 
 profile objects as they are at that moment.
 """
 
+from collections.abc import Callable
+
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
@@ -17,8 +19,10 @@ from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 class ProfileVelocity(DriveMode):
     """Follows the target velocity; the feed makes the motion."""
 
-    def __init__(self, context: AxisContext, feed: ProfileFeed) -> None:
+    def __init__(self, context: AxisContext, feed: ProfileFeed, note: Callable[[int], None]) -> None:
+        """Begin; `note` is told each target velocity: in cyclic velocity mode it is a set-point."""
         super().__init__(context)
+        self._note = note
         self._limits = context.limits
         self._feed = feed
         self._enabled = False
@@ -40,6 +44,7 @@ class ProfileVelocity(DriveMode):
     def follow_target(self, units_per_s: int) -> None:
         """Follow a new target velocity at once, if the drive is enabled in this mode."""
         self._context.touch()
+        self._note(units_per_s)
         if self._enabled:
             self._follow(units_per_s)
 

@@ -30,7 +30,11 @@ _ABORT_CONTROLWORDS = {
 BY_PROGRAM: Final = 1
 """Detail of an emergency stop that a program has commanded; 0 is the e-stop input's."""
 
-_FOLLOWING_MODES: Final = (Mode.PROFILE_POSITION, Mode.CYCLIC_SYNCHRONOUS_POSITION)
+_FOLLOWING_MODES: Final = (
+    Mode.PROFILE_POSITION,
+    Mode.CYCLIC_SYNCHRONOUS_POSITION,
+    Mode.CYCLIC_SYNCHRONOUS_VELOCITY,
+)
 """The modes whose bit 13 of the statusword is the following error."""
 
 
@@ -67,14 +71,16 @@ class AxisDrive:
         self.interpolation: Interpolation = Interpolation(context, self.stop)
         self.settings: DriverSettings = DriverSettings(context, self.interpolation)
         self.feed: ProfileFeed = ProfileFeed(context, self.interpolation)
-        self._profile_velocity = ProfileVelocity(context, self.feed)
+        cyclic = CyclicPosition(context, self.interpolation, self.stop)
+        self._profile_velocity = ProfileVelocity(context, self.feed, cyclic.note_set_point)
         self._modes: dict[int, DriveMode] = {
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
             Mode.PROFILE_VELOCITY: self._profile_velocity,
             Mode.HOMING: Homing(context, self.feed, self.interpolation),
             Mode.INTERPOLATED_POSITION: self.interpolation,
-            Mode.CYCLIC_SYNCHRONOUS_POSITION: CyclicPosition(context, self.interpolation, self.stop),
+            Mode.CYCLIC_SYNCHRONOUS_POSITION: cyclic,
+            Mode.CYCLIC_SYNCHRONOUS_VELOCITY: cyclic,
         }
         self.mode_number: int = int(Mode.NONE)
         context.dictionary.bind(self)
