@@ -81,7 +81,7 @@ def test_a_value_beyond_the_type_is_shown_as_the_end_of_its_range(value: int, sh
     assert dictionary.read(POSITION) == shown.to_bytes(4, "little", signed=True)
 
 
-@pytest.mark.parametrize("mode", [2, 9, -1])
+@pytest.mark.parametrize("mode", [2, 10, -1])
 def test_a_choice_takes_none_but_its_values(mode: int) -> None:
     dictionary = ObjectDictionary(0x10)
     with pytest.raises(SdoAbortError) as caught:

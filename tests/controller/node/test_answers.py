@@ -101,7 +101,7 @@ def test_a_low_limit_above_the_high_one_is_refused(board: BenchBoard) -> None:
 def test_values_that_an_rpdo_brings_in_vain_are_counted(board: BenchBoard) -> None:
     """RPDO1 carries controlword and mode: an unknown mode, then another mode while the axis moves."""
     board.enable(Mode.PROFILE_VELOCITY)
-    board.send(0x210, bytes((ENABLE, 0, 9)))
+    board.send(0x210, bytes((ENABLE, 0, 10)))
     assert (board.value(od.RPDO_VALUES_REFUSED), board.value(od.RPDO_LAST_REFUSED)) == (1, 0x6060_0008)
     board.write(od.TARGET_VELOCITY, 100 * STEP)
     board.wait(50)

@@ -22,7 +22,7 @@ def test_objects_are_read_and_written(machine: Machine) -> None:
     th1 = machine.axes[TH1]
     th1.write(od.STEPSPACE_NS, 40_000)
     assert th1.read(od.STEPSPACE_NS) == 40_000
-    assert th1.read(od.SUPPORTED_DRIVE_MODES) == 0b1110_0101
+    assert th1.read(od.SUPPORTED_DRIVE_MODES) == 0b1_1110_0101
 
 
 @pytest.mark.parametrize(
