@@ -147,7 +147,10 @@ def sheet(tmp_path: Path) -> Path:
 def run_lely(*arguments: str) -> None:
     """Run a tool of lely-core's dcf-tools; a warning of it is an error."""
     done = subprocess.run(
-        [sys.executable, "-W", "error::UserWarning", "-m", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-W", "error::UserWarning", "-W", "ignore:pkg_resources:UserWarning", "-m", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
 
