@@ -197,6 +197,7 @@ class TestFailures:
 class TestReports:
     """A homing is followed by what the axis reports; it is asked only once that says that the homing has ended."""
 
+    @on_sources_only
     def test_a_search_of_seconds_asks_for_few_statuswords(
         self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
     ) -> None:

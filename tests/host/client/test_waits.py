@@ -13,6 +13,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtRecord
+from tests.compiled import on_sources_only
 from tests.host.client.machines import AXES, STEP, TH1, TH3, frames_to, still, travelling
 
 DONE_UNITS = [0, 0, 0, 2 * 18 * 80 * STEP + 4 * 40 * STEP, 0, 0]
@@ -157,6 +158,7 @@ def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) 
     assert [held_ms / 1000 for held_ms in machine.holds_ms] == pytest.approx([1.75, 1.49, 1.49], abs=0.04)
 
 
+@on_sources_only
 @pytest.mark.parametrize("lost", [TH3, TH1])
 def test_a_time_out_is_named_though_its_last_records_are_lost(
     board: EmbeddedBoard, machine: Machine, monkeypatch: pytest.MonkeyPatch, lost: int
@@ -239,6 +241,6 @@ def test_legs() -> None:
     assert whole == (still(5, 10), tuple(commands))
     with pytest.raises(ValueError, match="not in order of time"):
         divide(still(5, 10), [], [wait(0.02), wait(0.01)])
-    with pytest.raises(ValueError, match="25 is not in list"):
+    with pytest.raises(ValueError, match="is not in list"):
         divide(still(5, 10), [], [wait(0.025)])
     assert np.all([leg.records[0].durations_ms is not leg.records[1].durations_ms for leg in legs])
