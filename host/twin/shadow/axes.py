@@ -141,6 +141,8 @@ class ComparedAxis:
         self._anchored = False
         self._accepted_units = 0
         """Difference that jitter has left where a motion without a target ended."""
+        self._homed_units = 0.0
+        """What jitter may have made of the place where a homing ended, until the axis has rested."""
         self._off_times = 0
         self._position_told = False
         self._moved_counts = 0
@@ -199,9 +201,13 @@ class ComparedAxis:
             self._anchored = rests and abs(error_units) <= REST_STEPS * self._units_per_step
             return
         own_units = min((error_units, error_units - self._accepted_units), key=abs)
-        if rests and abs(own_units) <= self._jitter_units(self._peak_units_per_s) and not self._at_target:
+        by_jitter_units = self._homed_units if self._at_target else self._jitter_units(self._peak_units_per_s)
+        if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0
         bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
+        bound_units += 0 if rests else self._homed_units
+        if rests:
+            self._homed_units = 0.0
         if abs(own_units) <= bound_units:
             self._off_times, self._position_told = 0, False
             return
@@ -256,6 +262,7 @@ class ComparedAxis:
             return
         self._judged_homing = board.began_counts
         self._anchored, self._accepted_units = True, 0
+        self._homed_units = self._jitter_units(self._peak_units_per_s)
         self._off_times, self._position_told, self._last_units = 0, False, None
         places_units = (
             self._place(self._board_leg, board.attained_counts),

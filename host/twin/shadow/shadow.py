@@ -177,7 +177,7 @@ class Shadow:
         compared = self._axes[axis]
         (compared.board if of_board else compared.twin).take(counts, told)
         if of_board and compared.waits_for_the_twin:
-            self._catch_up(axis)
+            self._catch_up(axis, counts)
         if of_board and told.position_units is not None:
             for finding in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
                 self._say(counts, axis, *finding)
@@ -197,11 +197,13 @@ class Shadow:
             for finding in (*compared.states(now_counts), *compared.homings()):
                 self._say(now_counts, axis, *finding)
 
-    def _catch_up(self, axis: int) -> None:
+    def _catch_up(self, axis: int, counts: int) -> None:
         """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
 
         It does before the host's next frame, which might end the search. Hosts' heartbeats go on, since the twin
-        watches them. The stamps' clock is then so much later for the twin, unless jitter makes the difference.
+        watches them. The stamps' clock, by which the board's frame came at `counts`, is then so much later for the
+        twin: else what the host sends in these ms would reach the twin too late. Only where jitter makes the difference
+        and another axis of the twin moves, that axis keeps its time instead.
         """
         assert self._player is not None
         compared, simulation = self._axes[axis], self.machine.simulation
@@ -216,11 +218,11 @@ class Shadow:
             compared.follow(simulation.now_counts, _twin_axis(self._dictionaries[axis]))
         if compared.twin.homing:
             compared.leave()
-        passed_counts = simulation.now_counts - began_counts
-        if passed_counts <= _JITTER_COUNTS:
+        ahead_counts = simulation.now_counts - counts
+        if ahead_counts <= _JITTER_COUNTS and any(board.motion.running_axes for board in simulation.boards):
             return
-        self._player.first_counts += passed_counts
-        self.caught_up_s += passed_counts / COUNTS_PER_SECOND
+        self._player.first_counts += ahead_counts
+        self.caught_up_s += ahead_counts / COUNTS_PER_SECOND
 
     def _say(
         self, counts: int, axis: int, kind: DiscrepancyKind, board: str, twin: str, error_steps: float | None = None
