@@ -195,6 +195,14 @@ def test_a_job_goes_on_through_a_reload_and_its_pulses_are_right(
     assert "its last motion had ended; so far it is right" in capsys.readouterr().out
 
 
+def test_a_page_whose_words_stay_behind_loads_itself_again(operator: Browser, watcher: Browser) -> None:
+    operator.run("window.nextMessageId = 1e9")  # what came before is not shown again: words are, numbers go on
+    watcher.click("Stop")
+    operator.until(lambda: operator.run("return window.nextMessageId < 1e9") is True)
+    operator.until(lambda: operator.shows("you operate"))
+    operator.until(lambda: operator.shows("stop by"))
+
+
 def test_nothing_comes_from_another_host(machine: Machine, operator: Browser) -> None:
     assert foreign_requests(operator, machine.url) == []
 

@@ -36,12 +36,15 @@ class Page:
         """Make an empty page, which `build` fills."""
         self.visitor = visitor
         self.views: list[View] = []
+        self.revision = 0
+        """Number of the last change that the views have followed; the page's script looks whether it is shown."""
 
     async def build(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
         visitor = self.visitor
         apply_theme()
         header = await self._add(PageHead(visitor))
+        self._head = header.root
         self._root = ui.element("div")
         with header.root:
             await self._add(Banner(visitor))
@@ -109,9 +112,11 @@ class Page:
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Let every view follow what has changed."""
+        self.revision += 1
         self._root.classes(add="" if snapshot.connected else "unseen", remove="unseen" if snapshot.connected else "")
         for view in self.views:
             view.refresh(snapshot)
+        self._head.props(f"data-revision={self.revision}")  # last: a view that could not follow keeps it old
 
 
 def tick_of(snapshot: Snapshot) -> dict[str, Any]:
@@ -212,8 +217,8 @@ class Hub:
                 page.refresh(snapshot)
 
     async def _send(self, name: str, text: str) -> None:
-        for client_id in list(self._pages):
-            await core.sio.emit(name, text, room=client_id)
+        for client_id, page in list(self._pages.items()):
+            await core.sio.emit(name, (text, page.revision), room=client_id)
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""

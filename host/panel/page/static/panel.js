@@ -206,13 +206,14 @@
     sayStop();
   }
 
-  function alive() {
+  function alive(revision) {
     lastTick = performance.now();
+    due = revision;
     setSilent(false);
   }
 
-  function tick(now) {
-    alive();
+  function tick(now, revision) {
+    alive(revision);
     shown = now.n;
     held = now.held;
     if (held && stop?.kind === "emergency_stop") obeyed(stop);
@@ -237,12 +238,30 @@
     document.querySelector(".live-plot")?.livePlot?.add(now.t, now.q, now.v, now.e);
   }
 
+  // Words and buttons come on another way than the numbers. Where they stay behind for good, as after a message that was
+  // lost while the connection was made again, the page is loaded again: it must not show who operated, or what was in
+  // the way, some time ago.
+
+  const BEHIND_LOOKS = 50;
+  let due = null; // number of the last change that the page should show
+  let behind = null; // { due, looks } while it shows an older one
+
+  function lookBehind() {
+    const shownRevision = Number(document.querySelector("[data-revision]")?.dataset.revision);
+    if (behind && shownRevision >= behind.due) behind = null;
+    if (due === null || shownRevision >= due) return;
+    behind ??= { due, looks: 0 };
+    behind.looks += 1;
+    if (behind.looks === BEHIND_LOOKS) window.location.reload();
+  }
+
   // A server that has stopped sending is as good as a machine that is not seen: grey everything. A page that was held up
   // itself has not looked at what has come meanwhile: that is no silence.
   setInterval(() => {
     const now = performance.now();
     const heldUp = now - lastLook > 2 * LOOK_MS;
     lastLook = now;
+    if (!heldUp && !silent()) lookBehind();
     if (!heldUp && now - lastTick > SILENT_MS) setSilent(true);
     else sayStop();
   }, LOOK_MS);
@@ -281,8 +300,8 @@
     if (!window.socket || window.socket === heard) return;
     heard = window.socket;
     nameShown(heard);
-    heard.on("alive", alive);
-    heard.on("tick", (text) => tick(JSON.parse(text)));
+    heard.on("alive", (_, revision) => alive(revision));
+    heard.on("tick", (text, revision) => tick(JSON.parse(text), revision));
     heard.on("disconnect", () => setSilent(true));
     heard.once("tick", openLastTab);
   }, 50);
