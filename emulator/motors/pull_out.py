@@ -5,6 +5,7 @@ from the averaged chopper (`rotor_kernel`); their mean torque depends on the loa
 torque. An array holds all load angles and speeds at once.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,34 +37,62 @@ def pull_out_nm(motor: Motor, supply: DriveSupply, rpm: FloatArray) -> FloatArra
 
     The currents' references are sines, as those of small microsteps are.
     """
-    rad_s = np.maximum(np.ravel(np.asarray(rpm, dtype=np.float64)), 1e-3) * RAD_S_PER_RPM
-    torque = _mean_torques(motor, supply, rad_s).max(axis=1) - motor.drag_nm_s * rad_s
-    return np.asarray(np.maximum(torque, 0.0).reshape(np.shape(rpm)), dtype=np.float64)
+    speeds = np.ravel(np.asarray(rpm, dtype=np.float64))
+    return pull_outs_nm([(motor, supply)], speeds[None, :])[0].reshape(np.shape(rpm))
 
 
-def _mean_torques(motor: Motor, supply: DriveSupply, rad_s: FloatArray) -> FloatArray:
-    """Return the mean torque over one electrical turn, shape (speeds, load angles).
+def pull_outs_nm(kinds: Sequence[tuple[Motor, DriveSupply]], rpm: FloatArray) -> FloatArray:
+    """Return the pull-out torques of several motors on their drives, each at its own speeds, at once.
+
+    Args:
+        kinds: motors with what drives them.
+        rpm: speeds in turns a minute, shape (kinds, speeds).
+
+    Returns:
+        Torques as `pull_out_nm` gives them, shape (kinds, speeds).
+    """
+    rad_s = np.maximum(rpm, 1e-3) * RAD_S_PER_RPM
+    rows = [kind for kind in kinds for _ in range(rad_s.shape[1])]
+    torque = _mean_torques(rows, rad_s.ravel()).max(axis=1).reshape(rad_s.shape)
+    torque -= np.array([[motor.drag_nm_s] for motor, _ in kinds]) * rad_s
+    return np.asarray(np.maximum(torque, 0.0), dtype=np.float64)
+
+
+def _mean_torques(rows: Sequence[tuple[Motor, DriveSupply]], rad_s: FloatArray) -> FloatArray:
+    """Return the mean torque of each row's motor at its speed over one electrical turn, shape (rows, load angles).
 
     Phase B does a quarter of a turn later what phase A does, and each half of a turn mirrors the other: half a turn of
     phase A is enough.
     """
-    dt_s = 2.0 * np.pi / (motor.teeth * rad_s[:, None] * _PARTS)
-    resistance, km = motor.resistance_ohm + supply.bridge_ohm, motor.torque_constant_nm_a
-    fall = np.exp(-resistance * dt_s / motor.inductance_h)
-    gain, mean_part = resistance / (1.0 - fall), (1.0 - fall) * motor.inductance_h / (resistance * dt_s)
+    motors, supplies = zip(*rows, strict=True)
+    teeth = _column(motor.teeth for motor in motors)
+    inductance = _column(motor.inductance_h for motor in motors)
+    km = _column(motor.torque_constant_nm_a for motor in motors)
+    resistance = _column(motor.resistance_ohm + supply.bridge_ohm for motor, supply in rows)
+    amplitude = _column(supply.current_a for supply in supplies)
+    slow_volt = _column(supply.fast_decay * supply.volt for supply in supplies)
+    volt = _column(supply.volt for supply in supplies)
+    dt_s = 2.0 * np.pi / (teeth * rad_s[:, None] * _PARTS)
+    fall = np.exp(-resistance * dt_s / inductance)
+    gain, mean_part = resistance / (1.0 - fall), (1.0 - fall) * inductance / (resistance * dt_s)
+    back_volt = km * rad_s[:, None]
     current = np.zeros((rad_s.size, _LOAD_ANGLES.size))
     total = np.zeros(current.shape)
     last = _SETTLING_TURNS * _PARTS
     for part in range(last):
         angle = 2.0 * np.pi * part / _PARTS
         shape = -np.sin(angle)
-        wanted, emf = supply.current_a * np.cos(angle + _LOAD_ANGLES), km * rad_s[:, None] * shape
+        wanted, emf = amplitude * np.cos(angle + _LOAD_ANGLES), back_volt * shape
         ahead = np.where(wanted != 0.0, wanted, current) >= 0.0
         volts = (wanted - fall * current) * gain + emf
-        low, high = np.where(ahead, -supply.fast_decay, -1.0), np.where(ahead, 1.0, supply.fast_decay)
-        final = (np.minimum(np.maximum(volts, low * supply.volt), high * supply.volt) - emf) / resistance
+        low, high = np.where(ahead, -slow_volt, -volt), np.where(ahead, volt, slow_volt)
+        final = (np.minimum(np.maximum(volts, low), high) - emf) / resistance
         apart = current - final
         current = final + apart * fall
         if part >= last - _PARTS // 2:
             total += (km * shape) * (final + apart * mean_part)
     return np.asarray(4.0 * total / _PARTS)
+
+
+def _column(values: Iterable[float]) -> FloatArray:
+    return np.array([[value] for value in values], dtype=np.float64)

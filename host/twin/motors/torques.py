@@ -8,7 +8,7 @@ import numpy as np
 
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM, Motor
 from steptwin.emulator.motors.needed_torque import needed_torque_nm
-from steptwin.emulator.motors.pull_out import pull_out_nm
+from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm, pull_outs_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import DriverSetup
@@ -108,11 +108,12 @@ def curves_of(driving: Driving, rpm_max: FloatArray, supply_v: float | None = No
     for joint, record in zip(driving.robot.axes, driving.drivers, strict=True):
         supply = supply_of(driving.robot, driving.chip, record.phase_current_a, record.fast_decay, supply_v)
         kinds.append((drive_of(joint, driving.chip).motor, supply))
-    curves = {}
-    for motor, supply in dict.fromkeys(kinds):
-        fastest = max(rpm for rpm, kind in zip(rpm_max.tolist(), kinds, strict=True) if kind == (motor, supply))
-        rpm = np.linspace(0.0, _FASTER * max(fastest, _SLOW_RPM), _CURVE_SPEEDS)
-        curves[motor, supply] = PullOutCurve(rpm, pull_out_nm(motor, supply, rpm))
+    fastest: dict[tuple[Motor, DriveSupply], float] = {}
+    for kind, rpm in zip(kinds, rpm_max.tolist(), strict=True):
+        fastest[kind] = max(fastest.get(kind, _SLOW_RPM), rpm)
+    speeds = np.stack([np.linspace(0.0, _FASTER * rpm, _CURVE_SPEEDS) for rpm in fastest.values()])
+    torques = pull_outs_nm(list(fastest), speeds)
+    curves = {kind: PullOutCurve(*each) for kind, *each in zip(fastest, speeds, torques, strict=True)}
     return tuple(curves[kind] for kind in kinds)
 
 

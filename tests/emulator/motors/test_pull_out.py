@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
-from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm
+from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm, pull_outs_nm
 
 Array = NDArray[np.float64]
 
@@ -86,3 +86,15 @@ def test_at_low_speed_it_is_the_holding_torque_of_the_current() -> None:
 
 def test_no_torque_is_left_far_above_the_corner() -> None:
     assert pull_out_nm(SMALL, DriveSupply(12.0, 2.0, 0.25, 0.6), np.array([20_000.0]))[0] == 0.0
+
+
+def test_several_motors_at_once_are_each_what_they_are_alone() -> None:
+    kinds = [
+        (SMALL, DriveSupply(24.0, 2.0, 0.25, 0.6)),
+        (replace(SMALL, inductance_mh=3.1), DriveSupply(36.0, 1.1, 0.5, 0.3)),
+        (replace(SMALL, resistance_ohm=4.0), DriveSupply(12.0, 0.7, 0.0, 0.1)),
+    ]
+    rpm = np.array([[0.0, 100.0, 300.0], [0.0, 40.0, 90.0], [10.0, 500.0, 1500.0]])
+    alone = [pull_out_nm(*kind, speeds) for kind, speeds in zip(kinds, rpm, strict=True)]
+    np.testing.assert_array_equal(pull_outs_nm(kinds, rpm), alone)
+    assert (np.array(alone)[:, 0] > 0.05).all()
