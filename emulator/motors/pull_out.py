@@ -38,7 +38,7 @@ def pull_out_nm(motor: Motor, supply: DriveSupply, rpm: FloatArray) -> FloatArra
     The currents' references are sines, as those of small microsteps are.
     """
     speeds = np.ravel(np.asarray(rpm, dtype=np.float64))
-    return pull_outs_nm([(motor, supply)], speeds[None, :])[0].reshape(np.shape(rpm))
+    return np.asarray(pull_outs_nm([(motor, supply)], speeds[None, :])[0].reshape(np.shape(rpm)), dtype=np.float64)
 
 
 def pull_outs_nm(kinds: Sequence[tuple[Motor, DriveSupply]], rpm: FloatArray) -> FloatArray:
