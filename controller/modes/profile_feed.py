@@ -71,8 +71,10 @@ class ProfileFeed:
     def take_over(self) -> int:
         """Drop all segments that wait, PVT records as well; return where the running one ends and a profile begins."""
         self._records.close()
-        self._motion.drop_queued()
         self._forget_done()
+        while len(self._pieces) > int(self._motion.running):
+            self._pieces.pop()
+        self._motion.drop_queued()
         return self._motion.tail_units
 
     def limits(self, velocity: int) -> Limits | None:

@@ -1,5 +1,7 @@
 """Profile position through the whole firmware: handshake, steps made, limits, stops."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -214,6 +216,31 @@ def test_as_fast_as_the_pulse_timing_allows(pp: ProfileBench) -> None:
     assert 14_998 < pp.speed_steps_per_s <= 15_000
     pp.until(Status.TARGET_REACHED)
     assert pp.value(od.POSITION_DEMAND) == 30_000 * STEP
+
+
+@pytest.mark.parametrize("bits", [AT_ONCE, HALT])
+@pytest.mark.parametrize("change_ms", [40, 80, 120, 160])
+def test_a_jerk_limited_change_on_the_way_steps_in_no_acceleration(pp: ProfileBench, change_ms: int, bits: int) -> None:
+    """It begins with the acceleration of the segment in execution, not of one that waited and was dropped.
+
+    Accelerations of 1 ms apart differ by the jerk, and by the rounding of velocities to whole units per ms.
+    """
+    pp.write(od.MOTION_PROFILE_TYPE, 3)
+    pp.write(od.PROFILE_VELOCITY, 10_000 * STEP)
+    pp.write(od.PROFILE_ACCELERATION, 100_000 * STEP)
+    pp.write(od.PROFILE_DECELERATION, 100_000 * STEP)
+    jerk = pp.value(od.PROFILE_JERK)
+    pp.set_point(800 * STEP)
+    pp.wait(change_ms)
+    pp.write(od.TARGET_POSITION, 1500 * STEP)
+    pp.word(NEW | bits if bits == AT_ONCE else HALT)
+    velocities = []
+    while not pp.has(Status.TARGET_REACHED):
+        velocities.append(pp.value(od.VELOCITY_ACTUAL))
+        pp.wait(1)
+    changes = [after - before for before, after in pairwise(velocities)]
+    steepest = max(abs(after - before) for before, after in pairwise(changes))
+    assert steepest <= jerk / 1e6 + 2 * 1000
 
 
 @pytest.mark.parametrize("profile_type", [-1, 1, 2, 4])
