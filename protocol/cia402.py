@@ -48,6 +48,8 @@ class Control(IntEnum):
     """Profile position: the target is relative to the target before it."""
     FAULT_RESET = 1 << 7
     HALT = 1 << 8
+    CHANGE_ON_SET_POINT = 1 << 9
+    """Profile position: pass the present target at the profile velocity on the way to the new set-point."""
 
 
 SHUTDOWN = 0x06

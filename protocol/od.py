@@ -457,6 +457,7 @@ MAX_PROFILE_VELOCITY = rw(
     write="DriverSettings.change_at",
 )
 PROFILE_VELOCITY = _rate(0x6081_00, "Profile velocity", 1_000, VELOCITY, RX)
+END_VELOCITY = rw(0x6082_00, U32, "End velocity", unit=VELOCITY, mapping=RX)
 PROFILE_ACCELERATION = _rate(0x6083_00, "Profile acceleration", 5_000, ACCELERATION, RX)
 PROFILE_DECELERATION = _rate(0x6084_00, "Profile deceleration", 5_000, ACCELERATION, RX)
 QUICK_STOP_DECELERATION = _rate(0x6085_00, "Quick stop deceleration", 20_000, ACCELERATION)

@@ -17,7 +17,7 @@ _GROUPS: Final = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000,
 """First and last index of each group of parameters that can be stored and restored."""
 _Value = TypeVar("_Value", int, str)
 _SAVE, _LOAD = (int.from_bytes(word, "little") for word in (b"save", b"load"))
-_PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
+_PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.END_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION))
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
 _STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
 _NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))

@@ -1,10 +1,15 @@
-"""Generate motion profiles: from any velocity to rest at a target, as segments of whole milliseconds.
+"""Generate motion profiles: from any velocity to rest at a target, or through one target and to rest at the next.
+
+A profile is handed out as segments of whole milliseconds.
 
 A profile is a sequence of ramps: to the peak velocity, a cruise at the peak, and the brake to rest. Each ramp goes
 between two whole velocities in whole milliseconds. A ramp symmetric in time covers (v0 + v1) T / 2 whatever its shape,
 so linear and jerk-limited ramps are planned alike; they differ only in how long a change of velocity takes. Whole
 milliseconds rarely add up to the exact distance. The last ramp makes up for it: it is stretched until it covers the
 distance or a little more, and the excess is subtracted along a smoothstep, so that it ends exactly at the target.
+
+A target on the way is passed at an exact velocity. There is no brake to make up for the milliseconds: the cruise before
+it does, as long as this needs, and gives the excess back along a smoothstep.
 
 Velocities are whole multiples of 1/64 unit per ms, as on the wire. Distances are planned in 1/128 unit, so that
 (v0 + v1) T / 2 is a whole number. These are functions of numbers alone, without CANopen, an axis or a clock.
@@ -19,6 +24,7 @@ spans a bend of the acceleration and exceeds it by at most 2/9.
 """
 
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 GRAIN_MS = 8
@@ -48,6 +54,20 @@ class Limits(NamedTuple):
     acceleration: int
     deceleration: int
     jerk: int = 0
+
+
+class Passing(NamedTuple):
+    """How a target is passed on the way to the next one.
+
+    Attributes:
+        velocity: speed wanted at the target, in 1/64 unit per ms.
+        onward_units: the way from the target to the next one, where the axis stops.
+        limits: the limits of the motion onward.
+    """
+
+    velocity: int
+    onward_units: int
+    limits: Limits
 
 
 class Segment(NamedTuple):
@@ -187,10 +207,26 @@ def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) 
     distance = distance_units << _PER_UNIT_BITS
     if unbend is None:
         return Profile(_ramps_to(distance, velocity, limits))
-    half = unbend.duration_ms // 2
-    covered = (unbend.distance << _FRACTION_BITS) - unbend.position(half)
-    distance -= _rounded(covered, _FRACTION_BITS)
-    return Profile([unbend, *_ramps_to(distance, velocity, limits)], skipped_ms=half)
+    ramps = _ramps_to(distance - _way_of_second_half(unbend), velocity, limits)
+    return Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
+
+
+def move_through(
+    distance_units: int, velocity: int, acceleration: int, limits: Limits, passing: Passing
+) -> Profile | None:
+    """Return the profile that passes a target at a distance and comes to rest at the next one.
+
+    It passes the target at the velocity wanted, or as fast as the limits, the way to it and the way onward allow. None
+    if it must stop there: the next target is not farther in the same direction, or there is no room to pass.
+    """
+    unbend, velocity = _unbend(velocity, acceleration, limits)
+    distance = distance_units << _PER_UNIT_BITS
+    if unbend is not None:
+        distance -= _way_of_second_half(unbend)
+    ramps = _ramps_through(distance, velocity, limits, passing)
+    if ramps is None or unbend is None:
+        return None if ramps is None else Profile(ramps)
+    return Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
 
 
 def stop(velocity: int, acceleration: int, limits: Limits) -> Profile:
@@ -219,6 +255,12 @@ def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | No
     return Ramp(velocity - change, after, 2 * half_ms, half_ms), after
 
 
+def _way_of_second_half(unbend: Ramp) -> int:
+    """Return how far the second half of a ramp leads, in 1/128 unit."""
+    covered = (unbend.distance << _FRACTION_BITS) - unbend.position(unbend.duration_ms // 2)
+    return _rounded(covered, _FRACTION_BITS)
+
+
 def _ramps_to(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
     """Return the ramps from a velocity, at acceleration 0, to rest at a distance in 1/128 unit; both of any sign."""
     if distance < 0 or (distance == 0 and velocity < 0):
@@ -242,15 +284,67 @@ def _approach(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
     return [change, cruise, _brake(peak, left - cruise.distance, limits)]
 
 
+def _ramps_through(distance: int, velocity: int, limits: Limits, passing: Passing) -> list[Ramp] | None:
+    """Return the ramps through a target at a distance in 1/128 unit to rest at the next; None if it must stop there."""
+    if passing.onward_units < 0:
+        mirrored = _ramps_through(-distance, -velocity, limits, passing._replace(onward_units=-passing.onward_units))
+        return None if mirrored is None else [ramp.mirrored() for ramp in mirrored]
+    halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
+    if velocity < 0:  # moving away from both targets: first halt, then come back from rest
+        ramps = _ramps_through(distance - halt.distance, 0, limits, passing)
+        return None if ramps is None else [halt, *ramps]
+    if distance <= velocity * max(halt.duration_ms - 1, 0):  # behind the axis, or too near to stop there
+        return None
+    onward = passing.onward_units << _PER_UNIT_BITS
+
+    def has_room(at: int) -> bool:
+        # Within the limits before the target, too: a halt just before it must end before the next one.
+        stops = max(_way_to_brake(at, passing.limits), _way_to_brake(at, limits)) <= onward
+        return stops and _reach_passing(velocity, at, at, limits) <= distance
+
+    at = _highest(0, min(passing.velocity, limits.velocity), has_room)
+    if at == 0:
+        return None
+    peak = _highest(at, limits.velocity, lambda peak: _reach_passing(velocity, peak, at, limits) <= distance)
+    change, last = _ramp_to_peak(velocity, peak, limits), _ramp_to_peak(peak, at, limits)
+    left = distance - change.distance - last.distance
+    cruise_ms = -(-left // (2 * peak))
+    cruise = Ramp(peak, peak, cruise_ms, surplus=left - 2 * peak * cruise_ms)
+    return [change, cruise, last, *_ramps_to(onward, at, passing.limits)]
+
+
+def _reach_passing(velocity: int, peak: int, at: int, limits: Limits) -> int:
+    """Return the distance of the ramps to a peak and on to a velocity, and of the shortest cruise between them."""
+    ramps = _ramp_to_peak(velocity, peak, limits).distance + _ramp_to_peak(peak, at, limits).distance
+    return ramps + 2 * peak * _shortest_cruise_ms(peak, limits)
+
+
+def _shortest_cruise_ms(velocity: int, limits: Limits) -> int:
+    """Return how long a cruise takes in which a millisecond's way can be given back within the limits.
+
+    Its acceleration is then 6 D / T^2 at most. It begins at once: with a jerk limit, it is no more than that limit
+    allows in a segment.
+    """
+    rate = min(limits.acceleration, limits.deceleration)
+    if limits.jerk:
+        rate = max(1, min(rate, limits.jerk * PIECE_MS // 1000))
+    return max(GRAIN_MS, _root_up(-(-6 * velocity * 1_000_000 // (rate << 6))))
+
+
 def _peak(distance: int, velocity: int, limits: Limits) -> int:
-    """Return the highest velocity that lets the axis still stop at the distance, by bisection; 0 if none."""
+    """Return the highest velocity that lets the axis still stop at the distance; 0 if none."""
     low = limits.velocity if velocity > limits.velocity else max(velocity, 1)
     if _reach(velocity, low, limits) > distance:
         return 0
-    high = limits.velocity + 1
+    return _highest(low, limits.velocity, lambda peak: _reach(velocity, peak, limits) <= distance)
+
+
+def _highest(low: int, high: int, fits: Callable[[int], bool]) -> int:
+    """Return the highest velocity between two that fits, by bisection; `low` is known to fit."""
+    high += 1
     while high - low > 1:
         middle = (low + high) // 2
-        if _reach(velocity, middle, limits) <= distance:
+        if fits(middle):
             low = middle
         else:
             high = middle

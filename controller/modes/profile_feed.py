@@ -8,7 +8,7 @@ from collections import deque
 from typing import NamedTuple
 
 from steptwin.controller.modes.interpolation import Interpolation
-from steptwin.controller.modes.profile import GRAIN_MS, Limits, Profile, Segment, move, stop
+from steptwin.controller.modes.profile import GRAIN_MS, Limits, Passing, Profile, Segment, move, move_through, stop
 from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import STEP_Q16
 from steptwin.controller.node.axis_context import AxisContext
@@ -100,10 +100,26 @@ class ProfileFeed:
 
     def move_to(self, target_units: int, limits: Limits) -> None:
         """Move to rest at a target, from where the running segment ends; the speed limit may be lower by now."""
-        fastest = max(1, self._fastest(self._motion.rate_limit_q16_per_ms))
-        limits = limits._replace(velocity=min(limits.velocity, fastest))
+        limits = self._within_speed(limits)
         distance = target_units - self.take_over()
         self._begin(move(distance, self._motion.tail_velocity, self._acceleration, limits))
+
+    def move_through(self, target_units: int, limits: Limits, passing: Passing) -> bool:
+        """Move through a target to rest at the next one; change nothing and return False if it must stop there."""
+        from_units, velocity = self._motion.running_end
+        self._forget_done()
+        acceleration = self._pieces[-1 - self._motion.queued].end_acceleration if self._motion.running else 0
+        passing = passing._replace(limits=self._within_speed(passing.limits))
+        profile = move_through(target_units - from_units, velocity, acceleration, self._within_speed(limits), passing)
+        if profile is None:
+            return False
+        self.take_over()
+        self._begin(profile)
+        return True
+
+    def _within_speed(self, limits: Limits) -> Limits:
+        fastest = max(1, self._fastest(self._motion.rate_limit_q16_per_ms))
+        return limits._replace(velocity=min(limits.velocity, fastest))
 
     def halt(self, limits: Limits) -> None:
         """Come to rest by the halt option code (605Dh): with the limits' own deceleration or that of a quick stop."""

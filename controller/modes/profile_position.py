@@ -4,8 +4,14 @@ A rising bit 4 of the controlword gives a set-point: the target position (607Ah)
 then. Bit 12 of the statusword acknowledges it and falls with bit 4. One further set-point may wait; while it does, bit
 12 stays until that set-point begins. Without bit 5 a new set-point waits until the present one is reached; with bit 5
 it replaces the present and the waiting one at once. With bit 6 the target is relative; what to, and in which direction
-an axis that turns without end moves, is the positioning option code (60F2h, see `positioning`). Bit 9, passing a
-set-point without stopping, is not supported.
+an axis that turns without end moves, is the positioning option code (60F2h, see `positioning`).
+
+The axis stops at each target, with two exceptions for a present target behind which a set-point waits in the direction
+of motion. With bit 9 of the controlword that gave the waiting set-point, the axis passes the present target at its
+profile velocity (6081h). Without it, the axis passes at the end velocity (6082h) that the present set-point was given
+with, unless that is 0. In both it passes as fast as the velocity limits and both ways allow: it must still be able to
+stop at the waiting set-point's target. Without one that waits it stops at the target, whatever the end velocity: it
+must not run away. Bit 12 falls, and the waiting set-point becomes the present one, as the axis passes.
 
 A target beyond the soft limits (607Dh) or the i32 range is moved to the limit; bit 11 says so until the next set-point
 begins. Halt (bit 8) ramps to rest by the halt option code (605Dh), with the profile deceleration or that of a quick
@@ -16,7 +22,7 @@ from typing import NamedTuple
 
 from steptwin.controller.modes.drive_mode import DriveMode
 from steptwin.controller.modes.positioning import Positioning
-from steptwin.controller.modes.profile import Limits
+from steptwin.controller.modes.profile import Limits, Passing
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
@@ -24,11 +30,25 @@ from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.od import WINDOW_OFF
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 
+_PASSING_LOOK_US = 1_000
+"""Time between two looks at whether a target has been passed."""
+
 
 class _SetPoint(NamedTuple):
     target_units: int
     limits: Limits | None
     at_limit: bool
+    end_velocity: int
+    """Speed at the target if another set-point waits, in 1/64 unit per ms."""
+    on_set_point: bool
+    """True if the target before it is to be passed at profile velocity."""
+
+    def passing(self, following: "_SetPoint") -> Passing | None:
+        """Return how this set-point's target is to be passed; None if the axis is to stop there."""
+        if self.limits is None or following.limits is None:
+            return None
+        velocity = self.limits.velocity if following.on_set_point else self.end_velocity
+        return Passing(velocity, following.target_units - self.target_units, following.limits) if velocity else None
 
 
 class ProfilePosition(DriveMode):
@@ -43,6 +63,9 @@ class ProfilePosition(DriveMode):
         """The set-point in progress; a halt does not end it."""
         self._next: _SetPoint | None = None
         """The set-point that waits for its turn."""
+        self._passing = 0
+        """Direction in which the axis will pass the active set-point's target, 1 or -1; 0 if it will stop there."""
+        self._passing_look_us: int | None = None
         self._last_target_units: int | None = None
         self._at_limit = False
         self._acknowledged = False
@@ -52,13 +75,15 @@ class ProfilePosition(DriveMode):
 
     @property
     def due_us(self) -> int | None:
-        """Time when the axis will have stood at its target for the position window time (6068h)."""
-        return self._settled_us
+        """Time when the axis will have stood at its target for the position window time (6068h), or may pass one."""
+        return self._settled_us if self._passing_look_us is None else self._passing_look_us
 
     def poll(self, now_us: int) -> None:
-        """End the wait when the position window time is over."""
+        """End the wait when the position window time is over; note that a target has been passed."""
         if self._settled_us is not None and self._settled_us <= now_us:
             self._settled_us = None
+        if self._passing_look_us is not None and self._passing_look_us <= now_us:
+            self._note_passed()
 
     def control(self, controlword: int, previous: int) -> None:
         """Obey the bits for a new set-point and for halt."""
@@ -73,28 +98,33 @@ class ProfilePosition(DriveMode):
         if self._next and not at_once:
             return  # not acknowledged: the host must wait until bit 12 falls
         waits = self._active is not None and not at_once
-        set_point = self._set_point(relative=bool(controlword & Control.RELATIVE), waits=waits)
+        set_point = self._set_point(controlword, waits=waits)
         self._acknowledged = True
         self._last_target_units = set_point.target_units
         if waits:
             self._next = set_point
+            if self._feed.active and not self._halted:
+                self._go_through()
             return
         self._next = None
         self._begin(set_point, halted=bool(controlword & Control.HALT))
 
-    def _set_point(self, *, relative: bool, waits: bool) -> _SetPoint:
+    def _set_point(self, controlword: int, *, waits: bool) -> _SetPoint:
         last_target = self._last_target_units
         wanted = self._positioning.target_units(
-            relative=relative,
+            relative=bool(controlword & Control.RELATIVE),
             last_target_units=last_target,
             from_units=last_target if waits and last_target is not None else self._motion.demand_units,
         )
         target = self._limits.clamped(wanted)
         velocity = self._dictionary.get(od.PROFILE_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
         limits = self._feed.limits(velocity)
-        return _SetPoint(target, limits, target != wanted or limits is None)
+        end_velocity = self._dictionary.get(od.END_VELOCITY) * VELOCITY_PER_UNIT_PER_MS // 1000
+        on_set_point = bool(controlword & Control.CHANGE_ON_SET_POINT)
+        return _SetPoint(target, limits, target != wanted or limits is None, end_velocity, on_set_point)
 
     def _begin(self, set_point: _SetPoint, *, halted: bool) -> None:
+        self._stop_passing()
         self._active = set_point
         self._at_limit = set_point.at_limit
         if not halted:
@@ -102,12 +132,45 @@ class ProfilePosition(DriveMode):
 
     def _go(self) -> None:
         """Move to the active set-point. While a ramp of the drive moves the axis, wait: `finished` calls again."""
-        if self._active is None or not self._feed.free:
+        self._note_passed()
+        if self._active is None or not self._feed.free or self._go_through():
             return
         if self._active.limits:
             self._feed.move_to(self._active.target_units, self._active.limits)
         if not self._motion.running:
             self._reached()
+
+    def _go_through(self) -> bool:
+        """Move through the active set-point's target to the one that waits; return False if it is not to be passed."""
+        self._stop_passing()
+        passing = self._active.passing(self._next) if self._active and self._next else None
+        if passing is None or self._active is None or self._active.limits is None:
+            return False
+        self._passing = 1 if passing.onward_units > 0 else -1  # before the feed: a fault in it forgets all
+        self._passing_look_us = self._context.now_us + _PASSING_LOOK_US
+        if self._feed.move_through(self._active.target_units, self._active.limits, passing):
+            return True
+        self._stop_passing()
+        return False
+
+    def _stop_passing(self) -> None:
+        self._passing, self._passing_look_us = 0, None
+
+    def _note_passed(self) -> None:
+        """Make the waiting set-point the active one if the axis has passed the target before it."""
+        if self._passing_look_us is None or self._active is None:
+            return
+        self._passing_look_us = self._context.now_us + _PASSING_LOOK_US
+        if (self._motion.demand_units - self._active.target_units) * self._passing < 0:
+            return
+        self._stop_passing()
+        self._active, self._next = self._next, None
+        self._at_limit = self._active is not None and self._active.at_limit
+        self._acknowledged = self._starts
+
+    @property
+    def _starts(self) -> bool:
+        return bool(self._dictionary.get(od.CONTROLWORD) & Control.START)
 
     def _reached(self) -> None:
         """End the active set-point and begin the next one, if it waits."""
@@ -115,7 +178,7 @@ class ProfilePosition(DriveMode):
         self._settled_us = self._context.now_us + 1000 * self._dictionary.get(od.POSITION_WINDOW_TIME_MS)
         set_point, self._next = self._next, None
         if set_point:
-            self._acknowledged = bool(self._dictionary.get(od.CONTROLWORD) & Control.START)
+            self._acknowledged = self._starts
             self._begin(set_point, halted=False)
 
     def _set_halt(self, halted: bool) -> None:
@@ -130,7 +193,11 @@ class ProfilePosition(DriveMode):
     def finished(self) -> None:
         """Handle standstill: at the target, at the end of a halt, or after a ramp that this mode did not make."""
         was_moving = self._feed.active
-        if not self._feed.finished() or self._halted:
+        self._note_passed()
+        if not self._feed.finished():
+            return
+        self._stop_passing()
+        if self._halted:
             return
         if was_moving:
             self._reached()
@@ -140,6 +207,7 @@ class ProfilePosition(DriveMode):
     def interrupted(self) -> None:
         """Forget all set-points: the drive stops or leaves OPERATION ENABLED."""
         self._feed.abandon()
+        self._stop_passing()
         self._active = self._next = None
         self._last_target_units = self._settled_us = None
         self._at_limit = self._acknowledged = self._halted = False

@@ -311,10 +311,20 @@ class AxisMotion:
         if not self.running:
             self.flush()
             return
-        end = sum(self._get(field) for field in _SEGMENT_END_TERMS)
         self._set(k.QUEUE_COUNT, 0)
-        self._set(k.TAIL_Q16, end)
+        self._set(k.TAIL_Q16, self._running_end_q16)
         self._set(k.TAIL_VELOCITY, self._get(k.END_VELOCITY))
+
+    @property
+    def _running_end_q16(self) -> int:
+        return sum(self._get(field) for field in _SEGMENT_END_TERMS)
+
+    @property
+    def running_end(self) -> tuple[int, int]:
+        """Position in units and velocity in 1/64 unit per ms at the end of the running segment; at rest, the demand."""
+        if not self.running:
+            return self.demand_units, 0
+        return self._running_end_q16 // (self._get(k.MICROSTEPS) << 2), self._get(k.END_VELOCITY)
 
     def flush(self) -> None:
         """Drop the running segment and the queue: make no more steps. The next push starts at rest at the demand."""
