@@ -241,6 +241,8 @@ def read_harm(robot: "Robot", table: Table, beside: Mapping[str, Reading]) -> tu
 
     Raises as `read_request`.
     """
+    if "do" not in table:
+        raise InputError(f"do: is missing: one of {', '.join(REQUESTS)}")
     do = table.text("do")
     if do not in REQUESTS:
         raise unknown("do", do, REQUESTS)

@@ -261,7 +261,7 @@ def test_the_switches_are_those_of_the_file(machine: Machine) -> None:
 @pytest.mark.parametrize(
     ("request_", "complaint"),
     [
-        ({}, "do: is missing"),
+        ({}, f"do: is missing: one of {', '.join(REQUESTS)}"),
         ({"do": 3}, "do: 3 is not a text"),
         ({"do": "estpo"}, "do 'estpo' is unknown: did you mean estop?"),
         ({"do": "estop"}, "pressed: is missing"),
