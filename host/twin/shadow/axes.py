@@ -16,6 +16,8 @@ JITTER_COUNTS: Final = 2 * COUNTS_PER_MS
 """Uncertainty of a time stamp, and of the instant at which a waiting PDO took its value."""
 TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
 """A command acts at a servo tick, which may be the next one on one side only."""
+SEGMENT_S: Final = 0.016
+"""Time by which a change of a profile on the way may act later on one side: it waits for the segment in execution."""
 DRIFT: Final = 100e-6
 """Most by which the board's crystal and the computer's clock may differ, in parts of the time."""
 STEPS: Final = 2.0
@@ -32,6 +34,9 @@ _SAME_SPEED: Final = 0.3
 """Part by which a speed may differ that two PDOs tell."""
 _TWICE: Final = 2
 """PDOs one after the other that must be too far off: one may have waited for the bus."""
+
+
+_BY_PROFILE = (Mode.PROFILE_POSITION, Mode.PROFILE_VELOCITY)
 
 
 class DriveReport(NamedTuple):
@@ -110,6 +115,13 @@ class DriveSide:
             self.attained_counts = counts
 
     @property
+    def rests(self) -> bool:
+        """True if the drive says that a profile of its own has come to rest."""
+        if self.mode == Mode.PROFILE_VELOCITY:
+            return bool(self.statusword & Status.ZERO_SPEED)
+        return self.mode == Mode.PROFILE_POSITION and bool(self.statusword & Status.TARGET_REACHED)
+
+    @property
     def homing(self) -> bool:
         """True while a homing goes on."""
         return self.began_counts is not None and self.attained_counts is None and self.mode == Mode.HOMING
@@ -150,6 +162,11 @@ class ComparedAxis:
         self._rested_counts = 0
         """Instant at which the twin began to move."""
         self._peak_units_per_s = 0
+        self._last_units_per_s = 0
+        self._varied_units_per_s = 0
+        """Sum of all changes of the twin's velocity since it began to move."""
+        self._commanded = False
+        """True if a host has changed the profile since then."""
         self._last_units: int | None = None
         self._judged_homing: int | None = None
         self._board_leg = self._board_leg_before = self._twin_leg = _Leg(0, 0)
@@ -176,15 +193,27 @@ class ComparedAxis:
 
     def follow(self, now_counts: int, now: TwinAxis) -> None:
         """Note whether the twin moves, and where while it searches a switch."""
+        before_units_per_s, self._last_units_per_s = self._last_units_per_s, now.velocity_units_per_s
         if now.velocity_units_per_s:
             if now_counts - self._moved_counts > RESTS_COUNTS:
                 self._rested_counts = now_counts
-                self._peak_units_per_s = 0
+                self._peak_units_per_s = self._varied_units_per_s = 0
+                self._commanded = False
             self._moved_counts = now_counts
             self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
             if self.twin.homing:
                 self._twin_leg = _Leg(now_counts, now.position_units)
                 self._leg_units_per_s = copysign(now.leaving_units_per_s, now.velocity_units_per_s)
+        self._varied_units_per_s += abs(now.velocity_units_per_s - before_units_per_s)
+
+    def command(self, velocity_units_per_s: int) -> None:
+        """Note that a host gives the drive something while the twin moves at a velocity."""
+        self._commanded |= velocity_units_per_s != 0 and self.board.mode in _BY_PROFILE
+
+    @property
+    def _segment_units(self) -> float:
+        """How far the sides may be apart because a change of the profile waited for the next segment on one side."""
+        return self._varied_units_per_s * SEGMENT_S if self._commanded else 0.0
 
     def positions(self, now_counts: int, units: int, now: TwinAxis) -> Iterator[_Finding]:
         """Yield the difference of the board's position at this instant, if it is one and was not told."""
@@ -201,11 +230,13 @@ class ComparedAxis:
             self._anchored = rests and abs(error_units) <= REST_STEPS * self._units_per_step
             return
         own_units = min((error_units, error_units - self._accepted_units), key=abs)
-        by_jitter_units = self._homed_units if self._at_target else self._jitter_units(self._peak_units_per_s)
+        by_jitter_units = self._homed_units
+        if not self._at_target:
+            by_jitter_units = self._jitter_units(self._peak_units_per_s) + self._segment_units
         if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0
         bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
-        bound_units += 0 if rests else self._homed_units
+        bound_units += 0 if rests else self._homed_units + self._segment_units
         if rests:
             self._homed_units = 0.0
         if abs(own_units) <= bound_units:

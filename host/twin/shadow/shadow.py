@@ -19,13 +19,23 @@ from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
 from steptwin.host.twin.shadow.sayings import Sayings
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
-from steptwin.protocol.frame import COB_HEARTBEAT, COB_TPDO, FIRST_NODE_ID, NODE_ID_MAX, Frame
+from steptwin.protocol.frame import (
+    COB_HEARTBEAT,
+    COB_RPDO,
+    COB_SDO_REQUEST,
+    COB_TPDO,
+    FIRST_NODE_ID,
+    NODE_ID_MAX,
+    Frame,
+)
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 _FOLLOWS_US: Final = 10_000
 """Time from the end of a recording to what is heard next: the machine has stood still meanwhile."""
+_DOWNLOAD: Final = 1
+"""Command of an SDO request that writes an object of up to four bytes (CiA 301, initiate SDO download)."""
 _BOOT_UP: Final = bytes((NmtState.INITIALISING,))
 _LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
 """Longest time between two looks at whether something has differed for long enough."""
@@ -37,6 +47,8 @@ _HEARTBEATS_COUNTS: Final = 50 * COUNTS_PER_MS
 """Time between two heartbeats of a host while the twin is ahead."""
 _JITTER_COUNTS: Final = 10 * COUNTS_PER_MS
 """Time that a search may take longer by jitter at its begin and end, and by the PDO's inhibit time."""
+_REST_AHEAD_COUNTS: Final = 20 * COUNTS_PER_MS
+"""Longest time by which the twin comes to rest later: a segment of a profile, and jitter."""
 _AHEAD_MAX_COUNTS: Final = 120 * COUNTS_PER_SECOND
 """Longest time for which a twin searches on that stood farther from its switch."""
 
@@ -122,6 +134,9 @@ class Shadow:
             return
         if sender is Sender.HOST and frame.cob_id & ~NODE_ID_MAX == COB_HEARTBEAT:
             self._watched[frame.cob_id] = frame
+        if sender is Sender.HOST and _gives(frame) and (node_id := frame.cob_id & NODE_ID_MAX) in self._node_ids:
+            axis = node_id - FIRST_NODE_ID
+            self._axes[axis].command(self._dictionaries[axis].get(od.VELOCITY_ACTUAL))
         self._player.play(us, frame, sender)
         if sender is Sender.BOARD:
             self._pass_time(self._player, us)
@@ -175,9 +190,12 @@ class Shadow:
         if told is None:
             return
         compared = self._axes[axis]
+        rested = compared.board.rests
         (compared.board if of_board else compared.twin).take(counts, told)
         if of_board and compared.waits_for_the_twin:
             self._catch_up(axis, counts)
+        if of_board and not rested and compared.board.rests and dictionary.get(od.VELOCITY_ACTUAL):
+            self._let_rest(counts)
         if of_board and told.position_units is not None:
             for finding in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
                 self._say(counts, axis, *finding)
@@ -224,6 +242,22 @@ class Shadow:
         self._player.first_counts += ahead_counts
         self.caught_up_s += ahead_counts / COUNTS_PER_SECOND
 
+    def _let_rest(self, counts: int) -> None:
+        """Let the twin come to rest, where its profile ends a little later, before the host's next frame.
+
+        That may be for a drive that stands. The whole machine does, so the stamps' clock is so much later. If the twin
+        does not come to rest, it moves by what the host has sent since, and keeps its time.
+        """
+        assert self._player is not None
+        simulation, until_counts = self.machine.simulation, counts + _REST_AHEAD_COUNTS
+        velocities = [dictionary.get(od.VELOCITY_ACTUAL) for dictionary in self._dictionaries]
+        if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
+            return
+        while any(board.motion.running_axes for board in simulation.boards) and simulation.now_counts < until_counts:
+            simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
+        if not any(board.motion.running_axes for board in simulation.boards):
+            self._player.first_counts += simulation.now_counts - counts
+
     def _say(
         self, counts: int, axis: int, kind: DiscrepancyKind, board: str, twin: str, error_steps: float | None = None
     ) -> None:
@@ -237,6 +271,13 @@ class Shadow:
 
 def _forget(_frame: Frame, _counts: int) -> None:
     """Keep no frame."""
+
+
+def _gives(frame: Frame) -> bool:
+    """Return whether a host's frame gives a node something: process data, or an SDO request that writes."""
+    base = frame.cob_id & ~NODE_ID_MAX
+    writes = base == COB_SDO_REQUEST and bool(frame.data) and frame.data[0] >> 5 == _DOWNLOAD
+    return writes or base in COB_RPDO
 
 
 def _is_boot_up(frame: Frame) -> bool:

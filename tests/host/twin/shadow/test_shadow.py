@@ -10,6 +10,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import EmergencyStop, Slip, WatchdogReset
 from steptwin.host.operate.homing import home_robot
+from steptwin.host.operate.jogging import jog
 from steptwin.host.operate.moving import move
 from steptwin.host.record.recorded_bus import RecordedFrame
 from steptwin.host.robots import load_robot
@@ -195,3 +196,33 @@ def test_frames_of_other_nodes_do_not_matter(quiet: Real, fast_kernel: Kernel) -
     strange = [(us, Frame(0x1C0, b"\x01\x02")) for us, _ in quiet.heard()[100::50]]
     told, _ = shadowed(ROBOT, sorted([*quiet.heard(), *strange], key=lambda each: each[0]), fast_kernel)
     assert told == []
+
+
+@pytest.fixture(scope="module")
+def jogged(fast_kernel: Kernel) -> Real:
+    """A machine whose axes are jogged for times that differ by parts of a profile's segment."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    for i in range(10):
+        jog(real.session, "d3", (1 - 2 * (i % 2)) * 0.9 * ROBOT.joints[2].speed_max, 0.25 + 0.0017 * i)
+        real.board.wait(0.02 * (i % 3) if i < 8 else 0.4)
+    return real
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jog_may_end_a_segment_earlier_or_later(jogged: Real, seed: int, fast_kernel: Kernel) -> None:
+    """The ramp to rest waits for the end of the segment in execution, which is another one if the stamp is late."""
+    told, _ = shadowed(ROBOT, jogged.heard(jitter_us=1500, seed=seed), fast_kernel)
+    assert told == []
+
+
+@pytest.mark.parametrize(("part", "found"), [(0.8, False), (1.2, True), (-1.2, True)])
+def test_a_jog_that_ends_elsewhere(jogged: Real, part: float, found: bool, fast_kernel: Kernel) -> None:
+    """Its speed rises and falls once, each change within a segment of 16 ms; 2.25 ms are jitter."""
+    units_per_s = 0.9 * ROBOT.joints[2].speed_max * float(ROBOT.wire_units_per_unit[2])
+    units = round(units_per_s * (2 * 0.016 + 0.00225) * part)
+    heard = jogged.heard()
+    cob_id = COB_TPDO[0] + TH2_NODE + 1
+    last = sum(frame.cob_id == cob_id for _, frame in heard)
+    told, _ = shadowed(ROBOT, changed(heard, cob_id, moved(units), last - 3, last), fast_kernel)
+    assert {each.axis for each in told} == ({"d3"} if found else set())
