@@ -242,7 +242,7 @@
   // lost while the connection was made again, the page is loaded again: it must not show who operated, or what was in
   // the way, some time ago.
 
-  const BEHIND_LOOKS = 50;
+  const BEHIND_LOOKS = 150; // 15 s in which the page itself was not held up: a slow computer takes seconds to show a change
   let due = null; // number of the last change that the page should show
   let behind = null; // { due, looks } while it shows an older one
 
