@@ -29,6 +29,10 @@ from steptwin.host.panel.page.visitor import Answer, Visitor, apply_theme, note_
 V = TypeVar("V", bound=View)
 
 
+_SHOWN_S: Final = 5.0
+"""Time from sending a change to when a browser must show it."""
+
+
 class Page:
     """The views of one browser."""
 
@@ -36,8 +40,10 @@ class Page:
         """Make an empty page, which `build` fills."""
         self.visitor = visitor
         self.views: list[View] = []
-        self.revision = 0
-        """Number of the last change that the views have followed; the page's script looks whether it is shown."""
+        self._revision = self._due = 0
+        """Number of the last change that the views have followed, and of the one that the browser must show by now."""
+        self._marked, self._marked_s = 0, time.monotonic()
+        """The change that is due next, and since when."""
 
     async def build(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
@@ -104,19 +110,30 @@ class Page:
         """
         if before is not None:
             self.run.go_on(before.run.shown())
+        self._due, self._marked, self._marked_s = 0, self._revision, time.monotonic()  # what was missed is sent now
         self._scene.arrive()
         self._plots.fill()
         operators = self.visitor.desk.operators
         if operators.holder is None:
             self.visitor.attempt(lambda: operators.take(self.visitor.tab, self.visitor.name))
 
+    def due(self, now_s: float) -> int:
+        """Return the number of the change that the browser must show by now: it was sent some seconds ago.
+
+        Words and numbers come by the same connection, in order: whatever was sent before has come, however slow the
+        browser is.
+        """
+        if now_s - self._marked_s > _SHOWN_S:
+            self._due, self._marked, self._marked_s = self._marked, self._revision, now_s
+        return self._due
+
     def refresh(self, snapshot: Snapshot) -> None:
         """Let every view follow what has changed."""
-        self.revision += 1
+        self._revision += 1
         self._root.classes(add="" if snapshot.connected else "unseen", remove="unseen" if snapshot.connected else "")
         for view in self.views:
             view.refresh(snapshot)
-        self._head.props(f"data-revision={self.revision}")  # last: a view that could not follow keeps it old
+        self._head.props(f"data-revision={self._revision}")  # last: a view that could not follow keeps it old
 
 
 def tick_of(snapshot: Snapshot) -> dict[str, Any]:
@@ -206,19 +223,19 @@ class Hub:
         now_s = time.monotonic()
         if snapshot.connected and snapshot.number != self._number:
             self._number, self._sent_s = snapshot.number, now_s
-            await self._send("tick", json.dumps(tick_of(snapshot)))
+            await self._send("tick", json.dumps(tick_of(snapshot)), now_s)
         elif now_s - self._sent_s > _ALIVE_S:  # so that a page knows a machine that is lost from a panel that is
             self._sent_s = now_s
-            await self._send("alive", "")
+            await self._send("alive", "", now_s)
         seen = self._changes(snapshot)
         if seen != self._seen:
             self._seen = seen
             for page in list(self._pages.values()):
                 page.refresh(snapshot)
 
-    async def _send(self, name: str, text: str) -> None:
+    async def _send(self, name: str, text: str, now_s: float) -> None:
         for client_id, page in list(self._pages.items()):
-            await core.sio.emit(name, (text, page.revision), room=client_id)
+            await core.sio.emit(name, (text, page.due(now_s)), room=client_id)
 
     def _changes(self, snapshot: Snapshot) -> Hashable:
         """Return all that views show beside the numbers of a tick; while it stays the same they need not look."""

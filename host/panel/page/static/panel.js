@@ -206,14 +206,18 @@
     sayStop();
   }
 
-  function alive(revision) {
+  // Words and buttons come as NiceGUI's own messages. Where one of them was lost, as while the connection was made again,
+  // the page is loaded again: it must not show who operated, or what was in the way, some time ago. `due` is the number of
+  // a change that was sent to this page seconds ago, before this message.
+  function alive(due) {
     lastTick = performance.now();
-    due = revision;
+    const shownChange = document.querySelector("[data-revision]")?.dataset.revision;
+    if (shownChange !== undefined && Number(shownChange) < due) window.location.reload();
     setSilent(false);
   }
 
-  function tick(now, revision) {
-    alive(revision);
+  function tick(now, due) {
+    alive(due);
     shown = now.n;
     held = now.held;
     if (held && stop?.kind === "emergency_stop") obeyed(stop);
@@ -238,30 +242,12 @@
     document.querySelector(".live-plot")?.livePlot?.add(now.t, now.q, now.v, now.e);
   }
 
-  // Words and buttons come on another way than the numbers. Where they stay behind for good, as after a message that was
-  // lost while the connection was made again, the page is loaded again: it must not show who operated, or what was in
-  // the way, some time ago.
-
-  const BEHIND_LOOKS = 150; // 15 s in which the page itself was not held up: a slow computer takes seconds to show a change
-  let due = null; // number of the last change that the page should show
-  let behind = null; // { due, looks } while it shows an older one
-
-  function lookBehind() {
-    const shownRevision = Number(document.querySelector("[data-revision]")?.dataset.revision);
-    if (behind && shownRevision >= behind.due) behind = null;
-    if (due === null || shownRevision >= due) return;
-    behind ??= { due, looks: 0 };
-    behind.looks += 1;
-    if (behind.looks === BEHIND_LOOKS) window.location.reload();
-  }
-
   // A server that has stopped sending is as good as a machine that is not seen: grey everything. A page that was held up
   // itself has not looked at what has come meanwhile: that is no silence.
   setInterval(() => {
     const now = performance.now();
     const heldUp = now - lastLook > 2 * LOOK_MS;
     lastLook = now;
-    if (!heldUp && !silent()) lookBehind();
     if (!heldUp && now - lastTick > SILENT_MS) setSilent(true);
     else sayStop();
   }, LOOK_MS);
@@ -300,8 +286,8 @@
     if (!window.socket || window.socket === heard) return;
     heard = window.socket;
     nameShown(heard);
-    heard.on("alive", (_, revision) => alive(revision));
-    heard.on("tick", (text, revision) => tick(JSON.parse(text), revision));
+    heard.on("alive", (_, due) => alive(due));
+    heard.on("tick", (text, due) => tick(JSON.parse(text), due));
     heard.on("disconnect", () => setSilent(true));
     heard.once("tick", openLastTab);
   }, 50);
