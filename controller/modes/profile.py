@@ -204,11 +204,8 @@ def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) 
     A jerk-limited motion first brings the acceleration to 0.
     """
     unbend, velocity = _unbend(velocity, acceleration, limits)
-    distance = distance_units << _PER_UNIT_BITS
-    if unbend is None:
-        return Profile(_ramps_to(distance, velocity, limits))
-    ramps = _ramps_to(distance - _way_of_second_half(unbend), velocity, limits)
-    return Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
+    distance = (distance_units << _PER_UNIT_BITS) - _way_of(unbend)
+    return _begun_with(unbend, _ramps_to(distance, velocity, limits))
 
 
 def move_through(
@@ -220,20 +217,15 @@ def move_through(
     if it must stop there: the next target is not farther in the same direction, or there is no room to pass.
     """
     unbend, velocity = _unbend(velocity, acceleration, limits)
-    distance = distance_units << _PER_UNIT_BITS
-    if unbend is not None:
-        distance -= _way_of_second_half(unbend)
+    distance = (distance_units << _PER_UNIT_BITS) - _way_of(unbend)
     ramps = _ramps_through(distance, velocity, limits, passing)
-    if ramps is None or unbend is None:
-        return None if ramps is None else Profile(ramps)
-    return Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
+    return None if ramps is None else _begun_with(unbend, ramps)
 
 
 def stop(velocity: int, acceleration: int, limits: Limits) -> Profile:
     """Return the shortest profile to rest; it ends at a whole unit."""
     unbend, velocity = _unbend(velocity, acceleration, limits)
-    halt = _ramp(velocity, 0, limits.deceleration, limits.jerk)
-    return Profile([halt]) if unbend is None else Profile([unbend, halt], skipped_ms=unbend.duration_ms // 2)
+    return _begun_with(unbend, [_ramp(velocity, 0, limits.deceleration, limits.jerk)])
 
 
 def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | None, int]:
@@ -255,8 +247,15 @@ def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | No
     return Ramp(velocity - change, after, 2 * half_ms, half_ms), after
 
 
-def _way_of_second_half(unbend: Ramp) -> int:
-    """Return how far the second half of a ramp leads, in 1/128 unit."""
+def _begun_with(unbend: Ramp | None, ramps: list[Ramp]) -> Profile:
+    """Return the profile of ramps behind the second half of the ramp that brings the acceleration to 0, if any."""
+    return Profile(ramps) if unbend is None else Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
+
+
+def _way_of(unbend: Ramp | None) -> int:
+    """Return how far the second half of that ramp leads, in 1/128 unit."""
+    if unbend is None:
+        return 0
     covered = (unbend.distance << _FRACTION_BITS) - unbend.position(unbend.duration_ms // 2)
     return _rounded(covered, _FRACTION_BITS)
 
