@@ -21,7 +21,7 @@ DOWNLOAD_BLOCK_SIZE = 31
 
 # Client command specifiers, bits 7..5 of the first byte.
 _DOWNLOAD_SEGMENT: Final = 0
-_DOWNLOAD_INITIATE: Final = 1
+DOWNLOAD_INITIATE: Final = 1
 _UPLOAD_INITIATE: Final = 2
 _UPLOAD_SEGMENT: Final = 3
 _ABORT: Final = 4
@@ -56,7 +56,7 @@ def initiates(first_byte: int) -> bool:
         return not first_byte & _END
     if command == _BLOCK_UPLOAD:
         return first_byte & 3 == _INITIATE
-    return command in (_DOWNLOAD_INITIATE, _UPLOAD_INITIATE)
+    return command in (DOWNLOAD_INITIATE, _UPLOAD_INITIATE)
 
 
 class ServedObjects(Protocol):
@@ -130,11 +130,11 @@ class SdoServer:
             steps = _block_upload(request, self._dictionary.read(address))
         else:
             limit = self._dictionary.size_to_write(address)
-            if command == _DOWNLOAD_INITIATE and request[0] & _EXPEDITED:
+            if command == DOWNLOAD_INITIATE and request[0] & _EXPEDITED:
                 size = 4 - (request[0] >> 2 & 3) if request[0] & _SIZE_INDICATED else limit
                 self._dictionary.write(address, request[4 : 4 + size])
                 return [_answer(0x60, request)]
-            download = self._download if command == _DOWNLOAD_INITIATE else self._block_download
+            download = self._download if command == DOWNLOAD_INITIATE else self._block_download
             steps = download(request, address, limit)
         self._transfer = _Transfer(address, steps)
         return next(steps)

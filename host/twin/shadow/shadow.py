@@ -30,12 +30,11 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_server import DOWNLOAD_INITIATE
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 _FOLLOWS_US: Final = 10_000
 """Time from the end of a recording to what is heard next: the machine has stood still meanwhile."""
-_DOWNLOAD: Final = 1
-"""Command of an SDO request that writes an object of up to four bytes (CiA 301, initiate SDO download)."""
 _BOOT_UP: Final = bytes((NmtState.INITIALISING,))
 _LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
 """Longest time between two looks at whether something has differed for long enough."""
@@ -215,6 +214,10 @@ class Shadow:
             for finding in (*compared.states(now_counts), *compared.homings()):
                 self._say(now_counts, axis, *finding)
 
+    @property
+    def _twin_moves(self) -> bool:
+        return any(board.motion.running_axes for board in self.machine.simulation.boards)
+
     def _catch_up(self, axis: int, counts: int) -> None:
         """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
 
@@ -237,7 +240,7 @@ class Shadow:
         if compared.twin.homing:
             compared.leave()
         ahead_counts = simulation.now_counts - counts
-        if ahead_counts <= _JITTER_COUNTS and any(board.motion.running_axes for board in simulation.boards):
+        if ahead_counts <= _JITTER_COUNTS and self._twin_moves:
             return
         self._player.first_counts += ahead_counts
         self.caught_up_s += ahead_counts / COUNTS_PER_SECOND
@@ -253,9 +256,9 @@ class Shadow:
         velocities = [dictionary.get(od.VELOCITY_ACTUAL) for dictionary in self._dictionaries]
         if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
             return
-        while any(board.motion.running_axes for board in simulation.boards) and simulation.now_counts < until_counts:
+        while self._twin_moves and simulation.now_counts < until_counts:
             simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
-        if not any(board.motion.running_axes for board in simulation.boards):
+        if not self._twin_moves:
             self._player.first_counts += simulation.now_counts - counts
 
     def _say(
@@ -276,7 +279,7 @@ def _forget(_frame: Frame, _counts: int) -> None:
 def _gives(frame: Frame) -> bool:
     """Return whether a host's frame gives a node something: process data, or an SDO request that writes."""
     base = frame.cob_id & ~NODE_ID_MAX
-    writes = base == COB_SDO_REQUEST and bool(frame.data) and frame.data[0] >> 5 == _DOWNLOAD
+    writes = base == COB_SDO_REQUEST and bool(frame.data) and frame.data[0] >> 5 == DOWNLOAD_INITIATE
     return writes or base in COB_RPDO
 
 
