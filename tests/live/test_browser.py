@@ -156,9 +156,8 @@ def test_any_browser_stops_in_an_emergency_by_click_and_by_key(operator: Browser
     watcher.until(lambda: watcher.shows("operates, you watch"))
     for stop in (by_click, by_key):
         hold(operator, "jog th2 backward")
-        operator.until(
-            lambda: not emergency_stopped(operator)
-        )  # on a busy computer its words may still tell of the first
+        # On a busy computer the words may still tell of the first stop.
+        operator.until(lambda: not emergency_stopped(operator))
         stop()
         operator.until(lambda: emergency_stopped(operator))
         try:

@@ -40,10 +40,9 @@ class Page:
         """Make an empty page, which `build` fills."""
         self.visitor = visitor
         self.views: list[View] = []
-        self._revision = self._due = 0
-        """Number of the last change that the views have followed, and of the one that the browser must show by now."""
-        self._marked, self._marked_s = 0, time.monotonic()
-        """The change that is due next, and since when."""
+        self._revision = 0
+        """Number of the last change that the views have followed."""
+        self._expect_from_now()
 
     async def build(self, positions_file: str, control: ControlClient | None) -> None:
         """Make the views, with a turn for others after each: a page that is opened must not hold up another's beats."""
@@ -110,12 +109,16 @@ class Page:
         """
         if before is not None:
             self.run.go_on(before.run.shown())
-        self._due, self._marked, self._marked_s = 0, self._revision, time.monotonic()  # what was missed is sent now
+        self._expect_from_now()  # what was missed is sent now
         self._scene.arrive()
         self._plots.fill()
         operators = self.visitor.desk.operators
         if operators.holder is None:
             self.visitor.attempt(lambda: operators.take(self.visitor.tab, self.visitor.name))
+
+    def _expect_from_now(self) -> None:
+        """Expect no change that came before to be shown: `_marked` is due next, since it was noted at `_marked_s`."""
+        self._due, self._marked, self._marked_s = 0, self._revision, time.monotonic()
 
     def due(self, now_s: float) -> int:
         """Return the number of the change that the browser must show by now: it was sent some seconds ago.
