@@ -35,6 +35,15 @@ def pulses(board: ProfileBench, timeout_ms: int = 5000) -> list[float]:
     return rises_ms(board)
 
 
+def farthest_units(board: ProfileBench, every_ms: float) -> int:
+    """Return the farthest demand until the last target has been reached, looked at so often."""
+    farthest = 0
+    while not board.has(REACHED):
+        board.wait(every_ms)
+        farthest = max(farthest, board.value(od.POSITION_DEMAND))
+    return farthest
+
+
 def rate_at(rises: list[float], step: int) -> float:
     """Return the steps per second around a step, from the pulses nearest to it."""
     return 2000 / (rises[step + 1] - rises[step - 1])
@@ -152,11 +161,7 @@ def test_it_stops_at_a_target_where_it_turns_round(pp: ProfileBench, second: int
     pp.write(od.END_VELOCITY, 4000 * STEP)
     pp.set_point(1000 * STEP)
     pp.set_point(second * STEP, bits)
-    farthest = 0
-    while not pp.has(REACHED):
-        pp.wait(1)
-        farthest = max(farthest, pp.value(od.POSITION_DEMAND))
-    assert farthest == 1000 * STEP
+    assert farthest_units(pp, 1) == 1000 * STEP
     assert pp.value(od.POSITION_DEMAND) == second * STEP
     assert len(rises_ms(pp)) == 1000 + 1000 - second
 
@@ -167,10 +172,7 @@ def test_a_way_onward_too_short_for_the_velocity_is_passed_more_slowly(pp: Profi
     pp.write(od.POSITION_LIMIT_MAX, 1210 * STEP)
     pp.set_point(1000 * STEP)
     pp.set_point(second * STEP, ON_SET_POINT)
-    farthest = 0
-    while not pp.has(REACHED):
-        pp.wait(0.25)
-        farthest = max(farthest, pp.value(od.POSITION_DEMAND))
+    farthest = farthest_units(pp, 0.25)
     last = min(second, 1210)
     assert farthest == pp.value(od.POSITION_DEMAND) == last * STEP
     assert pp.has(Status.INTERNAL_LIMIT) is (second > 1210)
@@ -284,10 +286,7 @@ def test_a_set_point_that_comes_late(pp: ProfileBench, given_ms: int, profile_ty
 @pytest.mark.parametrize("microsteps", [1, 16])
 def test_a_row_of_relative_set_points_is_one_motion(fast_kernel: Kernel, microsteps: int) -> None:
     """Ten ways of 400 full steps take as long as one of 4000: 1.1 s at 4000 full steps/s."""
-    board = ProfileBench(fast_kernel, Mode.NONE)
-    board.write(od.CONTROLWORD, 0)
-    board.write(od.MICROSTEPS, microsteps)
-    board.enable(Mode.PROFILE_POSITION)
+    board = ProfileBench.with_microsteps(fast_kernel, microsteps)
     full_step = 16384
     speed = min(4000, 8000 // microsteps) * full_step
     board.write(od.PROFILE_VELOCITY, speed)
@@ -346,10 +345,7 @@ def test_for_any_set_points_it_ends_at_the_last_target(
     fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, int, float]], microsteps: int
 ) -> None:
     """The queue neither runs out nor is refused: that would be an emergency."""
-    board = ProfileBench(fast_kernel, Mode.NONE)
-    board.write(od.CONTROLWORD, 0)
-    board.write(od.MICROSTEPS, microsteps)
-    board.enable(Mode.PROFILE_POSITION)
+    board = ProfileBench.with_microsteps(fast_kernel, microsteps)
     for target, bits, profile_type, velocity, end_velocity, acceleration, deceleration, wait_ms in script:
         board.write(od.MOTION_PROFILE_TYPE, profile_type)
         board.write(od.PROFILE_VELOCITY, velocity)
@@ -360,14 +356,7 @@ def test_for_any_set_points_it_ends_at_the_last_target(
         board.word(NEW | bits)
         board.word(bits & HALT)
         board.wait(wait_ms)
-    board.write(od.PROFILE_VELOCITY, 10**7)
-    board.write(od.PROFILE_ACCELERATION, 10**8)
-    board.write(od.TARGET_POSITION, 12_345)
-    board.word()
-    board.word(NEW | AT_ONCE)
-    board.until(REACHED)
-    assert board.value(od.POSITION_DEMAND) == 12_345
-    assert board.frames(0x090) == [], "no emergency"
+    board.ends_at_a_last_target()
 
 
 @given(

@@ -278,10 +278,7 @@ changes = st.tuples(
 def test_for_any_set_points_the_queue_neither_runs_out_nor_is_refused(
     fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, float]], microsteps: int
 ) -> None:
-    board = ProfileBench(fast_kernel, Mode.NONE)
-    board.write(od.CONTROLWORD, 0)
-    board.write(od.MICROSTEPS, microsteps)
-    board.enable(Mode.PROFILE_POSITION)
+    board = ProfileBench.with_microsteps(fast_kernel, microsteps)
     for target, bits, profile_type, velocity, acceleration, deceleration, wait_ms in script:
         board.write(od.MOTION_PROFILE_TYPE, profile_type)
         board.write(od.PROFILE_VELOCITY, velocity)
@@ -291,11 +288,4 @@ def test_for_any_set_points_the_queue_neither_runs_out_nor_is_refused(
         board.word(NEW | bits)
         board.word(bits & HALT)
         board.wait(wait_ms)
-    board.write(od.PROFILE_VELOCITY, 10**7)
-    board.write(od.PROFILE_ACCELERATION, 10**8)
-    board.write(od.TARGET_POSITION, 12_345)
-    board.word()
-    board.word(NEW | AT_ONCE)
-    board.until(Status.TARGET_REACHED)
-    assert board.value(od.POSITION_DEMAND) == 12_345
-    assert board.frames(0x090) == [], "no emergency"
+    board.ends_at_a_last_target()
