@@ -18,6 +18,8 @@ _SIZE: Final = (1440, 1000)
 _PHONE: Final = (412, 915)
 _Q0: Final = "return document.querySelector('[data-live=q0]').textContent"
 """The first joint's position, as the page shows it."""
+_CLOSER_S: Final = 4.0
+"""Time after which the camera has come closer, since less is to be seen."""
 _COLOURS: Final = 128
 """Enough for the page, and a third of the bytes."""
 
@@ -55,6 +57,7 @@ def _small_arm() -> None:
         browser.open(url)
         browser.home()
         browser.click("Clear trace")  # of the homing
+        time.sleep(_CLOSER_S)
         for name in ("Jog", "Move", "Run", "Outputs", "Settings", "Hardware"):
             browser.tab(name)
             _picture(browser, name.lower())
