@@ -72,7 +72,9 @@ test-compiled: $(VENV)/.installed-dev
 		tests/protocol tests/controller tests/emulator tests/host/client
 	$(ON_WHEEL) -m tests.end_to_end.fingerprints
 
-# With the lowest versions that pyproject.toml allows: the drawer pull, and tests that meet each library.
+# With the lowest versions that pyproject.toml allows: the drawer pull, and tests that meet each library. The compiled kernel has
+# its own cache: while one numba writes over what another has stored, a third process can load the other's code, and fails.
+test-lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST)/numba)
 test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/steptwin run warehouse-scara drawer-pull --out $(LOWEST)/drawer-pull
 	$(LOWEST)/bin/python -m pytest --numprocesses 2 --dist worksteal \

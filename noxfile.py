@@ -25,13 +25,17 @@ nox.options.sessions = ["tests", "built", "lowest", "types"]
 nox.options.default_venv_backend = "venv"
 
 
+def _temporary(session: nox.Session) -> Path:
+    return Path(session.create_tmp()).resolve()
+
+
 def _pytest(session: nox.Session, *options: str, **environment: str) -> None:
-    """Run the tests, or those that are named behind `--`."""
+    """Run the tests, or those that are named behind `--`; each session's numba keeps its code apart."""
     ignored = [word for path in SLOW for word in ("--ignore", path)]
     session.run(
         *("python", "-P", "-m", "pytest", "--numprocesses", "auto", "--dist", "worksteal", *options),
         *(session.posargs or [*WITHOUT_PROCESSES, *ignored]),
-        env={"OPENBLAS_NUM_THREADS": "1", **environment},
+        env={"OPENBLAS_NUM_THREADS": "1", "NUMBA_CACHE_DIR": str(_temporary(session) / "numba"), **environment},
     )
 
 
@@ -55,7 +59,7 @@ def built(session: nox.Session, target: str) -> None:
     """Test the built wheel, and one that is made of the built sdist, by the checkout's tests."""
     _install_tools(session)
     session.install(f".{EXTRAS}")  # what it needs
-    folder = Path(session.create_tmp()).resolve()
+    folder = _temporary(session)
     session.run(*("python", "-m", "hatchling", "build", "--target", target, "--directory", str(folder / target)))
     (package,) = (folder / target).iterdir()
     site = folder / f"{target}-site"
