@@ -73,7 +73,7 @@ _ENCODING: Final = "utf-8-sig"
 """UTF-8, with or without the byte order mark that Excel and Notepad write."""
 
 
-def read_text(path: str, bytes_max: int) -> str:
+def read_text(path: Path | str, bytes_max: int) -> str:
     """Return a file's text; raise InputError, without the path, if it cannot be read, is too long or is not UTF-8."""
     with opened_text(path, bytes_max) as file:
         text = file.read(bytes_max + 1)
@@ -91,7 +91,7 @@ def is_file(path: Path) -> bool:
 
 
 @contextmanager
-def opened_text(path: str, bytes_max: int) -> Iterator[TextIO]:
+def opened_text(path: Path | str, bytes_max: int) -> Iterator[TextIO]:
     """Open a text for the block. A regular file that is too long is refused before anything is read.
 
     A byte order mark at its beginning, as Windows' programs write it, is left out.

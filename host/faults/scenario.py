@@ -7,6 +7,7 @@ The same scenario on the same run gives the same bytes. Every error of reading b
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from random import Random
 from typing import Any, Final
 
@@ -103,7 +104,7 @@ TIME_MAX_S: Final = 86_400.0
 SEED_MAX: Final = (1 << 31) - 1
 
 
-def read_scenario(path: str, robot: Robot) -> Scenario:
+def read_scenario(path: Path | str, robot: Robot) -> Scenario:
     """Return the scenario in a file for a robot; raise InputError, with file and place, for what is wrong in it."""
     findings = Findings()
     with prefixed(f"{path}: "):

@@ -57,8 +57,9 @@ def brought_text(name: str) -> str:
     return {**_PAPERS, **_MACHINES}[name].read_text(encoding="utf-8")
 
 
-def load_robot(name: str) -> Robot:
+def load_robot(name: Path | str) -> Robot:
     """Return a robot by its name, or by the path of a .toml file; raise InputError with the key of a wrong value."""
+    name = str(name)
     if name.endswith(SUFFIX):
         return load_robot_file(name)
     if name not in robot_names() and is_file(Path(f"{name}{SUFFIX}")):
@@ -72,8 +73,8 @@ def _load_brought(name: str) -> Robot:
     return parse_robot(brought_text(name), f"{name}{SUFFIX}")
 
 
-def load_robot_file(path: str) -> Robot:
+def load_robot_file(path: Path | str) -> Robot:
     """Return the robot in a file of any name; raise InputError as `load_robot` does."""
     with prefixed(f"{path}: "):
         text = read_text(path, ROBOT_BYTES_MAX)
-    return parse_robot(text, path)
+    return parse_robot(text, str(path))

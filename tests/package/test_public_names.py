@@ -6,10 +6,12 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import steptwin
@@ -119,3 +121,28 @@ def test_examples_use_public_names_only(path: str) -> None:
 def test_the_page_s_python_runs(tmp_path: Path) -> None:
     for code in re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL):
         subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd=tmp_path)
+
+
+def test_a_path_is_as_good_as_its_text(tmp_path: Path) -> None:
+    """For each public function that reads a file."""
+    robot = steptwin.load_robot("calibration-scara")
+    readers: dict[str, tuple[str, Callable[[Any], Any]]] = {
+        "arm.toml": (robot.toml, steptwin.load_robot),
+        "points.csv": (
+            f"t,{','.join(robot.joint_names)}\n0,0,0,0,0\n1,5,5,5,5\n",
+            lambda path: steptwin.read_trajectory(path, robot).velocities(np.array([0.3])).tolist(),
+        ),
+        "program.toml": ("[[step]]\npause = 0.5\n", steptwin.read_program),
+        "faults.toml": (
+            '[[fault]]\nat_s = 0.5\ndo = "estop"\npressed = true\n',
+            lambda path: steptwin.read_scenario(path, robot),
+        ),
+        "measured.csv": (
+            f"{','.join(robot.joint_names)},x,y,z\n0,0,0,0,1,2,3\n",
+            lambda path: steptwin.read_measurements(path, robot).positions_mm.tolist(),
+        ),
+    }
+    for name, (text, read) in readers.items():
+        file = tmp_path / name
+        file.write_text(text, encoding="utf-8")
+        assert read(file) == read(str(file)), name

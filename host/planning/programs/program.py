@@ -215,4 +215,4 @@ def _load_file(program: Program, name: str) -> Robot:
         near = [f"{name}{SUFFIX}" for name in nearest(path.stem, beside)]
         hint = f": did you mean {' or '.join(near)}?" if near else ", counted from the program's folder"
         raise InputError(f"{path}: there is no such file{hint}")
-    return load_robot_file(str(path))
+    return load_robot_file(path)

@@ -106,7 +106,7 @@ _REPEAT_MAX: Final = 10_000
 _FULL_TURN_DEG: Final = 360.0
 
 
-def read_program(path: str) -> Program:
+def read_program(path: Path | str) -> Program:
     """Return the program in a file; raise InputError, with file and place, for the first thing that is wrong."""
     findings = Findings()
     with prefixed(f"{path}: "):

@@ -11,6 +11,7 @@ both may have the tool's coordinates x, y, z and phi. docs/trajectory-files.md d
 
 from io import StringIO
 from math import inf
+from pathlib import Path
 from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
@@ -49,7 +50,7 @@ def is_trajectory_file(name: str) -> bool:
 
 
 def read_trajectory(
-    path: str,
+    path: Path | str,
     robot: Robot,
     *,
     interpolate: str | None = None,
@@ -62,7 +63,7 @@ def read_trajectory(
     """Return the trajectory in a file whose name ends in one of SUFFIXES.
 
     Args:
-        path: Name of the file.
+        path: Path of the file.
         robot: Robot whose joints or tool the file moves.
         interpolate: Motion between points without velocities: `spline`, the default, `linear` or `stop`.
         ramps_s: Duration, a whole number of milliseconds, of a run-in and a run-out for a file that starts or ends in
@@ -85,7 +86,7 @@ def read_trajectory(
 
 
 def read_file_motion(
-    path: str,
+    path: Path | str,
     robot: Robot,
     *,
     interpolate: str | None = None,
@@ -110,7 +111,7 @@ def read_file_motion(
         return FileMotion.of(robot, points, interpolation, ramps_s, is_fastest=law is not None, drives=drives)
 
 
-def read_trajectory_until(until_s: float, path: str, robot: Robot) -> Sampled | Sequence:
+def read_trajectory_until(until_s: float, path: Path | str, robot: Robot) -> Sampled | Sequence:
     """Return the trajectory in a file up to its last point at or before an instant.
 
     Raises:
@@ -129,10 +130,11 @@ def _motion(points: Points, robot: Robot, until_s: float) -> Sampled | Sequence:
     return FileMotion.of(robot, points.until(until_s).joint_points(robot), None, 0.0).trajectory
 
 
-def _points(path: str) -> Points:
-    if path.lower().endswith(".json"):
+def _points(path: Path | str) -> Points:
+    name = str(path).lower()
+    if name.endswith(".json"):
         return read_json(read_text(path, JSON_BYTES_MAX))
-    if path.lower().endswith((".yaml", ".yml")):
+    if name.endswith((".yaml", ".yml")):
         return read_yaml(read_text(path, YAML_BYTES_MAX))
     with opened_text(path, CSV_BYTES_MAX) as file:
         return read_csv(file)

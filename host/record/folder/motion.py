@@ -75,7 +75,7 @@ def read_motion(folder: Path, robot: Robot, switchings: Sequence[Switching], unt
     path = existing_file(folder, TRAJECTORY)
     end_s = min((until_s, *(change.from_s for change in switchings if change.until_s > until_s)))
     known = tuple(change for change in switchings if change.until_s <= end_s)
-    return replace(read_trajectory_until(end_s, str(path), robot), switchings=known)
+    return replace(read_trajectory_until(end_s, path, robot), switchings=known)
 
 
 def _derived_texts(robot: Robot, t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> Iterator[str]:

@@ -126,7 +126,7 @@ class StoredRun:
 
 def read_robot(folder: Path) -> Robot:
     """Return a folder's robot; raise InputError if its file is missing or wrong."""
-    return load_robot_file(str(existing_file(folder, ROBOT)))
+    return load_robot_file(existing_file(folder, ROBOT))
 
 
 def check_axes(path: Path, evidence: Evidence, robot: Robot) -> None:

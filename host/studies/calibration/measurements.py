@@ -5,6 +5,7 @@ each pose. Positions are in the robot's world frame.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -50,7 +51,7 @@ class Measurements:
         return len(self.lines)
 
 
-def read_measurements(path: str, robot: Robot) -> Measurements:
+def read_measurements(path: Path | str, robot: Robot) -> Measurements:
     """Return the measurements in a file, one a pose: a repeated pose counts once, where it was measured on average.
 
     Each further measurement of a pose tells of the measuring device's noise, but nothing new of the arm.

@@ -309,7 +309,7 @@ class MachineOptions:
         from steptwin.host.faults.scenario import Scenario, read_scenario
 
         if isinstance(self.scenario, Path | str):
-            return read_scenario(str(self.scenario), robot)
+            return read_scenario(self.scenario, robot)
         return self.scenario if isinstance(self.scenario, Scenario) else Scenario.from_power_up(self.scenario)
 
 
