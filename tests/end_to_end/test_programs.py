@@ -74,6 +74,18 @@ def test_each_robot_has_an_example(robot: str, capsys: pytest.CaptureFixture[str
     assert run(["verify", str(tmp_path / "out")]) == 0
 
 
+def test_an_output_may_be_told_the_level_that_it_has(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, folder = tmp_path / "again.toml", str(tmp_path / "out")
+    levels = ("false", "true", "true", "false")
+    text = "".join(f'[[step]]\noutput = "gripper"\non = {on}\n[[step]]\npause = 0.2\n' for on in levels)
+    file.write_text(f"{text}[[step]]\nby = {{ X = 1.0 }}\n")
+    document = run_json(capsys, "run", "corexy-gantry", str(file), "--out", folder)
+    assert document["passed"], document["reasons"]
+    assert [output["already"] for output in document["outputs"]] == [True, False, True, False]
+    assert run(["verify", folder]) == 0
+    assert "\noutputs: gripper off already, gripper on 0." in capsys.readouterr().out
+
+
 COMES_S = (0.0, 0.1, 0.3, 4.0, 8.0)
 """When the input comes on: at once, within the 250 ms that are queued before the start, and up to seconds later."""
 

@@ -25,10 +25,7 @@ def print_report(document: Mapping[str, Any]) -> None:
     if moving:
         inverted = ", low while STEP is high" if moving[0]["active_edge"] == "falling" else ""
         say(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}{inverted}")
-    changes = [output for output in document["outputs"] if output["changed_s"] is not None]
-    if changes:
-        said = (f"{o['name']} {'on' if o['on'] else 'off'} {o['changed_s']:.3f} s" for o in changes)
-        say(f"outputs: {', '.join(said)}")
+    _print_outputs(document["outputs"])
     print_waits(document)
     _print_shelf(document)
     _print_violations(document["violations"])
@@ -52,6 +49,18 @@ def print_report(document: Mapping[str, Any]) -> None:
     if document["simulated"]:
         _print_traffic(document)
     _print_verdict(document)
+
+
+def _print_outputs(outputs: list[dict[str, Any]]) -> None:
+    """Print when each output changed, or that it already had the planned level; nothing where no output did either."""
+    said = (
+        f"{output['name']} {'on' if output['on'] else 'off'} "
+        + ("already" if output["already"] else f"{output['changed_s']:.3f} s")
+        for output in outputs
+        if output["already"] or output["changed_s"] is not None
+    )
+    if text := ", ".join(said):
+        say(f"outputs: {text}")
 
 
 def _print_traffic(document: Mapping[str, Any]) -> None:

@@ -36,6 +36,7 @@ def test_changes_in_time_pass(late_s: float) -> None:
     assert [output.changed_s for output in report.outputs] == pytest.approx([0.2 + late_s, 0.7 + late_s])
     assert report.to_dict()["outputs"][0] == {
         "name": "gripper", "on": True, "from_s": 0.2, "until_s": 0.3, "changed_s": pytest.approx(0.2 + late_s),
+        "already": False,
     }  # fmt: skip
 
 
@@ -57,6 +58,31 @@ def test_a_change_too_early_too_late_missing_or_wrong_fails(made: tuple[OutputCh
 def test_a_change_that_was_not_planned_fails() -> None:
     assert reasons((), change(0.5, 1)) == ("outputs: 1 changes that were not planned (limit 0)",)
     assert reasons(()) == ()
+
+
+GRIP_AGAIN = Switching("gripper", on=True, from_s=0.4, until_s=0.5)
+OFF_AT_FIRST = Switching("gripper", on=False, from_s=0.05, until_s=0.1)
+
+
+def test_a_level_that_an_output_has_already_needs_no_change() -> None:
+    planned = (OFF_AT_FIRST, GRIP, GRIP_AGAIN, LET_GO)
+    expected = expect_switchings(*planned)
+    evidence = replace(perfect_evidence(expected), outputs=(change(0.25, 1), change(0.75, 0)))
+    report = verify(expected, evidence, RUN)
+    assert report.reasons == ()
+    assert [output.already for output in report.outputs] == [True, False, True, False]
+    assert reasons(planned, change(0.25, 1)) == ("gripper: switched off never (planned from 0.700 to 0.800 s)",)
+    blinks = (change(0.25, 1), change(0.41, 0), change(0.42, 1), change(0.75, 0))
+    assert "outputs: 2 changes that were not planned (limit 0)" in reasons(planned, *blinks)
+
+
+def test_what_an_output_did_before_the_motion_is_where_it_begins() -> None:
+    before = change(-0.02, 1)
+    assert reasons((LET_GO,), before, change(0.75, 0)) == ()
+    assert reasons((GRIP, LET_GO), before, change(0.75, 0)) == ()
+    assert reasons((OFF_AT_FIRST,), before, change(0.07, 0)) == ()
+    assert reasons((OFF_AT_FIRST,), before) == ("gripper: switched off never (planned from 0.050 to 0.100 s)",)
+    assert reasons((OFF_AT_FIRST,), before, change(-0.01, 0)) == ()
 
 
 def test_the_document_of_a_run_without_outputs_has_an_empty_list() -> None:
