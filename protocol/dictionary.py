@@ -1,13 +1,20 @@
-"""Hold the values of one node's object dictionary, with the checks of CiA 301, bound to the parts of the firmware."""
+"""Hold the values of one node's object dictionary, with the checks of CiA 301, bound to the parts of the firmware.
+
+The firmware counts in wire units, a bus master reads and writes in user units (CiA 402-2, factor group). Both meet in
+the cells of the quantities: what is stored, supplied and obeyed is in wire units, what `get` returns and `put` takes is
+in user units.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
+from math import gcd
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
+from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.entry import Access, DataType, Entry, decode, encode
+from steptwin.protocol.entry import QUANTITIES, Access, DataType, Entry, decode, encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
 from steptwin.protocol.objects import ENTRIES
 
@@ -55,6 +62,13 @@ _NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.i
 _WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
 
 
+_QUANTITIES: Final = [
+    address for address, _ in _NUMBERS if ENTRIES[address].unit in QUANTITIES and address not in od.OF_THE_BOARD
+]
+"""Entries in user units."""
+_PURE_NUMBERS: Final = [address for address, _ in _NUMBERS if address not in _QUANTITIES]
+
+
 def _by_class(handlers: Iterable[tuple[int, str]]) -> dict[str, list[tuple[int, str]]]:
     """Return the addresses, and the names within the class, of what "Class.name" names, by class."""
     by_class: dict[str, list[tuple[int, str]]] = {}
@@ -68,8 +82,48 @@ _READ_FROM: Final = _by_class((address, entry.read) for address, entry in ENTRIE
 _OBEYED_BY: Final = _by_class((address, entry.write) for address, entry in ENTRIES.items())
 
 
+class UserUnit(NamedTuple):
+    """The size of a user unit: `wire` wire units are `user` user units. The fraction has its lowest terms.
+
+    A user unit is no smaller than a wire unit. So each number that a master writes is read back as it is, though both
+    conversions round, to the nearest whole number and half up: `to_user(to_wire(n)) == n`. And what the board counts
+    has no more digits in user units.
+    """
+
+    wire: int = 1
+    user: int = 1
+
+    @classmethod
+    def of(cls, factors: dict[int, int]) -> "UserUnit":
+        """Return the user unit of the four factors by address.
+
+        A position in user units is that in wire units times the feed constant (6092h), divided by the encoder
+        resolution (608Fh) and by the gear ratio (6091h); CiA 402-2.
+        """
+        wire = od.UNITS_PER_REVOLUTION * factors[od.GEAR_MOTOR_REVOLUTIONS] * factors[od.FEED_SHAFT_REVOLUTIONS]
+        user = factors[od.GEAR_SHAFT_REVOLUTIONS] * factors[od.FEED_UNITS]
+        divisor = gcd(wire, user)
+        return cls(wire // divisor, user // divisor)
+
+    def to_wire(self, user_units: int) -> int:
+        """Return the nearest number of wire units."""
+        return (2 * user_units * self.wire + self.user) // (2 * self.user)
+
+    def to_user(self, wire_units: int) -> int:
+        """Return the nearest number of user units."""
+        return (2 * wire_units * self.user + self.wire) // (2 * self.wire)
+
+
+FACTORS: Final = (od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS, od.FEED_UNITS, od.FEED_SHAFT_REVOLUTIONS)
+"""The entries that make the user unit."""
+_WIRE_UNIT: Final = UserUnit()
+
+
 class Cell:
-    """One numeric entry of a node: the value stored, the values allowed, and the firmware's part in it."""
+    """One numeric entry of a node: the value stored, the values allowed, and the firmware's part in it.
+
+    The firmware uses `value` and `present`; SDO and PDO use `get` and `put`.
+    """
 
     __slots__ = ("_high", "_low", "_type", "_values", "obey", "supply", "value")
 
@@ -90,7 +144,7 @@ class Cell:
         bounded = (self._low, self._high) != (self._type.low, self._type.high)
         return not bounded and self._values is None and self.obey is None
 
-    def get(self) -> int:
+    def present(self) -> int:
         """Return the present value; one beyond the range of the entry's type is shown as the end of that range."""
         if self.supply is None:
             return self.value
@@ -98,6 +152,9 @@ class Cell:
         if value > self._type.high:
             return self._type.high
         return value if value >= self._type.low else self._type.low
+
+    get = present
+    """Return the present value as the bus has it."""
 
     def put(self, value: int) -> None:
         """Store a decoded value that came over the bus, after its checks; the firmware obeys it before it is stored.
@@ -119,19 +176,71 @@ class Cell:
             self.value += 1
 
 
+class QuantityCell(Cell):
+    """A position, velocity, acceleration or jerk: in user units for the bus, in wire units for the firmware.
+
+    The end of the type's range means "off" where it is the entry's default, as of limits and windows: it is the same in
+    all units, and no other number becomes it.
+    """
+
+    __slots__ = ("_after_end", "_off", "unit")
+
+    def __init__(self, entry: Entry, *, last_included: bool) -> None:
+        """Begin with user units that are wire units; `last_included`: a range goes on to where the next unit begins."""
+        super().__init__(entry)
+        self._off = entry.default if entry.default in (self._type.low, self._type.high) else None
+        self._after_end = int(last_included)
+        self.unit: UserUnit = _WIRE_UNIT
+
+    @property
+    def plain(self) -> bool:
+        """False: another user unit may come at any time."""
+        return False
+
+    def get(self) -> int:
+        """Return the present value in user units."""
+        value = self.present()
+        return value if self.unit is _WIRE_UNIT or value == self._off else self._shown(value, self.unit)
+
+    def put(self, value: int) -> None:
+        """Store a value in user units, after its checks; the firmware obeys and stores it in wire units.
+
+        Raises:
+            SdoAbortError: the value is not allowed, is beyond what the board can count, or the firmware refuses it.
+        """
+        if self.unit is _WIRE_UNIT or value == self._off:
+            super().put(value)
+            return
+        wire_units = self.unit.to_wire(value + self._after_end) - self._after_end
+        if wire_units == self._off:
+            raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if wire_units > 0 else AbortCode.VALUE_TOO_LOW)
+        super().put(wire_units)
+
+    def has_number(self, unit: UserUnit) -> bool:
+        """Return whether the value stored is a number that may be written in this unit, and not rounded to 0."""
+        return self.value == self._off or self._shown(self.value, unit) >= self._low
+
+    def _shown(self, value: int, unit: UserUnit) -> int:
+        return unit.to_user(value + self._after_end) - self._after_end
+
+
 class ObjectDictionary:
     """One node's object dictionary.
 
     The bus uses `read` and `write`, which check access, length and range and raise SdoAbortError. The firmware uses
-    `get` and `set`, which check nothing. The rows of `od` name the firmware's part that supplies an entry's present
-    value, and the one that obeys a value written; `bind` finds them there.
+    `get` and `set`, which check nothing and have quantities in wire units. The rows of `od` name the firmware's part
+    that supplies an entry's present value, and the one that obeys a value written; `bind` finds them there.
     """
 
     def __init__(self, node_id: int, *, stored: FlashPage | None = None) -> None:
         self.entries = ENTRIES
         self._node_id = node_id
         self._stored = FlashPage() if stored is None else stored
-        self._cells = {address: Cell(ENTRIES[address]) for address, _ in _NUMBERS}
+        self._quantities = {
+            address: QuantityCell(ENTRIES[address], last_included=address == od.POSITION_RANGE_MAX)
+            for address in _QUANTITIES
+        }
+        self._cells = {address: Cell(ENTRIES[address]) for address in _PURE_NUMBERS} | self._quantities
         self._texts: dict[int, str] = {}
         self.reset()
 
@@ -167,11 +276,33 @@ class ObjectDictionary:
             for address, default in _TEXTS.items()
             if first <= address <= last
         }
+        self._take_unit(self._unit())
+
+    def _unit(self, changes: dict[int, int] | None = None) -> UserUnit:
+        return UserUnit.of({address: self._cells[address].value for address in FACTORS} | (changes or {}))
+
+    def _take_unit(self, unit: UserUnit) -> None:
+        for cell in self._quantities.values():
+            cell.unit = _WIRE_UNIT if unit == _WIRE_UNIT else unit
+
+    def change_factor(self, address: int, value: int) -> None:
+        """Choose the user unit by one of the factors, before it is stored. Quantities stay; their numbers are others.
+
+        Raises:
+            SdoAbortError: the unit would be smaller than a wire unit (06090030h), or so large that a value stored would
+                be rounded below the least that may be written (06040043h).
+        """
+        unit = self._unit({address: value})
+        if unit.wire < unit.user:
+            raise SdoAbortError(AbortCode.VALUE_RANGE)
+        if not all(cell.has_number(unit) for cell in self._quantities.values()):
+            raise SdoAbortError(AbortCode.INCOMPATIBLE)
+        self._take_unit(unit)
 
     def get(self, address: int) -> int:
-        """Return the present value of a numeric entry."""
+        """Return the present value of a numeric entry, of a quantity in wire units."""
         cell = self._cells[address]
-        return cell.value if cell.supply is None else cell.get()
+        return cell.value if cell.supply is None else cell.present()
 
     def text(self, address: int) -> str:
         """Return the present value of a string."""
@@ -200,7 +331,7 @@ class ObjectDictionary:
             raise SdoAbortError(AbortCode.WRITE_ONLY)
         if entry.data_type is DataType.VISIBLE_STRING:
             return encode(entry.data_type, self._texts[address])
-        return encode(entry.data_type, self.get(address))
+        return encode(entry.data_type, self._cells[address].get())
 
     def write(self, address: int, data: bytes) -> None:
         """Write an entry from its bytes.

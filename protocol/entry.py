@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import Final
 
 
 class DataType(IntEnum):
@@ -69,7 +70,7 @@ class EntryUnit(Enum):
 
     NONE = ""
     POSITION = "units"
-    """Wire units: 1/16 384 full step."""
+    """User units, which a master may choose (6091h, 6092h); by default they are wire units, of 1/16 384 full step."""
     VELOCITY = "units per second"
     ACCELERATION = "units per second squared"
     JERK = "units per second cubed"
@@ -120,6 +121,10 @@ class Entry:
     def short_name(self) -> str:
         """The name without unit and explanation, such as "Displacement"."""
         return self.title.partition(":")[0].partition(" in {unit}")[0]
+
+
+QUANTITIES: Final = frozenset((EntryUnit.POSITION, EntryUnit.VELOCITY, EntryUnit.ACCELERATION, EntryUnit.JERK))
+"""Units of the entries that a master reads and writes in user units."""
 
 
 class ObjectCode(Enum):

@@ -3,8 +3,10 @@
 An entry is named by its address, index << 8 | sub-index, in all code that reads or writes it; only frames, the EDS and
 messages split an address into index and sub-index again. A name ends with a unit where the unit is easily mistaken.
 Everything else is made from the rows: the board's storage, the SDO server's checks, the PDO mappings, the EDS and the
-DBC. Positions are in wire units of 1/16 384 full motor step, velocities in units per second, accelerations in units per
-second squared; the PVT record has its own, finer velocity.
+DBC. The board counts positions in wire units of 1/16 384 full motor step, velocities in wire units per second,
+accelerations in wire units per second squared; the PVT record has its own, finer velocity. Defaults are in these units.
+A master reads and writes entries of the units POSITION, VELOCITY, ACCELERATION and JERK in user units, which are the
+same until it writes the factors (6091h, 6092h); all but `OF_THE_BOARD`.
 
 `read` names the attribute, property or method of the firmware that supplies an entry's present value, `write` the
 method that obeys a value written, or refuses it: after the checks of the row and before the value is stored. A name is
@@ -57,7 +59,8 @@ MICROSTEPS_CHOICES: Final = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 100,
 """Microsteps per full step that drivers have; a board counts with any of them."""
 FULL_STEPS_PER_REVOLUTION: Final = 200
 """Full steps of a 1.8 degree motor. The board's positions are the motor's; the host converts by gears and spindles."""
-_UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
+UNITS_PER_REVOLUTION: Final = UNITS_PER_FULL_STEP * FULL_STEPS_PER_REVOLUTION
+"""Wire units in a revolution of the motor."""
 
 IDENTITY_DEVICE_TYPE: Final = 0x0004_0192
 """CiA 402 (0x192 = 402), bit 18: stepper motor."""
@@ -73,6 +76,12 @@ SETTLING_US_MAX: Final = 10_000_000
 CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""
 MILLI: Final = -3
+_PREFIXES: Final = range(-9, 4)
+"""Powers of ten that the SI unit of positions may have: nano to kilo."""
+INCREMENTS: Final = 0xB5
+"""The unit of 60A8h that counts a position encoder's increments, which here are the wire units."""
+SI_UNITS: Final = {0x00: "no unit", 0x01: "m", 0x10: "rad", 0x41: "deg", 0xB4: "revolutions", INCREMENTS: "increments"}
+"""Units that 60A8h may name, by their notation index: CiA 303-2, and those of drives for the last two."""
 WINDOW_OFF: Final = U32.high
 """The value that switches the following error window (6065h) and the position window (6067h) off."""
 
@@ -154,6 +163,11 @@ def rate_q16(percent: int) -> int:
 def _rate(address: int, title: str, full_steps: int, unit: EntryUnit, mapping: Mapping = Mapping.NONE) -> int:
     """Add a speed, an acceleration or a jerk, whose default is given in full steps and seconds."""
     return rw(address, U32, title, full_steps * UNITS_PER_FULL_STEP, 1, unit=unit, mapping=mapping)
+
+
+def _factor(address: int, title: str, default: int = 1, unit: EntryUnit = REVOLUTIONS) -> int:
+    """Add a part of the factor between wire units and user units."""
+    return rw(address, U32, title, default, 1, unit=unit, write="AxisDrive.change_units_at")
 
 
 def _timing(address: int, title: str, default_ns: int, low_ns: int) -> int:
@@ -465,14 +479,14 @@ MOTION_PROFILE_TYPE = rw(
     0x6086_00, I16, "Motion profile type: 0 linear ramp, 3 jerk-limited ramp", LINEAR_RAMP, 0, 3, values=RAMPS
 )
 array(0x608F, "Position encoder resolution")
-ENCODER_UNITS = const(0x608F_01, U32, "Units", _UNITS_PER_REVOLUTION, POSITION)
+ENCODER_UNITS = const(0x608F_01, U32, "Units", UNITS_PER_REVOLUTION, POSITION)
 ENCODER_MOTOR_REVOLUTIONS = const(0x608F_02, U32, "Motor revolutions", 1, REVOLUTIONS)
 array(0x6091, "Gear ratio")
-GEAR_MOTOR_REVOLUTIONS = const(0x6091_01, U32, "Motor revolutions", 1, REVOLUTIONS)
-GEAR_SHAFT_REVOLUTIONS = const(0x6091_02, U32, "Shaft revolutions", 1, REVOLUTIONS)
+GEAR_MOTOR_REVOLUTIONS = _factor(0x6091_01, "Motor revolutions")
+GEAR_SHAFT_REVOLUTIONS = _factor(0x6091_02, "Shaft revolutions")
 array(0x6092, "Feed constant")
-FEED_UNITS = const(0x6092_01, U32, "Feed in {unit}", _UNITS_PER_REVOLUTION, POSITION)
-FEED_SHAFT_REVOLUTIONS = const(0x6092_02, U32, "Shaft revolutions", 1, REVOLUTIONS)
+FEED_UNITS = _factor(0x6092_01, "Feed in {unit}", UNITS_PER_REVOLUTION, POSITION)
+FEED_SHAFT_REVOLUTIONS = _factor(0x6092_02, "Shaft revolutions")
 HOMING_METHOD = rw(
     0x6098_00, I8, "Homing method", HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS), values=HOMING_METHODS
 )
@@ -482,6 +496,14 @@ HOMING_ZERO_SPEED = _rate(0x6099_02, "Speed during search for zero", 50, VELOCIT
 HOMING_ACCELERATION = _rate(0x609A_00, "Homing acceleration", 2_000, ACCELERATION)
 array(0x60A4, "Profile jerk")
 PROFILE_JERK = _rate(0x60A4_01, "Profile jerk 1 in {unit}", 100_000, EntryUnit.JERK)
+SI_UNIT_POSITION = rw(
+    0x60A8_00,
+    U32,
+    "SI unit position: power of ten in bits 24 to 31, unit in bits 16 to 23",
+    INCREMENTS << 16,
+    values=frozenset((prefix & 0xFF) << 24 | unit << 16 for prefix in _PREFIXES for unit in SI_UNITS),
+    write="AxisDrive.change_units_at",
+)
 TOUCH_PROBE_FUNCTION = rw(
     0x60B8_00,
     U16,
@@ -561,3 +583,6 @@ TARGET_VELOCITY = rw(
 MOTOR_TYPE = const(0x6402_00, U16, "Motor type: 9 is a micro-step stepper motor", MICRO_STEP_MOTOR)
 SUPPORTED_DRIVE_MODES = const(0x6502_00, U32, "Supported drive modes", sum(mode.supported_bit for mode in Mode))
 VERSION_NUMBER = const(0x67FE_00, U32, "Version number of the profile: major in bits 16 to 23", PROFILE_VERSION)
+
+OF_THE_BOARD: Final = (ENCODER_UNITS, FEED_UNITS, PVT_DISPLACEMENT)
+"""Entries in wire units whatever a master chooses: the encoder's, the factor itself and this board's own PVT record."""

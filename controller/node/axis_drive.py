@@ -38,6 +38,10 @@ _FOLLOWING_MODES: Final = (
 """The modes whose bit 13 of the statusword is the following error."""
 
 
+_KEEPS_UNITS: Final = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+"""The states in which the user units stay: targets may come meanwhile. CiA 402-2 leaves configuration in them open."""
+
+
 class AxisDrive:
     """Obeys controlwords, stops for faults and reports its state in the statusword.
 
@@ -186,6 +190,16 @@ class AxisDrive:
             if self.state is State.OPERATION_ENABLED:
                 # The same word twice shows the new mode levels but no edge, so that no old bit starts a motion.
                 self.mode.control(self._controlword, self._controlword)
+
+    def change_units_at(self, address: int, value: int) -> None:
+        """Choose the user units by a factor (6091h, 6092h), or name them (60A8h), while no motion can be commanded.
+
+        The SI unit (60A8h) changes no number: it says what the factors mean.
+        """
+        if self.state in _KEEPS_UNITS:
+            raise SdoAbortError(AbortCode.DEVICE_STATE)
+        if address != od.SI_UNIT_POSITION:
+            self._dictionary.change_factor(address, value)
 
     def abort_connection(self) -> None:
         """Obey the controlword that the abort connection option code (6007h) gives for a lost connection, if any.

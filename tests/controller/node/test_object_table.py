@@ -41,6 +41,11 @@ RULES: dict[tuple[int, int], Outcome] = {
     (0x1014, 0): (RANGE, RANGE),  # neither value is a COB-ID
     (0x2010, 3): (STATE, STATE),  # no axis interpolates: there is no motion to make slower or faster
     (0x6060, 0): (RANGE, RANGE),  # neither value is a mode
+    (0x6091, 1): (DONE, AbortCode.INCOMPATIBLE),  # in so large units 0x6099:02 would be 0
+    (0x6091, 2): (DONE, RANGE),  # a unit that is smaller than the board's own
+    (0x6092, 1): (AbortCode.INCOMPATIBLE, RANGE),
+    (0x6092, 2): (DONE, AbortCode.INCOMPATIBLE),
+    (0x60A8, 0): (DONE, RANGE),  # all ones name no unit
     (0x60B8, 0): (DONE, RANGE),  # all ones name a zero pulse as source
     (0x60C1, 4): (RANGE, DONE),  # 0 is the number expected, but the record's duration is 0; 255 is an old record
     (0x2015, 0): (AbortCode.VALUE_TOO_LOW, DONE),  # only 1 stops, as only the fault reset ends it
