@@ -109,8 +109,16 @@ class BenchBoard:
         answer = self.last(0x580 + node.node_id)
         return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
+    def read(self, address: int, axis: int = 0) -> int:
+        """Read a number by SDO, of a quantity in user units; fail if the node refuses it."""
+        node = self.firmware.nodes[axis]
+        self.send(0x600 + node.node_id, struct.pack("<BHBI", 0x40, *od.index_and_subindex(address), 0))
+        answer, data_type = self.last(0x580 + node.node_id), node.dictionary.entries[address].data_type
+        assert answer[0] != 0x80, f"{od.place_text(address)}: {answer.hex()}"
+        return int.from_bytes(answer[4 : 4 + data_type.size], "little", signed=data_type.signed)
+
     def value(self, address: int, axis: int = 0) -> int:
-        """Return the present value of an entry."""
+        """Return the present value of an entry, of a quantity in wire units."""
         return self.firmware.nodes[axis].dictionary.get(address)
 
     def frames(self, cob_id: int) -> list[bytes]:
