@@ -11,6 +11,7 @@ from steptwin.host.operate.joint_positions import fault_and_remedy
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.setting_up import axis_settings
 from steptwin.host.operate.status import active_inputs, error_history
+from steptwin.host.operate.user_units import WIRE_UNITS, read_units
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
@@ -76,6 +77,7 @@ def _robot(session: Session, axis: AxisClient) -> Check:
 def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
     yield _drive(axis)
     yield _settings(session, axis)
+    yield _units(axis)
     yield _inputs(axis)
     yield _supply(axis)
     yield _temperature(axis)
@@ -111,6 +113,15 @@ def _settings(session: Session, axis: AxisClient) -> Check:
     if found != filed:
         return Check(name, True, f"{says}: the next motion sets {filed}")
     return Check(name, True, f"{says}, highest speed {axis.read(od.MAX_PROFILE_VELOCITY)} units/s")
+
+
+def _units(axis: AxisClient) -> Check:
+    """Check that the axis takes and reports positions in wire units, as this program does."""
+    units = read_units(axis)
+    if units.are_wire_units:
+        return Check(f"{axis.name} units", True, str(units))
+    remedy = "another master has chosen them; set 0x6091 and 0x6092 back while the drive is off"
+    return Check(f"{axis.name} units", False, f"{units}; not {WIRE_UNITS}: {remedy}", InputError.exit_code)
 
 
 def _driver_microsteps(axis: AxisClient) -> int | None:

@@ -16,6 +16,7 @@ from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.joint_positions import check_skews, faulty_drive
 from steptwin.host.operate.setting_up import clear_targets, objects_of
+from steptwin.host.operate.user_units import WIRE_UNITS, read_units
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import PoseDocument
 from steptwin.host.robots.robot import Robot
@@ -26,22 +27,20 @@ from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
 
 @dataclass(frozen=True, slots=True)
 class Foreign:
-    """An axis that belongs to another robot.
+    """An axis that belongs to another robot, or counts in other units.
 
     Attributes:
         axis: its name.
         node_id: its node.
-        found: the robot that the board names as its own.
-        expected: the robot that was looked for.
+        why: what the board says of it, and what the robot needs.
     """
 
     axis: str
     node_id: int
-    found: str
-    expected: str
+    why: str
 
     def __str__(self) -> str:
-        return f"{self.axis}: node 0x{self.node_id:02X} belongs to the robot {self.found}, not to {self.expected}"
+        return f"{self.axis}: node 0x{self.node_id:02X} {self.why}"
 
 
 class Session:
@@ -71,7 +70,7 @@ class Session:
                 axis.read(od.DEVICE_TYPE)
 
     def foreign_board(self) -> Foreign | None:
-        """Read whose the axes are; return which of them belongs to another robot, None if none says so.
+        """Read whose the axes are, and their units; return the first axis that is not this robot's, None if all are.
 
         An axis without a name may be any robot's.
         """
@@ -79,7 +78,10 @@ class Session:
         for axis in self.machine.axes:
             if axis.read(od.ROBOT_NAME_CRC) not in (NO_NAME, checksum(expected)):
                 found = axis.read_text(od.ROBOT_NAME)
-                return Foreign(axis.name, axis.node_id, found, expected)
+                return Foreign(axis.name, axis.node_id, f"belongs to the robot {found}, not to {expected}")
+            units = read_units(axis)
+            if not units.are_wire_units:
+                return Foreign(axis.name, axis.node_id, f"has other units: {units}; not {WIRE_UNITS}")
         return None
 
     def require_idle(self, what: str) -> None:

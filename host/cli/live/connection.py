@@ -72,7 +72,9 @@ class BoardAddress:
         return found
 
 
-Force = Annotated[bool, live_switch("Go on although the board carries another robot's name.", "--force")]
+Force = Annotated[
+    bool, live_switch("Go on although the board carries another robot's name, or has other units.", "--force")
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +122,7 @@ class SessionOptions(LiveOptions):
         """Open a link with a session of the robot on it, and close it after the block.
 
         All that a command does in it is one action: a stop ends all of it. With `waking`, start nodes that another
-        master has stopped. Unless forced, raise InputError if the board carries the name of another robot.
+        master has stopped. Unless forced, raise InputError if the board is another robot's or has other units.
         """
         from steptwin.host.operate.recovering import wake
         from steptwin.host.operate.session import Session

@@ -100,9 +100,7 @@ class ConnectedMachine:
         self.session.require_present()
         foreign = None if force or self.session.streaming else self.session.foreign_board()
         if foreign:
-            raise BusError(f"{foreign}; --force goes on all the same").plainly(
-                f"{foreign.axis} belongs to the robot {foreign.found}, not to {foreign.expected}"
-            )
+            raise BusError(f"{foreign}; --force goes on all the same").plainly(f"{foreign.axis} {foreign.why}")
         state = self._state
         state.reports, state.session = self.publisher.reports, self.session
         state.shown.void("the machine was connected again")
