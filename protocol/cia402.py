@@ -2,6 +2,7 @@
 
 from enum import Enum, IntEnum, IntFlag
 from functools import cache
+from typing import Final
 
 
 class State(Enum):
@@ -250,3 +251,11 @@ _LOST_CONNECTION = frozenset(
 )
 _REGISTER_BITS = {0x3: 0x04, 0x4: 0x08, 0x5: 0x00, 0x6: 0x20, 0x8: 0x20, 0x9: 0x00, 0xF: 0x80}
 """Bits by the code's first hexadecimal digit: voltage, temperature, profile (6 and 8), manufacturer; 5 and 9: none."""
+
+
+SI_PREFIXES: Final = range(-9, 4)
+"""Powers of ten that the SI unit of positions (60A8h) may have: nano to kilo."""
+INCREMENTS: Final = 0xB5
+"""The unit of 60A8h that counts a position encoder's increments, which here are the wire units."""
+SI_UNITS: Final = {0x00: "no unit", 0x01: "m", 0x10: "rad", 0x41: "deg", 0xB4: "revolutions", INCREMENTS: "increments"}
+"""Units that 60A8h may name, by their notation index: CiA 303-2, and those of drives for the last two."""

@@ -17,7 +17,17 @@ entry's address. An entry with neither is a stored value, which has no effect un
 from collections.abc import Collection
 from typing import Final
 
-from steptwin.protocol.cia402 import LINEAR_RAMP, PVT_SUBMODE, RAMPS, AbortConnection, DigitalOutput, Mode
+from steptwin.protocol.cia402 import (
+    INCREMENTS,
+    LINEAR_RAMP,
+    PVT_SUBMODE,
+    RAMPS,
+    SI_PREFIXES,
+    SI_UNITS,
+    AbortConnection,
+    DigitalOutput,
+    Mode,
+)
 from steptwin.protocol.entry import Access, DataType, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC
 from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
@@ -76,12 +86,6 @@ SETTLING_US_MAX: Final = 10_000_000
 CYCLE_MS_MAX: Final = 10
 """The longest period of cyclic synchronous position."""
 MILLI: Final = -3
-_PREFIXES: Final = range(-9, 4)
-"""Powers of ten that the SI unit of positions may have: nano to kilo."""
-INCREMENTS: Final = 0xB5
-"""The unit of 60A8h that counts a position encoder's increments, which here are the wire units."""
-SI_UNITS: Final = {0x00: "no unit", 0x01: "m", 0x10: "rad", 0x41: "deg", 0xB4: "revolutions", INCREMENTS: "increments"}
-"""Units that 60A8h may name, by their notation index: CiA 303-2, and those of drives for the last two."""
 WINDOW_OFF: Final = U32.high
 """The value that switches the following error window (6065h) and the position window (6067h) off."""
 
@@ -501,7 +505,7 @@ SI_UNIT_POSITION = rw(
     U32,
     "SI unit position: power of ten in bits 24 to 31, unit in bits 16 to 23",
     INCREMENTS << 16,
-    values=frozenset((prefix & 0xFF) << 24 | unit << 16 for prefix in _PREFIXES for unit in SI_UNITS),
+    values=frozenset((prefix & 0xFF) << 24 | unit << 16 for prefix in SI_PREFIXES for unit in SI_UNITS),
     write="AxisDrive.change_units_at",
 )
 TOUCH_PROBE_FUNCTION = rw(

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import INCREMENTS, SI_UNITS
 
 
 class AxisUnits(NamedTuple):
@@ -31,7 +32,7 @@ class AxisUnits(NamedTuple):
         return f"{gear}, feed {self.feed}:{self.feed_revolutions}, in {_unit_text(self.si_unit)}"
 
 
-WIRE_UNITS: Final = AxisUnits(1, 1, od.UNITS_PER_REVOLUTION, 1, od.INCREMENTS << 16)
+WIRE_UNITS: Final = AxisUnits(1, 1, od.UNITS_PER_REVOLUTION, 1, INCREMENTS << 16)
 """The units of an axis after power-up."""
 
 
@@ -46,5 +47,5 @@ def read_units(axis: AxisClient) -> AxisUnits:
 
 def _unit_text(word: int) -> str:
     """Return the unit that 60A8h names, such as "10^-3 deg"."""
-    prefix, unit = (word >> 24 ^ 0x80) - 0x80, od.SI_UNITS.get(word >> 16 & 0xFF, f"unit 0x{word:08X}")
+    prefix, unit = (word >> 24 ^ 0x80) - 0x80, SI_UNITS.get(word >> 16 & 0xFF, f"unit 0x{word:08X}")
     return f"10^{prefix} {unit}" if prefix else unit
