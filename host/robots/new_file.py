@@ -6,12 +6,11 @@ that StepTwin brings begin with these robots' values.
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
-from math import floor, inf, log10
-from typing import Any, Final
+from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
@@ -19,24 +18,23 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.common.numbers import finite_number
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
-from steptwin.host.robots.joint import Transmission, Unit
+from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.bare_axes import AxesGeometry
 from steptwin.host.robots.kinematics.base import dimensions, geometry_of, meaning
 from steptwin.host.robots.kinematics.cartesian import CartesianGeometry
 from steptwin.host.robots.kinematics.kinds import kind_named
-from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, ChainGeometry, usual_arm
 from steptwin.host.robots.kinematics.usual_scara import ScaraGeometry
-from steptwin.host.robots.robot import Dimension, Robot
-
-BOARD: Final = BoardSettings(
-    osc_pf=330,
-    steplen_ns=33_000,
-    stepspace_ns=33_666,
-    dirsetup_ns=15_000,
-    dirhold_ns=15_000,
-    step_rate_max_hz=15_000,
+from steptwin.host.robots.motor import MOTORS
+from steptwin.host.robots.new_joint import (
+    BOARD,
+    FULL_STEPS_PER_REV,
+    USUAL_DRIVERS,
+    NewJoint,
+    board_with,
+    read_joint,
 )
-"""Drivers as the robots that StepTwin brings have them."""
+from steptwin.host.robots.robot import Dimension, Robot
 
 _BOARD_NOTES: Final = {
     "bitrate": "bit/s of the CAN bus",
@@ -47,91 +45,6 @@ _BOARD_NOTES: Final = {
     "dirhold_ns": "DIR stable after CLK has risen",
     "step_rate_max_hz": "the TB6560's limit",
 }
-
-_MICROSTEPS: Final = "{}, {}, {} or {}".format(*BOARD.profile.chip.microsteps)
-_FULL_STEPS_PER_REV: Final = 200
-_RATE_PART: Final = 0.8
-"""Part of the driver's highest step rate that a joint's highest speed takes."""
-_MOTOR_SPEED_MAX_REV_S: Final = 8.0
-"""Motor speed above which a stepper of this size has little torque left."""
-_ROTARY_SPEED_MAX_DEG_S: Final = 180.0
-"""A moderate speed for a joint that carries an arm."""
-_RISE_S: Final = 0.2
-"""Time from rest to the highest speed."""
-_BEYOND: Final = 5.0
-"""Distance in mm or degrees from the end of the range to the limit switch."""
-_SEARCH_PART: Final = 0.25
-_ZERO_PART: Final = 0.1
-"""Speed of the search for the limit switch, and the slow speed across its edge as a part of that."""
-_HOMING_METHOD: Final = 17
-
-
-@dataclass(frozen=True, slots=True)
-class NewJoint:
-    """A joint of a new robot: what the file asks its user; the rest of the joint follows from it.
-
-    Attributes:
-        name: name, which the kind gives.
-        unit: unit of its positions.
-        what: what it is, in a few words.
-        lower: least position; likewise upper.
-        turn: a screw's lead or a pulley's circumference in mm, or the ratio of a rotary joint's transmission.
-        microsteps: microsteps per full step.
-        home: position after homing, or the nearest one in the range.
-        speed_most: highest speed that the joint may have, where something else than motor and driver limits it.
-    """
-
-    name: str
-    unit: Unit
-    what: str
-    lower: float
-    upper: float
-    turn: float
-    microsteps: int
-    home: float = 0.0
-    speed_most: float = inf
-
-    @property
-    def turn_key(self) -> str:
-        """The key of `turn` in the file."""
-        return "travel_per_turn" if self.unit is Unit.MM else "ratio"
-
-    @property
-    def questions(self) -> dict[str, tuple[str, float]]:
-        """Questions of the file to its user: the meaning and the present value, by key."""
-        turn = "lead of the screw or circumference of the pulley" if self.unit is Unit.MM else "motor turns per turn"
-        return {
-            "lower": (f"least position in {self.unit}", self.lower),
-            "upper": (f"greatest position in {self.unit}", self.upper),
-            self.turn_key: (turn, self.turn),
-            "microsteps": (f"microsteps, {_MICROSTEPS}", float(self.microsteps)),
-        }
-
-    @property
-    def settings(self) -> dict[str, str]:
-        """The values that may be set, by their key in the file: their names here."""
-        return {"lower": "lower", "upper": "upper", self.turn_key: "turn", "microsteps": "microsteps", "home": "home"}
-
-    @property
-    def transmission(self) -> Transmission:
-        """The transmission; InputError if a value is out of range."""
-        try:
-            BOARD.profile.mode(self.microsteps)
-        except ValueError as error:
-            raise InputError(f"microsteps: {error}") from error
-        if self.unit is Unit.MM:
-            return Transmission(_FULL_STEPS_PER_REV, self.microsteps, self.turn)
-        return Transmission(_FULL_STEPS_PER_REV, self.microsteps, 360.0, self.turn)
-
-    @property
-    def speed_max(self) -> float:
-        """A highest speed that driver and motor can follow, in two digits."""
-        transmission = self.transmission
-        by_rate = _RATE_PART * BOARD.driver_rate_max_hz / transmission.steps_per_unit
-        by_motor = _MOTOR_SPEED_MAX_REV_S * transmission.travel_per_rev
-        moderate = _ROTARY_SPEED_MAX_DEG_S if self.unit is Unit.DEG else by_motor
-        return _two_digits(min(by_rate, by_motor, moderate, self.speed_most))
-
 
 _CHAIN_JOINTS: Final = (
     NewJoint("", Unit.DEG, "waist", -170.0, 170.0, 40.0, 8),
@@ -160,40 +73,74 @@ _SCARA_JOINTS: Final = {
 _BELTS, _EACH, _COREXY = "belts", "each", "corexy"
 """What a new gantry's file is asked beside its dimensions: whether it needs a coupling."""
 
+DRIVER_PROFILE: Final = "driver_profile"
+_JOINTS_COUNT: Final = "joints"
+"""What every new file may be asked beside its dimensions, and one whose kind has a free number of joints."""
+_COUNTS: Final = {"axes": (1, JOINTS_MAX), "chain": (len(_CHAIN_JOINTS), len(_CHAIN_JOINTS))}
+"""Of each kind with a free number of joints the usual number and the most of a new file."""
+
 _COMMENT: Final = re.compile(r"^\[joints\.(\S+)\] # (.+)$", re.MULTILINE)
 
 
-def usual_dimensions(kind: str) -> dict[str, Dimension]:
-    """Return the dimensions with which a new robot of a kind begins; raise InputError for an unknown kind."""
+def usual_dimensions(kind: str, joints: int | None = None) -> dict[str, Dimension]:
+    """Return the dimensions with which a new robot of a kind begins; raise InputError for an unknown kind.
+
+    `joints` is their number, where it is free; by default the usual one.
+    """
     usual = {name: field.metadata["usual"] for name, field in dimensions(kind_named(kind).geometry).items()}
+    if kind == "chain" and joints is not None:
+        usual |= usual_arm(joints)
     return {name: deepcopy(value) for name, value in usual.items() if value not in (None, ())}
 
 
-def questions_of(kind: str) -> dict[str, tuple[str, Dimension]]:
-    """Return the questions of a new file about its dimensions: the meaning and the usual value, by key."""
+def _joint_count(kind: str, settings: Mapping[str, str]) -> int | None:
+    """Return how many joints a new robot gets by its settings, or usually; None where the kind has a fixed number."""
+    if kind not in _COUNTS:
+        return None
+    usual, most = _COUNTS[kind]
+    text = settings.get(_JOINTS_COUNT, str(usual))
+    if not (text.isdecimal() and 1 <= int(text) <= most):
+        raise InputError(f"{_JOINTS_COUNT}: {text!r} is not one of {', '.join(map(str, range(1, most + 1)))}")
+    return int(text)
+
+
+def questions_of(kind: str, settings: Mapping[str, str]) -> dict[str, tuple[str, Dimension]]:
+    """Return the questions of a new file beside those of its joints: the meaning and the usual value, by key.
+
+    Raises:
+        InputError: an unknown kind, or the settings have a number of joints that it cannot have.
+    """
     meanings = {key: meaning(field) for key, field in dimensions(kind_named(kind).geometry).items()}
+    joints = _joint_count(kind, settings)
     questions: dict[str, tuple[str, Dimension]] = {}
-    for key, value in usual_dimensions(kind).items():
+    if joints is not None:
+        questions[_JOINTS_COUNT] = (f"number of joints, 1 to {_COUNTS[kind][1]}", joints)
+    for key, value in usual_dimensions(kind, joints).items():
         if isinstance(value, dict):
-            questions |= {
-                f"{name}.{part}": (meanings[key], each[part]) for name, each in value.items() for part in each
-            }
-        else:
+            rows = {name: each for name, each in value.items() if isinstance(each, dict)}
+            questions |= {f"{name}.{part}": (meanings[key], each[part]) for name, each in rows.items() for part in each}
+        elif not isinstance(value, list):
             questions[key] = (meanings[key], value)
     if kind == "cartesian":
         questions[_BELTS] = (f"{_COREXY} if two belts move X and Y together, else {_EACH}", _EACH)
+    questions[DRIVER_PROFILE] = ("drivers, such as a4988 (docs/driver.md)", USUAL_DRIVERS)
     return questions
 
 
-def usual_joints(kind: str, geometry: Mapping[str, Dimension]) -> list[NewJoint]:
-    """Return the joints with which a new robot begins; raise InputError if the dimensions do not fit the kind."""
+def usual_joints(kind: str, geometry: Mapping[str, Dimension], joints: int | None = None) -> list[NewJoint]:
+    """Return the joints with which a new robot begins; raise InputError if the dimensions do not fit the kind.
+
+    `joints` is the number of those that no dimension names.
+    """
     made = geometry_of(kind_named(kind).geometry, geometry)
     if isinstance(made, AxesGeometry):
-        return [_TURNTABLE]
+        if joints in (None, 1):
+            return [_TURNTABLE]
+        return [replace(_TURNTABLE, name=f"axis{number}") for number in range(1, joints + 1)]
     if isinstance(made, CartesianGeometry):
         return [_GANTRY_JOINTS[letter] for letter in made.axes]
     if isinstance(made, ChainGeometry):
-        return [replace(usual, name=name) for name, usual in zip(made.joints, _CHAIN_JOINTS, strict=True)]
+        return [replace(usual, name=name) for name, usual in zip(made.joints, _CHAIN_JOINTS, strict=False)]
     if not isinstance(made, ScaraGeometry):
         return _joints_of(load_robot(kind))
     rotary = iter(("shoulder", "elbow", "tool"))
@@ -207,15 +154,22 @@ def with_settings(kind: str, settings: Mapping[str, str]) -> tuple[dict[str, Dim
     Raises:
         InputError: with a message for every setting that is unknown or not a value.
     """
-    geometry, findings, questions = usual_dimensions(kind), Findings(), questions_of(kind)
+    questions, count, findings = questions_of(kind, settings), _joint_count(kind, settings), Findings()
+    geometry, board = usual_dimensions(kind, count), BOARD
     for key in [key for key in settings if "." not in key or key in questions]:
         with findings.collecting():
             if key not in questions:
-                raise _unknown_setting(kind, key, questions)
+                raise _unknown_setting(kind, key, questions, count)
+            if key == _JOINTS_COUNT:
+                continue
+            if key == DRIVER_PROFILE:
+                with prefixed(f"{key}: "):
+                    board = board_with(settings[key])
+                continue
             _set(geometry, key, read_dimension(key, settings[key], questions[key][1]))
     findings.raise_first()
     own = {key: value for key, value in geometry.items() if key != _BELTS}
-    joints = {joint.name: joint for joint in usual_joints(kind, own)}
+    joints = {joint.name: joint.on(board) for joint in usual_joints(kind, own, count)}
     for key in [key for key in settings if "." in key and key not in questions]:
         with findings.collecting():
             name, _, quantity = key.partition(".")
@@ -235,13 +189,13 @@ def _set(geometry: dict[str, Dimension], key: str, value: Dimension) -> None:
         geometry[key] = value
 
 
-def _unknown_setting(kind: str, key: str, geometry: Mapping[str, Dimension]) -> InputError:
+def _unknown_setting(kind: str, key: str, questions: Iterable[str], count: int | None) -> InputError:
     """Return the error for a key without a joint that is no dimension; one of a joint's values names its joints."""
-    joints = usual_joints(kind, usual_dimensions(kind))
+    joints = usual_joints(kind, usual_dimensions(kind, count), count)
     of_joints = [f"{joint.name}.{key}" for joint in joints if key in joint.settings]
     if of_joints:
         return InputError(f"{key!r} is a joint's value: write {' or '.join(of_joints)}")
-    return unknown("dimension", key, geometry)
+    return unknown("dimension", key, questions)
 
 
 def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
@@ -261,36 +215,23 @@ def read_dimension(key: str, text: str, usual: Dimension) -> Dimension:
         return finite_number(text)
 
 
-def read_joint(joint: NewJoint, key: str, text: str) -> NewJoint:
-    """Return a joint with one of its values changed."""
-    if key not in joint.settings:
-        raise unknown(f"{joint.name}: key", key, joint.settings)
-    with prefixed(f"{joint.name}.{key}: "):
-        value = finite_number(text.removeprefix("1/") if key == "microsteps" else text)
-    changes: dict[str, Any] = {
-        joint.settings[key]: int(value) if key == "microsteps" and value == int(value) else value
-    }
-    changed = replace(joint, **changes)
-    with prefixed(f"{joint.name}."):
-        _ = changed.transmission
-    return changed
-
-
 def robot_text(name: str, kind: str, geometry: Mapping[str, Dimension], joints: list[NewJoint]) -> str:
     """Return the text of a robot file; raise InputError, with everything that is wrong, if it would be no robot."""
     meanings = {key: meaning(field) for key, field in dimensions(kind_named(kind).geometry).items()}
+    coupled = ("X", "Y") if geometry.get(_BELTS) == _COREXY else ()
     parts = [
         _HEAD.format(kind=kind, summary=kind_named(kind).summary),
         _lines({"name": name, "title": f"{name}, a robot of the kind {kind}"}, {}),
         _kinematics_text(kind, {key: value for key, value in geometry.items() if key != _BELTS}, meanings),
         _BASE,
         *([_coupling_text(geometry)] if kind == "cartesian" else []),
-        _DRIVERS + "[board]\n" + _lines({key: getattr(BOARD, key) for key in _BOARD_NOTES}, _BOARD_NOTES),
-        _JOINTS,
-        *(_joint_text(joint) for joint in joints),
+        _board_text(joints[0].board),
+        _JOINTS + (_SLIDES if kind == "axes" else ""),
+        *(_joint_text(joint, is_coupled=joint.name in coupled) for joint in joints),
         "[home] # where the arm is taken after homing\n"
         + _lines({joint.name: min(max(joint.home, joint.lower), joint.upper) for joint in joints}, {}),
         _devices(kind, joints),
+        _motors_text(joints),
     ]
     text = "\n".join(parts)
     read_robot(text)
@@ -342,10 +283,21 @@ _DRIVERS: Final = """\
 # For drivers other than TB6560s on the board: driver_profile = "a4988" or another of docs/driver.md in place of osc_pf
 # and all times, which then are those of the drivers. Any driver without a profile is "generic", by its manual's times.
 """
+_OTHER_DRIVERS: Final = """\
+# docs/driver.md has all drivers. Any without a profile is "generic", by its manual's times.
+"""
+_SLIDES: Final = """\
+# A joint that slides has unit = "mm", and travel_per_turn, in mm, in place of ratio.
+"""
 _JOINTS: Final = """\
 # Joints in the order of their axes on the board. speed_max was derived from transmission and microsteps when this file
 # was written: 80 % of the driver's step rate, at most 8 turns of the motor and 180 degrees a second. acceleration_max
-# reaches it in 0.2 s.
+# reaches it in 0.2 s. Neither knows your motors and masses: the end of this file has lines for them.
+"""
+_MOTORS: Final = """\
+# Would the motors keep step? Write yours in these lines, without the first sign and the blank behind it; then
+# `steptwin motors FILE` and `steptwin run FILE MOTION --motors` tell. docs/motors.md has the motors and every key.
+#
 """
 _OUTPUTS: Final = """\
 # [outputs] # digital outputs of the board: the joint whose axis has it, and its number there
@@ -362,41 +314,59 @@ _TURN_NOTES: Final = {
 }
 
 
-def _joint_text(joint: NewJoint) -> str:
-    speed, acceleration = joint.speed_max, _two_digits(joint.speed_max / _RISE_S)
-    search = _two_digits(_SEARCH_PART * speed)
+def _board_text(board: BoardSettings) -> str:
+    """Return the table of the board: of drivers with a profile its name, whose times the reader takes."""
+    if board.driver_profile is None:
+        return _DRIVERS + "[board]\n" + _lines({key: getattr(board, key) for key in _BOARD_NOTES}, _BOARD_NOTES)
+    notes = {"bitrate": _BOARD_NOTES["bitrate"], DRIVER_PROFILE: f"{board.profile.title}; all times are theirs"}
+    return _OTHER_DRIVERS + "[board]\n" + _lines({key: getattr(board, key) for key in notes}, notes)
+
+
+def _joint_text(joint: NewJoint, *, is_coupled: bool) -> str:
+    coupled = {"axis_speed_max": joint.speed_max, "axis_acceleration_max": joint.acceleration_max}
     main = {
         "unit": joint.unit.value,
         "lower": joint.lower,
         "upper": joint.upper,
-        "speed_max": speed,
-        "acceleration_max": acceleration,
-        "full_steps_per_rev": _FULL_STEPS_PER_REV,
+        "speed_max": joint.speed_max,
+        "acceleration_max": joint.acceleration_max,
+        **(coupled if is_coupled else {}),
+        "full_steps_per_rev": FULL_STEPS_PER_REV,
         "microsteps": joint.microsteps,
         joint.turn_key: joint.turn,
     }
     notes = {
-        "speed_max": f"{joint.unit}/s, {speed * joint.transmission.steps_per_unit:.0f} steps/s",
+        "speed_max": f"{joint.unit}/s, {joint.speed_max * joint.transmission.steps_per_unit:.0f} steps/s",
         "acceleration_max": f"{joint.unit}/s2",
         "full_steps_per_rev": "a motor of 1.8 deg",
-        "microsteps": f"{_MICROSTEPS}, as the driver is set",
+        "axis_speed_max": "the motor's own limit: along a diagonal it turns for both slides",
+        "axis_acceleration_max": "likewise",
+        "microsteps": f"{joint.microsteps_made}, as the driver is set",
         joint.turn_key: _TURN_NOTES[joint.unit],
-    }
-    switches = {"negative_limit": joint.lower - _BEYOND, "positive_limit": joint.upper + _BEYOND}
-    homing = {
-        "method": _HOMING_METHOD,
-        "search_speed": search,
-        "zero_speed": _two_digits(_ZERO_PART * search),
-        "acceleration": acceleration,
     }
     return "\n".join(
         [
             f"[joints.{joint.name}] # {joint.what}\n" + _lines(main, notes),
-            f"[joints.{joint.name}.switches] # closed from here outwards\n" + _lines(switches, {}),
+            f"[joints.{joint.name}.switches] # closed from here outwards\n" + _lines(joint.switches, {}),
             f"[joints.{joint.name}.homing]\n"
-            + _lines(homing, {"method": "the negative limit switch, leaving it upwards; 35 without a switch"}),
+            + _lines(joint.homing, {"method": "the negative limit switch, leaving it upwards; 35 without a switch"}),
         ]
     )
+
+
+def _motors_text(joints: list[NewJoint]) -> str:
+    """Return, as comments, the tables of motors and masses: what a user needs to write to have them."""
+    motor = {"model": MOTORS[1], "friction_nm": 0.01}
+    motor_notes = {"model": "or the figures of its datasheet", "friction_nm": "of motor and gear, at the motor's shaft"}
+    link = {"mass_kg": 0.5, "centre_mm": [0.0, 0.0, 0.0]}
+    link_notes = {
+        "mass_kg": "of what the joint moves, without what the next joints move",
+        "centre_mm": "its centre, from the joint's axis",
+    }
+    texts = {"motor": _lines(motor, motor_notes), "link": _lines(link, link_notes)}
+    tables = [f"[joints.{joint.name}.{key}]\n{text}" for joint in joints for key, text in texts.items()]
+    supply = "[dynamics]\n" + _lines({"supply_v": 24.0}, {"supply_v": "of the drivers"})
+    return _MOTORS + "".join(f"# {line}\n" for line in "".join([*tables, supply]).splitlines())
 
 
 def _devices(kind: str, joints: list[NewJoint]) -> str:
@@ -443,12 +413,8 @@ def _lines(values: Mapping[str, object], notes: Mapping[str, str]) -> str:
 def _toml(value: object) -> str:
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{key} = {_toml(each)}' for key, each in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
     return json.dumps(str(value), ensure_ascii=False) if isinstance(value, str) else repr(value)
-
-
-def _two_digits(value: float) -> float:
-    """Return a value above 0 rounded down to two digits."""
-    unit = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{floor(value / unit * (1 + 1e-12)) * unit:.3g}")

@@ -46,7 +46,10 @@ class UrdfOptions:
         return UrdfSource(self.urdf, self.tip, self.base, self.snap).robot(name, given)
 
 
-@command("my-arm.toml --kind scara --set l1_mm=200", "my-arm.toml --urdf arm.urdf --tip tool0 --set joint_1.ratio=50")
+@command(
+    "my-arm.toml --kind scara --set l1_mm=200",
+    "my-arm.toml --urdf arm.urdf --tip tool0 --set joint_1.ratio=50",
+)
 def new(
     answer: AnswerOptions,
     of_urdf: UrdfOptions,
@@ -80,9 +83,11 @@ def new(
 
     cartesian: axes belts (each or corexy)
 
-    axes: no dimensions
+    axes: no dimensions (joints, 1 to 8)
 
-    chain: notation chain task held base tool (set JOINT.theta_deg, JOINT.alpha_deg, JOINT.d_mm, JOINT.a_mm)
+    chain: notation chain task held base tool (joints, 1 to 6; JOINT.theta_deg, JOINT.alpha_deg, JOINT.d_mm, JOINT.a_mm)
+
+    All kinds: driver_profile, the drivers, such as a4988 (docs/driver.md).
 
     A joint's values: JOINT.lower, JOINT.upper, JOINT.travel_per_turn (mm) or JOINT.ratio, JOINT.microsteps, JOINT.home.
     """
@@ -163,10 +168,10 @@ def _asked_once(kind: str, given: dict[str, str], usual: dict[str, str]) -> dict
         if key not in answers:
             answers[key] = _answer(f"{key}, {what}", usual.get(key, _text(value)), check)
 
-    questions = questions_of(kind)
-    answers = {key: text for key, text in given.items() if "." not in key or key in questions}
-    for key, (what, value) in questions.items():
-        ask(key, what, value)
+    answers = {key: text for key, text in given.items() if "." not in key or key in questions_of(kind, given)}
+    while missing := [key for key in questions_of(kind, answers) if key not in answers]:
+        what, value = questions_of(kind, answers)[missing[0]]
+        ask(missing[0], what, value)
     answers |= given
     for joint in with_settings(kind, answers)[1]:
         for key, (what, value) in joint.questions.items():

@@ -18,7 +18,8 @@ from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
 from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS
 from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.kinematics.serial.spherical_wrist import MISS_MAX_MM, TILT_MAX, wrist_miss_mm
-from steptwin.host.robots.new_file import NewJoint, read_joint, robot_text
+from steptwin.host.robots.new_file import DRIVER_PROFILE, robot_text
+from steptwin.host.robots.new_joint import NewJoint, board_with, read_joint
 from steptwin.host.robots.robot import Dimension
 from steptwin.host.robots.urdf.urdf_chain import ChainMove, UrdfChain, chain_of
 from steptwin.host.robots.urdf.urdf_tree import read_urdf
@@ -99,9 +100,13 @@ def _new_joint(move: ChainMove) -> NewJoint:
 
 def _with_settings(joints: tuple[NewJoint, ...], settings: Mapping[str, str]) -> tuple[NewJoint, ...]:
     by_name, findings = {joint.name: joint for joint in joints}, Findings()
+    if DRIVER_PROFILE in settings:
+        with prefixed(f"{DRIVER_PROFILE}: "):
+            board = board_with(settings[DRIVER_PROFILE])
+        by_name = {name: joint.on(board) for name, joint in by_name.items()}
     for key, text in settings.items():
         with findings.collecting():
-            if key in _TOLD:
+            if key in _TOLD or key == DRIVER_PROFILE:
                 continue
             name, _, quantity = key.partition(".")
             if name not in by_name:
@@ -183,4 +188,6 @@ def _to_fill_in(chain: UrdfChain, joints: tuple[NewJoint, ...], settings: Mappin
         if of_joints := [joint for joint in joints if key in joint.settings and f"{joint.name}.{key}" not in settings]:
             value = of_joints[0].microsteps if key == "microsteps" else of_joints[0].turn
             yield f"fill in {key} of {', '.join(joint.name for joint in of_joints)}: {value:g} stands there"
-    yield "fill in drivers, switches and homing: [board] has those of a TB6560, switches are 5 beyond each range"
+    if DRIVER_PROFILE not in settings:
+        yield "fill in drivers: [board] has those of a TB6560; --set driver_profile takes others"
+    yield "fill in switches and homing: switches are 5 beyond each range"

@@ -15,10 +15,12 @@ from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot, load_robot_file, read_robot, robot_names
+from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import dimensions
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal
 
@@ -32,6 +34,10 @@ CASES: list[tuple[str, dict[str, str]]] = [
     *(("scara", options) for options in SCARAS),
     ("cartesian", {"axes": "ZXYC", "Z.upper": "50"}),
     ("chain", {"J1.d_mm": "200", "J2.a_mm": "30", "J5.upper": "100"}),
+    *(("chain", {"joints": str(joints)}) for joints in range(1, 6)),
+    ("axes", {"joints": "4"}),
+    ("axes", {"joints": "8", "axis8.ratio": "3"}),
+    *(("cartesian", {"driver_profile": drivers}) for drivers in PROFILES),
 ]
 
 
@@ -105,6 +111,45 @@ def test_the_driver_and_the_motor_follow_every_highest_speed(
         assert joint.speed_max / joint.transmission.travel_per_rev <= 8.0 * (1 + 1e-9)
 
 
+def with_motors(text: str) -> str:
+    """Return a new robot's file with its lines for motors, which are comments in it."""
+    head, _, lines = text.partition("# Would the motors keep step?")
+    return head + "\n".join(line.removeprefix("# ") for line in lines.splitlines()[3:]) + "\n"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_motors_are_comments_that_only_need_to_be_uncommented(kind: str) -> None:
+    text = robot_text("mine", kind, *with_settings(kind, {}))
+    bare, driven = read_robot(text), read_robot(with_motors(text))
+    assert (bare.dynamics, {joint.motor for joint in bare.joints}) == (None, {None})
+    assert driven.dynamics is not None
+    assert all(joint.motor is not None and joint.link is not None for joint in driven.joints)
+
+
+def test_a_gantry_with_a4988_holds_its_highest_speed_by_torque(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """8 turns a second at 24 V and 1 A, with slides of 0.5 kg (docs/robot-files.md has these figures)."""
+    file = tmp_path / "gantry.toml"
+    settings = {"driver_profile": "a4988"}
+    file.write_text(with_motors(robot_text("gantry", "cartesian", *with_settings("cartesian", settings))))
+    own = run_json(capsys, "motors", str(file))["joints"][0]["own"]
+    assert (own["rpm"], own["current_a"], own["would_do"]) == (480, 1.0, True)
+    assert round(own["torque_available_nm"], 2) == 0.17
+    assert round(own["torque_needed_nm"], 3) == 0.027
+
+
+def test_a_shorter_arm_is_the_usual_one_with_the_rest_at_0() -> None:
+    usual = make_kinematics(read_robot(robot_text("arm", "chain", *with_settings("chain", {}))))
+    for joints in range(1, 6):
+        robot = read_robot(robot_text("arm", "chain", *with_settings("chain", {"joints": str(joints)})))
+        given = np.array([[20.0, 10.0, -30.0, 40.0, 50.0][:joints]])
+        whole = np.concatenate([given, np.zeros((1, 6 - joints))], axis=1)
+        arm = make_kinematics(robot)
+        tool, of_usual = (each.dh.transforms(each.dh_variables(at)) for each, at in ((arm, given), (usual, whole)))
+        assert np.allclose(tool, of_usual, atol=1e-9)
+
+
 def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["new", "--help"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
@@ -134,6 +179,20 @@ def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[s
         ),
         (["--kind", "scara", "--set", "l1_mm=-3"], "--set kinematics.l1_mm: -3 is not above 0"),
         (["--kind", "scara", "--set", "d3.upper=-3"], "joints.d3.upper: -3 mm is not above lower, 0 mm"),
+        (["--kind", "axes", "--set", "joints=9"], "--set joints: '9' is not one of 1, 2, 3, 4, 5, 6, 7, 8"),
+        (["--kind", "axes", "--set", "joints=four"], "--set joints: 'four' is not one of 1, 2, 3, 4, 5, 6, 7, 8"),
+        (["--kind", "chain", "--set", "joints=0"], "--set joints: '0' is not one of 1, 2, 3, 4, 5, 6"),
+        (["--kind", "scara", "--set", "joints=4"], "--set dimension 'joints' is unknown"),
+        (["--kind", "chain", "--set", "joints=4", "--set", "J5.a_mm=3"], "--set joint 'J5' is unknown: "),
+        (
+            ["--kind", "scara", "--set", "driver_profile=a4989"],
+            "--set driver_profile: 'a4989' is not one of chip-100pf,",
+        ),
+        (["--kind", "scara", "--set", "driver_profile=generic"], "--set driver_profile: 'generic' needs its manual's"),
+        (
+            ["--kind", "scara", "--set", "driver_profile=a3967", "--set", "d3.microsteps=16"],
+            "--set d3.microsteps: 16 is not one of a3967's 1, 2, 4, 8",
+        ),
         (["--kind", "scara", "--set", "l1_mm"], "'l1_mm' is not of the form NAME=VALUE"),
     ],
 )
@@ -188,9 +247,9 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
             terminal.type(f"{answer}\n")
         terminal.await_text("kinematics.l1_mm: -200 is not above 0")
         terminal.await_text("lift: 'nowhere' is not one of first, last, none")
-        terminal.type("\n" * 8 + "-200" + "\n" * 11)
+        terminal.type("\n" * 9 + "-200" + "\n" * 11)
         terminal.await_text("joints.th1.upper: -200 deg is not above lower, -130 deg")
-        terminal.type("\n" * 11)
+        terminal.type("\n" * 12)
         terminal.await_text("th1.upper, shoulder, belt: greatest position in deg [-200]: ")
         terminal.type("130" + "\n" * 11)
         assert terminal.await_exit() == 0

@@ -6,6 +6,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot_file
+from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import refusal, run_json
 from tests.host.robots.kinematics.serial.arms import TEXTS
 from tests.host.robots.urdf.urdfs import joint, urdf
@@ -59,9 +60,16 @@ def test_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
         "inverse kinematics in closed form: axes 2 and 3 are parallel, axes 4, 5 and 6 meet in a point",
         "fill in ratio of J1, J2, J3, J4, J5, J6: 20 stands there",
         "fill in microsteps of J1, J2, J3, J4, J5, J6: 8 stands there",
-        "fill in drivers, switches and homing: [board] has those of a TB6560, switches are 5 beyond each range",
+        "fill in drivers: [board] has those of a TB6560; --set driver_profile takes others",
+        "fill in switches and homing: switches are 5 beyond each range",
         "look at it with: steptwin check arm.toml",
     ]
+
+
+def test_drivers_of_a_new_arm(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = run_json(capsys, "new", "arm.toml", "--urdf", "arm.urdf", "--set", "driver_profile=a4988")
+    assert not any("drivers" in note for note in document["notes"])
+    assert load_robot_file(folder / "arm.toml").board.profile is PROFILES["a4988"]
 
 
 @pytest.mark.usefixtures("folder")

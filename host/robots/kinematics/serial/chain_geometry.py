@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -22,8 +22,10 @@ from steptwin.host.robots.kinematics.base import dimension
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
+from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg
 
 JOINTS_MAX: Final = 8
+_DECIMALS: Final = 9
 AXIS_LEAST: Final = 1e-6
 """Least length of an axis; it is made 1."""
 
@@ -143,6 +145,30 @@ _SIX_AXES: Final[dict[str, dict[str, float]]] = {
     "J6": {"theta_deg": 180.0, "alpha_deg": -90.0, "d_mm": 40.0, "a_mm": 0.0},
 }
 """A six-axis arm of the usual shape, with which a new robot begins."""
+
+
+def usual_arm(joints: int) -> dict[str, Any]:
+    """Return the dimensions of an arm of the first 1 to 6 joints of the usual one, whose others stay at 0 in the tool.
+
+    Four joints are one more than a place takes: the last, which turns the tool about itself, stays where it is.
+    """
+    names, rows = list(_SIX_AXES), list(_SIX_AXES.values())
+    rest = (
+        DhRow(row["alpha_deg"], row["a_mm"], DhParameter(row["d_mm"]), DhParameter(row["theta_deg"]))
+        for row in rows[joints:]
+    )
+    frame = DhTable(Convention.MODIFIED, tuple(rest)).transforms({})[0]
+    tool = {
+        "xyz_mm": (np.round(frame[:3, 3], _DECIMALS) + 0.0).tolist(),
+        "rpy_deg": (np.round(rpy_deg(of_matrix(frame[:3, :3])), _DECIMALS) + 0.0).tolist(),
+    }
+    task = next((task for task, (_, least) in TASKS.items() if joints >= least), ToolTask.POSITION)
+    return {
+        "chain": {name: _SIX_AXES[name] for name in names[:joints]},
+        "task": task,
+        **({"held": names[3:4]} if joints == 4 else {}),
+        **({"tool": tool} if joints < len(names) else {}),
+    }
 
 
 @dataclass(frozen=True, slots=True)
