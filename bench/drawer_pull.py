@@ -23,7 +23,7 @@ from typing import Final
 
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator import simulation
 from steptwin.host.common.processes import collect_seldom

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int64Array

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.waveforms import SCALES, HeldValues, Pulses, Signal, SignalKind, Window
 from steptwin.host.record.waveforms.export import csv, vcd

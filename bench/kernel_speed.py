@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.bench.live_server import of_process
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.controller.motion.kernel import TICKS_PER_MS

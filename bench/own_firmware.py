@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.emulator.native import interface_files
 from steptwin.emulator.native.library import NativeLibrary
 from steptwin.emulator.native.process import FirmwareProcess

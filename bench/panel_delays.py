@@ -14,8 +14,7 @@ from typing import Final
 import can
 from rich.table import Table
 
-from steptwin.bench import panel_page
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table, panel_page
 from steptwin.bench.live_server import Server, silence_python_can
 from steptwin.host.client.drive_status import DriveStatus, at_rest
 from steptwin.host.client.links.bus_link import Connection

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from rich.table import Table
 
-from steptwin.bench.bench_table import bench_table
+from steptwin.bench import bench_table
 from steptwin.bench.live_server import sdo_write
 from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.backend import Kernel
