@@ -1,5 +1,6 @@
 """The public names of StepTwin, each from the module that defines it; `__init__.py` imports them as they are used."""
 
+from steptwin.emulator.faults import Scheduled as Scheduled
 from steptwin.emulator.faults.bus import Babble as Babble
 from steptwin.emulator.faults.bus import BusFault as BusFault
 from steptwin.emulator.faults.bus import BusOff as BusOff
@@ -29,7 +30,6 @@ from steptwin.emulator.faults.machine import SetInput as SetInput
 from steptwin.emulator.faults.machine import Slip as Slip
 from steptwin.emulator.faults.machine import Supply as Supply
 from steptwin.emulator.faults.machine import WatchdogReset as WatchdogReset
-from steptwin.emulator.faults.schedule import Scheduled as Scheduled
 from steptwin.emulator.faults.wiring import Noise as Noise
 from steptwin.emulator.faults.wiring import SetWire as SetWire
 from steptwin.emulator.faults.wiring import Wire as Wire

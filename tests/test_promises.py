@@ -16,7 +16,7 @@ from steptwin.controller.motion import kernel
 from steptwin.controller.node import transmit_queue
 from steptwin.controller.node import transmit_queue as outbox
 from steptwin.emulator.live import live_simulation as stalls
-from steptwin.emulator.live import socketcand_server, tcp_server
+from steptwin.emulator.live import socketcand, tcp_server
 from steptwin.host.client import heartbeat, shared_node, stream, waiting, waits
 from steptwin.host.client.links import connecting, socketcand_bus
 from steptwin.host.common import file_limits
@@ -82,7 +82,7 @@ PROMISES = [
     Promise("docs/live.md", "the last 1000 operations on the machine", live_board.OPERATIONS_MAX, 1000),
     Promise("docs/live.md", "ends the connection when 1 MiB waits for it", tcp_server.BACKLOG_MAX_BYTES, MIB),
     Promise("docs/live.md", "tries again five times a second", tcp_server.REST_S, 0.2),
-    Promise("docs/live.md", "the server holds back frames for 100 ms", socketcand_server.SILENCE_S, 0.1),
+    Promise("docs/live.md", "the server holds back frames for 100 ms", socketcand.SILENCE_S, 0.1),
     # --- the board
     Promise("docs/hardware.md", "The queue holds 64 records", pvt.QUEUE_DEPTH, 64),
     Promise("docs/canopen.md", "a step more than 250 us late", kernel.TICK_COUNTS, 250 * US),

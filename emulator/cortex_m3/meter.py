@@ -24,10 +24,9 @@ from unicorn import UC_HOOK_BLOCK
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.cortex_m3.core import STACK_TOP, Core
-from steptwin.emulator.cortex_m3.core_kernel import CoreKernel
+from steptwin.emulator.cortex_m3.core_kernel import STACK_TOP, Core, CoreKernel
 from steptwin.emulator.cortex_m3.image import Image
-from steptwin.emulator.kernel_c.layout import Cells
+from steptwin.emulator.kernel_c import Cells
 
 WAIT_STATES: Final = 2
 _FETCH_BYTES: Final = 8

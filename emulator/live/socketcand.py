@@ -1,4 +1,8 @@
-"""Speak the protocol of a socketcand server, without I/O: bytes in; frames to send, and bytes, out.
+"""Serve clients of a live board over TCP as socketcand does: python-can's interface `socketcand` and all built on it.
+
+`SocketcandSession` speaks the protocol without I/O: bytes in; frames to send, and bytes, out. `SocketcandServer` loses
+no frames of a client: those that it sends wait in its socket while the bus is busy with its earlier ones; those for it
+wait here until it reads.
 
 Sources: doc/protocol.md of github.com/linux-can/socketcand, and the behaviour of python-can's client. Only the mode RAW
 is served, which python-can uses. The server greets with `< hi >`; then
@@ -14,13 +18,23 @@ until its first `send`, or until `break_silence`.
 """
 
 import re
+import socket
 from enum import Enum, auto
+from functools import partial
 from typing import Final
 
+from steptwin.emulator.live.live_loop import LiveLoop
+from steptwin.emulator.live.live_simulation import Sender
+from steptwin.emulator.live.tcp_server import Client, TcpServer
 from steptwin.protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.timer import COUNTS_PER_US
 
 COMMAND_MAX: Final = 512
 """Greatest number of bytes from < to >; the longest legal command, an FD frame, has 220."""
+SILENCE_S: Final = 0.1
+"""Silence after `rawmode` towards a client that does not send: by its end the client has read the answer."""
+WINDOW_FRAMES: Final = 16
+"""Greatest number of one client's frames that wait for the bus; they delay other clients by 2 ms at 1 Mbit/s."""
 
 _BETWEEN: Final = b" \t\r\n"
 _SEND: Final = re.compile(rb"<\s*send\s+([0-9A-Fa-f]{1,3}|[0-9A-Fa-f]{8})\s+([0-8])((?:\s+[0-9A-Fa-f]{1,2})*)\s*>")
@@ -170,3 +184,69 @@ def frame_text(frame: Frame, time_us: int) -> bytes:
     """Return a frame as sent to clients; `time_us` since 1970. Without data two spaces precede >, as clients expect."""
     seconds, us = divmod(time_us, 1_000_000)
     return f"< frame {frame.cob_id:03X} {seconds}.{us:06d} {frame.data.hex().upper()} >".encode("ascii")
+
+
+_Client = Client[SocketcandSession]
+
+
+class SocketcandServer(TcpServer[SocketcandSession]):
+    """Serves the clients of a listening socket, which the server owns and closes."""
+
+    def __init__(self, loop: LiveLoop, listener: socket.socket) -> None:
+        self._foreign_frames = 0
+        self._restless: dict[_Client, None] = {}
+        """Clients for which `hand_on` has work; a dict keeps their order."""
+        super().__init__(loop, listener, WINDOW_FRAMES)
+        loop.hand_on = self._hand_on
+        self._live.view = self._show
+
+    @property
+    def foreign_frames(self) -> int:
+        """Number of dropped frames of clients, of kinds that this bus does not carry."""
+        return self._foreign_frames + sum(client.session.foreign_frames for client in self._clients)
+
+    def _new_session(self) -> SocketcandSession:
+        return SocketcandSession()
+
+    def _refusal(self, reason: str) -> bytes:
+        return f"< error {reason} >".encode("ascii")
+
+    def _forget(self, client: _Client) -> None:
+        """Close a client's connection; frames that it has sent are still delivered."""
+        self._foreign_frames += client.session.foreign_frames
+        self._restless.pop(client, None)
+        super()._forget(client)
+
+    def _pass_on(self, client: _Client) -> None:
+        """Pass a client's frames on while its window has room."""
+        session = client.session
+        was_silent = session.silent
+        while client.waiting < WINDOW_FRAMES and (frame := session.next_frame()):
+            client.waiting += 1
+            self._live.send(frame, client, self._loop.looked_ns)
+        if session.silent and not was_silent:
+            self._loop.call_after(SILENCE_S, partial(self._end_silence, client))
+
+    def _end_silence(self, client: _Client) -> None:
+        if not client.gone and client.session.silent:
+            client.session.break_silence()
+            self._tend(client)
+
+    # --- the bus has something to show
+
+    def _show(self, frame: Frame, counts: int, sender: Sender | None) -> None:
+        text = frame_text(frame, self._live.epoch_us + counts // COUNTS_PER_US)
+        for client in self._clients:
+            if client is not sender:
+                client.session.deliver(text)
+                self._restless[client] = None
+        if isinstance(sender, Client):
+            sender.waiting -= 1
+            if not sender.gone:
+                self._restless[sender] = None
+
+    def _hand_on(self) -> None:
+        restless, self._restless = self._restless, {}
+        for client in restless:
+            if not client.gone:
+                self._tend(client)

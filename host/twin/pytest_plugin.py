@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pluggy import Result
 
     from steptwin.controller.motion.backend import Kernel
-    from steptwin.emulator.faults.schedule import Scheduled
+    from steptwin.emulator.faults import Scheduled
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest

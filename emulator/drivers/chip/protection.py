@@ -1,15 +1,143 @@
 """Model what switches a chip's outputs off to protect it: its heat, and causes that it answers with a latch.
 
-A short circuit trips it as soon as current flows, a supply that is too high as soon as it is there. The latch holds the
-outputs off after the cause has gone, until what its source says: ENABLE, reset, a power cycle, or nothing at all, for a
-chip without such a protection, which a short destroys. While the cause lasts it trips again.
+The heat is one thermal resistance and one thermal capacity between the junction and the ambient air: at a power P, the
+junction approaches ambient + P R exponentially, with the time constant R C. P is I^2 Ron of both phases, where Ron is
+the upper and lower transistor together: in microstep modes the currents are a cosine and a sine, which makes I_peak^2
+Ron; where both phases are full, as in a TB6560's two-phase mode, twice as much.
+
+For the TB6560, R = 25 K/W without a heat sink follows from the 5 W that may be dissipated at 25 degC, with a limit of
+150 degC (pages 6 to 8). The capacity is not in the datasheet: 4 J/K is assumed, 10 g of copper and plastic. Its
+datasheet gives a hysteresis of 20 K and mentions no latch; the model takes the stricter reading: the outputs stay off
+until RESET is low with the junction at 150 degC or below, which an edge of RESET brings about or, while RESET is low,
+cooling down. RESET is a level (page 11). Other chips come on again as soon as they are cool enough (`Release`).
+
+A short circuit trips the latch as soon as current flows, a supply that is too high as soon as it is there. The latch
+holds the outputs off after the cause has gone, until what its source says: ENABLE, reset, a power cycle, or nothing at
+all, for a chip without such a protection, which a short destroys. While the cause lasts it trips again.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from math import ceil, exp, floor, inf, log
+from operator import attrgetter
+from typing import NamedTuple
 
-from steptwin.emulator.drivers.chip.junction import Junction
 from steptwin.emulator.drivers.limits import Rule
-from steptwin.protocol.drivers import Release
+from steptwin.protocol.drivers import Cooling, Release, Shutdown
+
+
+class _Span(NamedTuple):
+    """Time from an instant on in which the junction goes from one temperature towards another."""
+
+    from_counts: int
+    start_celsius: float
+    steady_celsius: float
+    shut_down: bool
+    until_counts: int | None
+    """Instant when a shutdown begins or ends; None if that does not happen without a change from outside."""
+
+
+class Junction:
+    """The junction's temperature at any instant since power-up, at which it is ambient."""
+
+    def __init__(self, cooling: Cooling, shutdown: Shutdown | None) -> None:
+        self._cooling = cooling
+        self._limit_celsius = inf if shutdown is None else shutdown.celsius
+        self._release_celsius = inf if shutdown is None else shutdown.celsius - shutdown.hysteresis_k
+        self._power_w = 0.0
+        self._released = False
+        """True while a shutdown ends by cooling alone."""
+        self._spans = [_Span(0, cooling.ambient_celsius, cooling.ambient_celsius, shut_down=False, until_counts=None)]
+        """Spans up to the latest instant of a query; while it is released, shutdowns may come and go without end."""
+
+    def heat(self, counts: int, power_w: float) -> None:
+        """Set the power that the outputs dissipate from an instant on, unless they are shut down."""
+        self._reach(counts)  # what has come before, by the power before
+        self._power_w = power_w
+        self._turn(counts)
+
+    def release(self, counts: int, *, on: bool) -> None:
+        """Let a shutdown end, from an instant on, as soon as the junction is cool enough, or not."""
+        self._reach(counts)
+        self._released = on
+        self._turn(counts)
+
+    def celsius(self, counts: int) -> float:
+        """Return the temperature at an instant."""
+        span = self._span(counts)
+        left = exp(-(counts - span.from_counts) / self._cooling.time_constant_counts)
+        return span.steady_celsius + (span.start_celsius - span.steady_celsius) * left
+
+    def shut_down(self, counts: int) -> bool:
+        """Return True if the outputs are shut down at an instant."""
+        return self._span(counts).shut_down
+
+    def shutdown_not_before(self, counts: int, power_max_w: float) -> int | None:
+        """Return the instant before which no shutdown can begin at up to this power, seen from `counts`; None: never.
+
+        During a shutdown, return the instant of its end instead; None if it does not end without a change of a pin.
+        """
+        span = self._span(counts)
+        if span.shut_down:
+            return span.until_counts
+        steady_celsius = self._steady_celsius(power_max_w)
+        if steady_celsius <= self._limit_celsius:
+            return None
+        part = log((steady_celsius - self.celsius(counts)) / (steady_celsius - self._limit_celsius))
+        return counts + floor(part * self._cooling.time_constant_counts)
+
+    def forget(self, counts: int) -> None:
+        """Drop the history before an instant."""
+        del self._spans[: max(self._at(counts), 0)]
+
+    def shutdowns(self, until_counts: int) -> list[tuple[int, int]]:
+        """Return the instants when a shutdown began, 1, or ended, 0, unless they are forgotten."""
+        self._reach(until_counts)
+        known = [span for span in self._spans if span.from_counts <= until_counts]
+        return [
+            (now.from_counts, int(now.shut_down)) for last, now in pairwise(known) if now.shut_down != last.shut_down
+        ]
+
+    def _steady_celsius(self, power_w: float) -> float:
+        return self._cooling.ambient_celsius + power_w * self._cooling.resistance_k_per_w
+
+    def _span(self, counts: int) -> _Span:
+        return self._spans[max(self._at(counts), 0)]
+
+    def _at(self, counts: int) -> int:
+        """Return the index of the span at an instant, -1 before the first."""
+        self._reach(counts)
+        return bisect_right(self._spans, counts, key=attrgetter("from_counts")) - 1
+
+    def _reach(self, counts: int) -> None:
+        """Compute the spans up to an instant; each end of a span begins or ends a shutdown."""
+        while (last := self._spans[-1]).until_counts is not None and last.until_counts <= counts:
+            start_celsius = self._release_celsius if last.shut_down else self._limit_celsius
+            self._begin(last.until_counts, start_celsius, not last.shut_down)
+
+    def _turn(self, counts: int) -> None:
+        """Begin a new span at an instant, because the power or the release has changed."""
+        start_celsius, shut_down = self.celsius(counts), self.shut_down(counts)
+        while self._spans[-1].from_counts > counts:  # these spans assumed that nothing would change
+            self._spans.pop()
+        self._begin(
+            counts, start_celsius, shut_down and not (self._released and start_celsius <= self._release_celsius)
+        )
+
+    def _begin(self, counts: int, start_celsius: float, shut_down: bool) -> None:
+        steady_celsius = self._steady_celsius(0.0 if shut_down else self._power_w)
+        until_counts = None
+        if steady_celsius > self._limit_celsius:
+            until_counts = counts + self._counts_to(self._limit_celsius, start_celsius, steady_celsius)
+        elif shut_down and self._released and steady_celsius < self._release_celsius:
+            until_counts = counts + self._counts_to(self._release_celsius, start_celsius, steady_celsius)
+        self._spans.append(_Span(counts, start_celsius, steady_celsius, shut_down, until_counts))
+
+    def _counts_to(self, celsius: float, start_celsius: float, steady_celsius: float) -> int:
+        """Return the time to reach a temperature on the way from one to another."""
+        part = log((steady_celsius - start_celsius) / (steady_celsius - celsius))
+        return ceil(part * self._cooling.time_constant_counts)
 
 
 class Protection:

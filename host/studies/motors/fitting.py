@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
-from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
 from steptwin.emulator.motors.rotors import Drive
+from steptwin.emulator.motors.torques import carried_torque_nm, rotor_torque_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import driver_profile, driver_settings, phase_currents_a

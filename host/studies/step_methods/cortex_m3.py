@@ -13,7 +13,7 @@ import numpy as np
 
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.kernel_c.layout import Layout
+from steptwin.emulator.kernel_c import Layout
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.studies.step_methods.kernel import POINTS_AHEAD, place_once
 from steptwin.host.studies.step_methods.motions import PlannedMotion

@@ -5,12 +5,12 @@ from dataclasses import replace
 from math import floor
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.bus.simple_node import SimpleNode
+from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.drivers import OscCapacitor
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
-from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotors import RotorRecord
-from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps

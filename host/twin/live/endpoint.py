@@ -10,7 +10,7 @@ from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback,
 
 if TYPE_CHECKING:
     from steptwin.emulator.live.can_bridge import CanBridge
-    from steptwin.emulator.live.socketcand_server import SocketcandServer
+    from steptwin.emulator.live.socketcand import SocketcandServer
 
 
 class Endpoint(ABC):
@@ -71,7 +71,7 @@ class SocketcandEndpoint(Endpoint):
 
     def attach(self, loop: LiveLoop) -> None:
         """Accept clients."""
-        from steptwin.emulator.live.socketcand_server import SocketcandServer
+        from steptwin.emulator.live.socketcand import SocketcandServer
 
         self._server = SocketcandServer(loop, self._listener)
 

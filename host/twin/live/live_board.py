@@ -12,14 +12,13 @@ from steptwin.controller.motion.group_time import RateRamp
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm, Surroundings
 from steptwin.emulator.faults.host import HostFault
-from steptwin.emulator.live.lateness import Lateness
-from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
+from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, warm_up
 from steptwin.emulator.live.pacer import Pacer
-from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.reporting import played_document

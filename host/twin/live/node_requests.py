@@ -6,8 +6,8 @@ from difflib import get_close_matches
 from math import isfinite
 from typing import Any, Final, Protocol
 
-from steptwin.emulator.nodes.description import NodeValue, ValueForm
-from steptwin.emulator.nodes.simple_node import SimpleNode
+from steptwin.emulator.bus.node_objects import NodeValue, ValueForm
+from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table

@@ -10,9 +10,17 @@ from typing import Final
 from canopen import ObjectDictionary
 from canopen.objectdictionary import ODArray, ODVariable, datatypes, eds
 
-from steptwin.emulator.nodes.description import NodeDescription, NodeEntry, NodeValue, ValueForm
-from steptwin.emulator.nodes.node_objects import PDO_BITS_MAX, RPDOS, TPDOS, NodeObjects
-from steptwin.emulator.nodes.simple_node import SimpleNode
+from steptwin.emulator.bus.node_objects import (
+    PDO_BITS_MAX,
+    RPDOS,
+    TPDOS,
+    NodeDescription,
+    NodeEntry,
+    NodeObjects,
+    NodeValue,
+    ValueForm,
+)
+from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import read_text

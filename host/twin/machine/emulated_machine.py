@@ -9,12 +9,12 @@ from typing import Any
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.bus.can_bus import Bus, Log
+from steptwin.emulator.bus.simple_node import SimpleNode
+from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
-from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.native.process import FirmwareError
-from steptwin.emulator.nodes.simple_node import SimpleNode
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.common.errors import InputError

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.motors.needed_torque import needed_torque_nm
+from steptwin.emulator.motors.torques import needed_torque_nm
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.planning.fastest.drives import LEFT_PERCENT
 from steptwin.host.planning.peaks import Samples, sampled

@@ -16,8 +16,8 @@ from scipy.linalg import eigh
 
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM
-from steptwin.emulator.motors.needed_torque import carried_torque_nm, needed_torque_nm
 from steptwin.emulator.motors.rotors import Drive
+from steptwin.emulator.motors.torques import carried_torque_nm, needed_torque_nm
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.fastest.drives import DriveTrial, PathLoad

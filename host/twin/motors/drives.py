@@ -6,9 +6,9 @@ from math import inf, pi
 
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.emulator.motors.motor import CATALOGUE, Motor
-from steptwin.emulator.motors.pull_out import DriveSupply
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.motors.rotors import Drive
+from steptwin.emulator.motors.torques import DriveSupply
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.motor import FIGURES, Dynamics, JointMotor

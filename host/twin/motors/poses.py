@@ -8,7 +8,7 @@ from typing import Final, Self
 import numpy as np
 
 from steptwin.emulator.motors.arm import Arm
-from steptwin.emulator.motors.needed_torque import carried_torque_nm
+from steptwin.emulator.motors.torques import carried_torque_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot

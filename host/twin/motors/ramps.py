@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM
-from steptwin.emulator.motors.needed_torque import carried_torque_nm, rotor_torque_nm
 from steptwin.emulator.motors.rotors import Drive
+from steptwin.emulator.motors.torques import carried_torque_nm, rotor_torque_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.joint import Joint

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM, Motor
-from steptwin.emulator.motors.needed_torque import needed_torque_nm
-from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm, pull_outs_nm
+from steptwin.emulator.motors.torques import DriveSupply, needed_torque_nm, pull_out_nm, pull_outs_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import DriverSetup

@@ -17,7 +17,7 @@ from typing import Any, Final
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.bus.can_bus import Log
 from steptwin.emulator.bus.can_timing import VALID_BEFORE_END_BITS, frame_bits
-from steptwin.emulator.faults.schedule import Scheduled
+from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.common.errors import InputError

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.cortex_m3.image import WARNINGS, CompilerMissingError
-from steptwin.emulator.kernel_c import BODY, kernel_files
-from steptwin.emulator.kernel_c.layout import Cells, Layout, kernel_on_arrays, whole_edges
+from steptwin.emulator.kernel_c import BODY, Cells, Layout, kernel_files, kernel_on_arrays, whole_edges
 from tests.emulator.kernel_c.scenarios import play, scenario
 
 CHECKED = ("-fsanitize=undefined", "-fno-sanitize-recover=all", "-include", "assert.h", "-DST_ASSERT=assert")

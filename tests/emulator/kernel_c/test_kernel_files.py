@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.emulator.cortex_m3.image import WARNINGS, CompilerMissingError
-from steptwin.emulator.kernel_c import BODY, HEADER, kernel_files
-from steptwin.emulator.kernel_c.layout import Layout
+from steptwin.emulator.kernel_c import BODY, HEADER, Layout, kernel_files
 from steptwin.host.cli.app import run
 from tests.emulator.kernel_c import native_kernel
 from tests.emulator.kernel_c.scenarios import play, scenario

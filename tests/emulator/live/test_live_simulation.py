@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.live.live_simulation import PIECE_NS, SLICE_COUNTS, WORK_NS, LiveSimulation, Sender, warm_up
+from steptwin.emulator.live.live_simulation import (
+    PIECE_NS,
+    SLICE_COUNTS,
+    WORK_NS,
+    Lateness,
+    LiveSimulation,
+    Sender,
+    warm_up,
+)
 from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
@@ -285,3 +293,43 @@ def test_work_at_rest_leaves_the_sockets_their_turn(fast_kernel: Kernel) -> None
 def test_work_ends_when_there_is_no_more(fast_kernel: Kernel) -> None:
     assert pieces_done(fast_kernel, into_tick_us=0, moving=False, pieces=1) == 1
     assert pieces_done(fast_kernel, into_tick_us=0, moving=False, pieces=0) == 0
+
+
+def lateness_of(values_ns: list[int]) -> Lateness:
+    lateness = Lateness()
+    for value in values_ns:
+        lateness.add(value)
+    return lateness
+
+
+def test_nothing_was_never_late() -> None:
+    lateness = Lateness()
+    assert (lateness.count, lateness.max_ns, lateness.percentile_ns(99)) == (0, 0, 0)
+
+
+def test_small_ones_are_exact() -> None:
+    lateness = lateness_of(list(range(32)))
+    assert [lateness.percentile_ns(percent) for percent in (0, 50, 75, 100)] == [0, 15, 23, 31]
+
+
+def test_early_events_count_as_not_late() -> None:
+    assert lateness_of([-5, -1]).percentile_ns(100) == 0
+
+
+def test_one_outlier_is_the_maximum_and_no_more() -> None:
+    lateness = lateness_of([1000] * 999 + [10**9])
+    assert lateness.max_ns == 10**9
+    assert 1000 <= lateness.percentile_ns(99) <= 1000 * 17 / 16
+
+
+@given(st.lists(st.integers(0, 10**12), min_size=1), st.integers(1, 100))
+def test_a_percentile_is_at_most_a_sixteenth_too_large(values_ns: list[int], percent: int) -> None:
+    exact = sorted(values_ns)[-(-percent * len(values_ns) // 100) - 1]
+    assert exact <= lateness_of(values_ns).percentile_ns(percent) <= exact * 17 / 16
+
+
+@pytest.mark.parametrize("count", [10, 10_000])
+def test_it_does_not_grow_with_their_number(count: int) -> None:
+    lateness = lateness_of([10**6 + i % 7 for i in range(count)])
+    assert lateness.count == count
+    assert len(lateness._counts) == 1  # noqa: SLF001

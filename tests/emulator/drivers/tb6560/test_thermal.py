@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.chip import DriverChip
-from steptwin.emulator.drivers.chip.junction import Junction
+from steptwin.emulator.drivers.chip.protection import Junction
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.protocol.drivers import Cooling, Release, Shutdown
 from tests.emulator.pins import POWER_UP, a_tb6560, at, pins

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from steptwin.emulator.nodes.description import NodeDescription, ValueForm
+from steptwin.emulator.bus.node_objects import NodeDescription, ValueForm
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.eds_nodes import read_node
 from steptwin.protocol.eds import render_eds
 from steptwin.protocol.entry import Access
 from steptwin.protocol.objects import ENTRIES
-from tests.emulator.nodes.test_simple_node import EDS
+from tests.emulator.bus.test_simple_node import EDS
 
 TEXT = EDS.read_text(encoding="utf-8")
 

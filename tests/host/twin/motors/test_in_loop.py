@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.machine import Payload, Slip
-from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.emulator.motors.rotor_watch import RotorWatch
 from steptwin.emulator.motors.rotors import RotorRecord, Rotors
 from steptwin.host.cli.run.motor_report import print_motors, warn_of_payloads

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from steptwin.emulator.motors.needed_torque import carried_torque_nm
+from steptwin.emulator.motors.torques import carried_torque_nm
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.motor import JointLink

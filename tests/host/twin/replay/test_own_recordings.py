@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.bus import BusOff, StrangerSends
 from steptwin.emulator.faults.machine import EmergencyStop, SetInput, WatchdogReset
-from steptwin.emulator.faults.schedule import Scheduled
 from steptwin.host.cli.files.replay import say_result
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.scenario import Fault, Scenario

@@ -1,8 +1,9 @@
-"""A motor's pull-out torque: the load beyond which it slips at a steady speed.
+"""Torques at a steady speed and along a motion: what a motor has before it slips, and what a motion needs of it.
 
-At a steady speed the field runs ahead of the rotor by the load angle. The phase currents of one electrical turn follow
-from the averaged chopper (`rotor_kernel`); their mean torque depends on the load angle, and its maximum is the pull-out
-torque. An array holds all load angles and speeds at once.
+The pull-out torque is the load beyond which a motor slips. At a steady speed the field runs ahead of the rotor by the
+load angle. The phase currents of one electrical turn follow from the averaged chopper (`rotor_kernel`); their mean
+torque depends on the load angle, and its maximum is the pull-out torque. An array holds all load angles and speeds at
+once. What a motion needs holds if every rotor keeps step.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,7 +13,12 @@ from typing import Final
 import numpy as np
 
 from steptwin.emulator.board.edges import FloatArray
+from steptwin.emulator.motors.arm import Arm
+from steptwin.emulator.motors.mechanics import GRAVITY_M_S2, MotionArrays
 from steptwin.emulator.motors.motor import RAD_S_PER_RPM, Motor
+from steptwin.emulator.motors.rotor_backend import Numbers, RotorBackend, arm_arrays, fastest_rotors, joint_arrays
+from steptwin.emulator.motors.rotor_kernel import STATE_FIELDS
+from steptwin.emulator.motors.rotors import Drive
 
 _LOAD_ANGLES: Final = np.linspace(0.0, np.pi, 41)
 """From no load to the far side of the maximum, which the currents' lag at high speed pushes beyond a quarter turn."""
@@ -20,6 +26,55 @@ _SETTLING_TURNS: Final = 8
 """Electrical turns after which the currents repeat."""
 _PARTS: Final = 128
 """Steps of integration in an electrical turn."""
+
+
+def needed_torque_nm(
+    drives: Sequence[Drive], arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray,
+    backend: RotorBackend | None = None,
+) -> FloatArray:  # fmt: skip
+    """Return the torque at each rotor, with friction, but without the iron's drag, which pull-out torques leave out.
+
+    Args:
+        drives: of each axis.
+        arm: what they turn.
+        rad: rotors' angles, shape (n, axes); likewise their speeds and accelerations.
+        rad_s: the speeds.
+        rad_s2: the accelerations.
+        backend: by default the fastest.
+    """
+    carried = carried_torque_nm(arm, rad, rad_s, rad_s2, backend)
+    columns = [
+        rotor_torque_nm(drive, carried[:, axis], rad_s[:, axis], rad_s2[:, axis]) for axis, drive in enumerate(drives)
+    ]
+    return np.column_stack(columns)
+
+
+def rotor_torque_nm(drive: Drive, carried: FloatArray, rad_s: FloatArray, rad_s2: FloatArray) -> FloatArray:
+    """Return one motor's torque, shape (n,), where its gear carries `carried`; at rest friction helps to hold."""
+    rubbing = drive.friction_nm + (1.0 / drive.efficiency - 1.0) * np.abs(carried)
+    driving = carried + drive.motor.rotor_inertia_kgm2 * rad_s2
+    held = np.sign(driving) * np.maximum(np.abs(driving) - rubbing, 0.0)
+    return np.asarray(np.where(rad_s == 0.0, held, driving + rubbing * np.sign(rad_s)), dtype=np.float64)
+
+
+def carried_torque_nm(
+    arm: Arm, rad: FloatArray, rad_s: FloatArray, rad_s2: FloatArray, backend: RotorBackend | None = None,
+    gravity_m_s2: float = GRAVITY_M_S2,
+) -> FloatArray:  # fmt: skip
+    """Return what the arm alone needs at each rotor, shape (n, axes): weights and what its masses' motion takes."""
+    backend = backend or fastest_rotors()
+    (instants, axes), count = rad.shape, len(arm.bodies)
+
+    def zeros(length: int) -> Numbers:
+        return backend.numbers([0.0] * length)
+
+    angles, speeds, accelerations = (backend.rows(values) for values in (rad, rad_s, rad_s2))
+    asked = MotionArrays(angles, speeds, accelerations, zeros(rad.size))
+    backend.need(
+        arm_arrays(arm, backend, gravity_m_s2), joint_arrays(arm, backend), zeros(axes * STATE_FIELDS), zeros(count),
+        zeros(count), asked,
+    )  # fmt: skip
+    return np.array(asked.torques, dtype=np.float64).reshape(instants, axes)
 
 
 @dataclass(frozen=True, slots=True)

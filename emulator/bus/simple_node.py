@@ -8,14 +8,15 @@ heartbeats. Its frames queue without order of its own making: the CAN controller
 from typing import Final
 
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.nodes.description import NodeDescription, NodeValue
-from steptwin.emulator.nodes.node_objects import (
+from steptwin.emulator.bus.node_objects import (
     PDO_BITS_MAX,
     RPDO_MAPS,
     RPDOS,
     TPDO_MAPS,
     TPDOS,
+    NodeDescription,
     NodeObjects,
+    NodeValue,
 )
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.emulator.nodes.simple_node import SimpleNode
+from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.eds_nodes import read_node

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
-from steptwin.emulator.motors.pull_out import DriveSupply, pull_out_nm, pull_outs_nm
+from steptwin.emulator.motors.torques import DriveSupply, pull_out_nm, pull_outs_nm
 
 Array = NDArray[np.float64]
 
