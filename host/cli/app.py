@@ -76,9 +76,9 @@ class Group(NamedTuple):
 
 
 GROUPS: Final = (
-    Group("Robots and maths", "robots", "listing fk ik workspace paper calibrate urdf ros2"),
-    Group("Run and verify", "run", "new check run verify captured campaign bench"),
-    Group("Live board", "live", "serve panel status monitor shadow move jog positions halting inject ros2_bridge"),
+    Group("Robots and maths", "robots", "listing poses workspace paper calibrate ros"),
+    Group("Run and verify", "run", "new check run verify campaign bench"),
+    Group("Live board", "live", "serve panel status monitor shadow move positions halting inject ros2_bridge"),
     Group("Files and tools", "files", "convert trace plot motors show replay exports"),
 )
 

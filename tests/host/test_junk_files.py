@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import pytest
 
-from steptwin.host.cli.run.check_campaign import check_scenario
-from steptwin.host.cli.run.check_program import check_program
+from steptwin.host.cli.run.check import check_program, check_scenario
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
 from steptwin.host.robots import brought_text, read_robot

@@ -1,20 +1,18 @@
 """`steptwin check FILE`: say everything that is wrong in a file of your own, or what it amounts to."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, CheckedFile
-from steptwin.host.cli.options import argument
-from steptwin.host.cli.output import say
-from steptwin.host.cli.run.check_campaign import check_campaign, check_scenario
-from steptwin.host.cli.run.check_program import check_program
+from steptwin.host.cli.options import argument, with_options
+from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say, warn
 from steptwin.host.cli.run.check_robot import check_robot
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
@@ -22,6 +20,13 @@ from steptwin.host.common.file_limits import CAMPAIGN_BYTES_MAX, PROGRAM_BYTES_M
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import toml_table
+
+if TYPE_CHECKING:
+    from steptwin.host.planning.peaks import Peak
+    from steptwin.host.planning.programs import CompiledProgram, Program, StepRow
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.studies.campaign import Campaign
+    from steptwin.host.studies.campaign.campaign import MotionChoice, ScenarioChoice
 
 
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
@@ -56,7 +61,7 @@ def check(
     checks: Mapping[str, _Check] = {
         "program": partial(check_program, Path(file).parent),
         "scenario": check_scenario,
-        "campaign": partial(check_campaign, file),
+        "campaign": partial(_check_campaign, file),
         "robot": check_robot,
     }
     checked = checks[kind](text, robot, findings)
@@ -82,3 +87,243 @@ _KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "robot": ("kinematics", "joints", "board"),
 }
 """Kinds of files, each with the keys by which it is known: any of them."""
+
+
+def check_program(folder: Path, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a program in a folder for a robot, by default for the one that it names."""
+    from steptwin.host.planning.programs import check_names, compile_program, parse_program
+    from steptwin.host.twin.motor_limits import motor_forecast, motor_limits
+
+    program = parse_program(text, findings, folder)
+    robot = _robot(program, robot_name, findings)
+    if robot is None:
+        check_names(program, None, findings)
+        return CheckedFile()
+    compiled = compile_program(program, robot, findings, drives=motor_limits)
+    advice = _advice(robot, compiled, findings) if compiled.is_whole else ()
+    is_foretold = compiled.is_whole and not findings.messages and program.limits is None
+    forecast = motor_forecast(robot, compiled.trajectory) if is_foretold else None
+    document = {
+        "robot": robot.name,
+        "duration_s": compiled.trajectory.duration_s,
+        "steps": [_step_document(row) for row in compiled.steps],
+        **({"motors": forecast} if forecast else {}),
+    }
+    waits = ", and its waits for inputs" if compiled.trajectory.waits else ""
+    said = (
+        f"{robot.name} {program.title or 'program'}: {len(compiled.steps)} steps in"
+        f" {compiled.trajectory.duration_s:.3f} s{waits}"
+    )
+
+    def tell() -> None:
+        _print_steps(compiled.steps)
+        if forecast:
+            warn(forecast)
+
+    return CheckedFile(document, (tell, said), advice)
+
+
+def _robot(program: "Program", name: str | None, findings: Findings) -> "Robot | None":
+    """Return the robot with a name, by default the program's own; None, with a finding, if it is unknown or wrong."""
+    from steptwin.host.planning.programs import load_own_robot
+    from steptwin.host.robots import load_robot
+
+    with findings.collecting():
+        return load_own_robot(program) if name is None else load_robot(name)
+    return None
+
+
+def _advice(robot: "Robot", compiled: "CompiledProgram", findings: Findings) -> tuple[str, ...]:
+    """Plan the whole program; return which stretch makes it slow enough, if it is too fast."""
+    from steptwin.host.planning.checks import TooFastError
+    from steptwin.host.planning.planner import plan
+
+    with findings.collecting():
+        try:
+            plan(robot, compiled.trajectory)
+        except TooFastError as error:
+            if not findings.messages:
+                raise
+            return (f"or the whole program: {with_options(error.advice, 'stretch')}; --stretch auto finds it",)
+    return ()
+
+
+def _print_steps(steps: "Sequence[StepRow]") -> None:
+    """Print a row for each step; the column of passes only if a step is made several times."""
+    word = next((row.place.pass_word for row in steps if row.place.passes), "pass")
+    passes: Columns = {word: lambda row: row.place.pass_text or "-"}
+    texts: Columns = {
+        "step": "{0.place.number}",
+        **(passes if any(row.place.passes for row in steps) else {}),
+        "what": "{0.text}",
+    }
+    numbers: Columns = {
+        "from s": "{0.from_s:.3f}",
+        "for s": "{0.duration_s:.3f}",
+        "speed": lambda row: _percent_text(_highest(row)[0]),
+        "acceleration": lambda row: _percent_text(_highest(row)[1]),
+    }
+    print_rows({**texts, **numbers}, steps, text_columns=len(texts))
+    for row in steps:
+        drives = () if row.drives is None else (str(row.drives),)
+        say(*(f"{row.place}: {sentence}" for sentence in (*row.passed(), *row.notes, *drives)))
+
+
+def _step_document(row: "StepRow") -> dict[str, Any]:
+    speed, acceleration = _highest(row)
+    return {
+        "number": row.place.number,
+        "pass": list(row.place.passes),
+        "text": row.text,
+        "from_s": row.from_s,
+        "duration_s": row.duration_s,
+        "speed_percent": speed.percent if speed else 0.0,
+        "acceleration_percent": acceleration.percent if acceleration else 0.0,
+        **({"branch_changes": [{"t_s": t_s, "branch": name} for t_s, name in row.changes]} if row.changes else {}),
+        **({"notes": list(row.notes)} if row.notes else {}),
+        **({"motors": row.drives.to_dict()} if row.drives else {}),
+    }
+
+
+def _highest(row: "StepRow") -> "tuple[Peak | None, Peak | None]":
+    """Return the peaks of speed and acceleration that are nearest to their limits; None in a step without motion."""
+    from steptwin.host.planning.peaks import Quantity
+
+    speeds = [peak for peak in row.peaks if peak.quantity in (Quantity.SPEED, Quantity.AXIS_SPEED)]
+    of_acceleration = (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION)
+    accelerations = [peak for peak in row.peaks if peak.quantity in of_acceleration]
+    return _nearest_to_limit(speeds), _nearest_to_limit(accelerations)
+
+
+def _nearest_to_limit(peaks: "list[Peak]") -> "Peak | None":
+    return max(peaks, key=lambda peak: peak.percent, default=None)
+
+
+def _percent_text(peak: "Peak | None") -> str:
+    return f"{peak.percent:.0f} % {peak.joint}" if peak is not None and peak.value else "-"
+
+
+def check_scenario(text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a scenario for a robot, whose joints, switches and inputs its faults name."""
+    from steptwin.host.faults.requests import request_of
+    from steptwin.host.faults.scenario import parse_scenario
+    from steptwin.host.robots import load_robot
+
+    robot = None
+    with findings.collecting():
+        if robot_name is None:
+            raise InputError("which robot? `steptwin check FILE ROBOT`: the faults name its joints")
+        robot = load_robot(robot_name)
+    if robot is None:
+        return CheckedFile()
+    scenario = parse_scenario(text, robot, findings)
+    faults = [
+        {
+            "name": fault.name,
+            "due": str(fault.trigger),
+            "do": request_of(robot, fault.harm),
+            "until": None if fault.until is None else _until(fault.until),
+        }
+        for fault in scenario.drawn().faults
+    ]
+    document = {"robot": robot.name, "name": scenario.name, "seed": scenario.seed, "faults": faults}
+    said = f"scenario {scenario.name}: {len(faults)} faults, seed {scenario.seed}"
+    return CheckedFile(document, (lambda: print_rows(_FAULTS, faults, text_columns=4), said))
+
+
+def _until(until: object) -> str:
+    return f"for {until:g} s" if isinstance(until, float | int) else str(until)
+
+
+def _request(request: Mapping[str, Any]) -> str:
+    """Return what a fault does, then its keys with their values."""
+    keys = (f"{key}={_word(value)}" for key, value in request.items() if key != "do")
+    return " ".join((request["do"], *keys))
+
+
+def _word(value: object) -> str:
+    if isinstance(value, list):
+        return ",".join(f"0x{each:X}" for each in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+_FAULTS: Final[Columns] = {
+    "fault": "{0[name]}",
+    "due": "{0[due]}",
+    "does": lambda fault: _request(fault["do"]),
+    "until": lambda fault: fault["until"] or "to the end",
+}
+
+
+def _check_campaign(file: str, text: str, robot_name: str | None, findings: Findings) -> CheckedFile:
+    """Check a campaign, which names its robots itself, and the files that it names."""
+    from steptwin.host.studies.campaign import Sources, parse_campaign
+
+    with findings.collecting():
+        if robot_name is not None:
+            raise InputError(f"is a campaign, which names its robots: leave {robot_name} out")
+        campaign, _ = parse_campaign(Sources(file, text, folder=Path(file).parent))
+        document = _document(campaign)
+        return CheckedFile(document, (lambda: _print(document),))
+    return CheckedFile()
+
+
+def _document(campaign: "Campaign") -> dict[str, Any]:
+    motions, scenarios = campaign.motions, campaign.scenarios
+    return {
+        "runs": campaign.runs,
+        "first_seed": campaign.first_seed,
+        "robots": list(campaign.robots),
+        "motions": _choices(campaign, motions, lambda choice: str(choice.motion)),
+        "scenarios": [
+            told | {"faults": _faults(choice)}
+            for told, choice in zip(_choices(campaign, scenarios, lambda choice: choice.name), scenarios, strict=True)
+        ],
+        "vary": list(campaign.vary),
+        "recover": campaign.recover,
+        "motors": campaign.motors or "never",
+    }
+
+
+def _choices(
+    campaign: "Campaign", choices: "Sequence[MotionChoice | ScenarioChoice]", name: Callable[[Any], str]
+) -> list[dict[str, Any]]:
+    """Return of each choice its name, its robots, and the part of all runs that are to have it."""
+    weights = dict.fromkeys(campaign.robots, 0.0)
+    for choice in choices:
+        for robot in choice.robots:
+            weights[robot] += choice.weight
+    return [
+        {
+            "name": name(choice),
+            "robots": list(choice.robots),
+            "share": round(sum(choice.weight / weights[robot] for robot in choice.robots) / len(campaign.robots), 6),
+        }
+        for choice in choices
+    ]
+
+
+def _faults(choice: "ScenarioChoice") -> list[str]:
+    """Return what the faults of a scenario do."""
+    return [fault["do"] for fault in choice.table.get("fault", ())]
+
+
+def _print(document: dict[str, Any]) -> None:
+    rows = [["motion", each["name"], "", *_whose(document, each)] for each in document["motions"]]
+    rows += [
+        ["scenario", each["name"], ", ".join(each["faults"]), *_whose(document, each)] for each in document["scenarios"]
+    ]
+    print_table(["", "", "faults", "robots", "runs"], rows, text_columns=4)
+    say(f"varies: {', '.join(document['vary']) or 'nothing'}")
+    after = "recovered after each run" if document["recover"] else "not recovered"
+    motors = {"never": "", "after": ", motors turn after each run", "loop": ", motors turn as runs go"}
+    robots = f"{number_of(len(document['robots']), 'robot')}, {after}{motors[document['motors']]}"
+    say(f"campaign of {number_of(document['runs'], 'run')} from seed {document['first_seed']}: {robots}")
+
+
+def _whose(document: dict[str, Any], choice: dict[str, Any]) -> list[str]:
+    """Return the robots of a choice, and how many runs are to have it."""
+    whose = "all" if choice["robots"] == document["robots"] else ", ".join(choice["robots"])
+    return [whose, f"{choice['share'] * document['runs']:.0f}"]
