@@ -22,8 +22,7 @@ from steptwin.host.planning.fastest import DriveAnswer
 from steptwin.host.planning.fastest.chain import timed_chains
 from steptwin.host.planning.fastest.corners import JointLeg, MotionLeg, ToolLeg, flowing
 from steptwin.host.planning.fastest.executed import timed
-from steptwin.host.planning.fastest.followed import FollowedPath
-from steptwin.host.planning.fastest.pieces import Pace
+from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
 from steptwin.host.planning.fastest.solve import fastest_squares
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.motions.composer import Composer

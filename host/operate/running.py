@@ -14,8 +14,7 @@ from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_m
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
 from steptwin.host.planning.clearance import check_way
-from steptwin.host.planning.faster import PLANNED_PERCENT, highest_speed
-from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.plan import PLANNED_PERCENT, Plan, highest_speed
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 END_ERROR_STEPS_MAX: Final = 0.5 + 1 / 16

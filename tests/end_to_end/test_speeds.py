@@ -10,11 +10,10 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.pausing import change_speed, pause_trajectory, resume_trajectory
 from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.session import Session
-from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard

@@ -18,7 +18,7 @@ from steptwin.host.operate.rosbridge.goal_states import ActiveGoal, GoalEvent, G
 from steptwin.host.operate.rosbridge.messages import CancelAsked, FollowCode, GoalSent, RosNames
 from steptwin.host.operate.running import SETTLED_S
 from steptwin.host.operate.session import Session
-from steptwin.host.planning.faster import highest_speed
+from steptwin.host.planning.plan import highest_speed
 from steptwin.protocol.cia402 import Status
 
 PERIOD_S: Final = 0.1

@@ -24,8 +24,7 @@ from steptwin.host.client.drive_status import DriveStatus
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.operate.running import LiveOutcome
 from steptwin.host.operate.session import Session
-from steptwin.host.planning.faster import highest_speed
-from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.protocol.frame import COB_TPDO
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import SEQUENCE_MODULUS, VELOCITY_PER_UNIT_PER_MS, PvtStatus

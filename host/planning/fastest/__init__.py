@@ -13,8 +13,7 @@ from steptwin.host.planning.fastest.drives import (
     check_drives,
 )
 from steptwin.host.planning.fastest.executed import timed
-from steptwin.host.planning.fastest.followed import FollowedPath
-from steptwin.host.planning.fastest.pieces import Pace
+from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
 
 __all__ = [
     "AVERAGE_S",

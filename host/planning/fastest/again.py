@@ -21,8 +21,7 @@ from steptwin.host.planning.fastest.corners import CornerError, JointLeg, Motion
 from steptwin.host.planning.fastest.driven import driven
 from steptwin.host.planning.fastest.drives import DriveLimits, PathLoad
 from steptwin.host.planning.fastest.executed import timed
-from steptwin.host.planning.fastest.followed import FollowedPath
-from steptwin.host.planning.fastest.pieces import JointPiece, Pace, PiecewisePath
+from steptwin.host.planning.fastest.pieces import FollowedPath, JointPiece, Pace, PiecewisePath
 from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove

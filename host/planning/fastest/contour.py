@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.fastest.followed import FollowedPath
+from steptwin.host.planning.fastest.pieces import FollowedPath
 from steptwin.host.planning.fastest.rows import PathLimits, PathRates
 from steptwin.host.robots.robot import Robot
 

@@ -17,8 +17,7 @@ import scipy
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest.followed import FollowedPath
-from steptwin.host.planning.fastest.pieces import JointPiece, Pace, PathPiece, PiecewisePath, ToolPiece
+from steptwin.host.planning.fastest.pieces import FollowedPath, JointPiece, Pace, PathPiece, PiecewisePath, ToolPiece
 from steptwin.host.planning.paths import Oriented, StraightLine, ToolPath
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm

@@ -12,11 +12,10 @@ from steptwin.host.operate.moving import move
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.plan import Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions

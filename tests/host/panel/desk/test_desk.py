@@ -33,8 +33,8 @@ from steptwin.host.panel.desk.desk import Desk
 from steptwin.host.panel.desk.jogs import EXPIRED, RELEASED, JointJog, ToolJog
 from steptwin.host.panel.desk.requests import Command
 from steptwin.host.panel.desk.words import RefusedError
-from steptwin.host.planning.faster import highest_speed
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.plan import highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.programs.positions import ToolPosition
 from tests.emulator.live.live_rig import await_true

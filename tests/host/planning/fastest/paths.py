@@ -8,8 +8,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.fastest.corners import JointLeg, ToolLeg
-from steptwin.host.planning.fastest.followed import FollowedPath
-from steptwin.host.planning.fastest.pieces import Pace
+from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
 from steptwin.host.planning.motions.tool_move import present_branch
 from steptwin.host.planning.paths import straight
 from steptwin.host.robots.kinematics import make_kinematics

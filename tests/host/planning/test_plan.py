@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.faster import BITS_OF_A_RECORD, BUS_PART, highest_speed
 from steptwin.host.planning.laws import Cubic, Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.plan import Plan
+from steptwin.host.planning.plan import BITS_OF_A_RECORD, BUS_PART, Plan, highest_speed
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot

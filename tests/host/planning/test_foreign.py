@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.planning.foreign import LANGUAGES, converted
-from steptwin.host.planning.foreign.line import TakenOver
+from steptwin.host.planning.foreign import LANGUAGES, TakenOver, converted
 from steptwin.host.planning.programs import compile_program, parse_program, read_program
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
