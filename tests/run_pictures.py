@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from steptwin.host.record.folder import run_pictures
+from steptwin.host.record.folder import writing
 
 
 @contextmanager
@@ -20,7 +20,7 @@ def with_pictures() -> Iterator[None]:
 def with_pictures_drawn_here() -> Iterator[None]:
     """Let `run --out` draw its pictures in this process, where a test may have changed them."""
     with with_pictures(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_pictures, "drawing_apart", lambda: nullcontext(run_pictures.draw_here))
+        patch.setattr(writing, "drawing_apart", lambda: nullcontext(writing.draw_here))
         yield
 
 
@@ -34,5 +34,5 @@ def without_pictures() -> Iterator[None]:
 @contextmanager
 def _finding_by(find: Callable[[str], object]) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_pictures, "find_spec", find)
+        patch.setattr(writing, "find_spec", find)
         yield

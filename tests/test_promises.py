@@ -17,8 +17,8 @@ from steptwin.controller.node import transmit_queue
 from steptwin.controller.node import transmit_queue as outbox
 from steptwin.emulator.live import live_simulation as stalls
 from steptwin.emulator.live import socketcand, tcp_server
-from steptwin.host.client import heartbeat, shared_node, stream, waiting, waits
-from steptwin.host.client.links import connecting, socketcand_bus
+from steptwin.host.client import lease, links, shared_node, stream, waiting, waits
+from steptwin.host.client.links import socketcand_bus
 from steptwin.host.common import file_limits
 from steptwin.host.common import processes as slowness
 from steptwin.host.faults import reaction as reaction_times
@@ -62,15 +62,15 @@ PROMISES = [
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
     Promise("docs/panel.md", "or program of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),
     # --- who is in charge, and who is lost
-    Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", heartbeat.PERIOD_S, 0.1),
-    Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", heartbeat.WATCH_HOST, 0x7F015E),
-    Promise("docs/hardware.md", "misses its host's heartbeat for 350 ms", heartbeat.TIMEOUT_MS, 350),
+    Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", lease.PERIOD_S, 0.1),
+    Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", lease.WATCH_HOST, 0x7F015E),
+    Promise("docs/hardware.md", "misses its host's heartbeat for 350 ms", lease.TIMEOUT_MS, 350),
     Promise("docs/canopen.md", "when it has monitored no heartbeat for 1 s", od.CHARGE_UNWATCHED_MS, 1000),
     Promise("docs/hardware.md", "TPDO1 each 100 ms", TPDO_DEFAULTS[0].event_timer_ms, 100),
     Promise("docs/live.md", "wait 0.8 s for an answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "A node has 0.8 s to answer", shared_node._PATIENCE_S, 0.8),
     Promise("docs/live.md", "waited for only 50 ms each until one answers", shared_node._IMPATIENCE_S, 0.05),
-    Promise("docs/live.md", "a server has a second to accept and greet", connecting.ANSWER_S, 1.0),
+    Promise("docs/live.md", "a server has a second to accept and greet", links.ANSWER_S, 1.0),
     Promise("docs/live.md", "when it has been silent for a second, one more", socketcand_bus.SILENCE_S, 1.0),
     Promise("docs/faults.md", "which the host notices after 1 s", waiting.SILENCE_S, 1.0),
     Promise("docs/faults.md", "within 40 ms after it hears of the fault", reaction_times.HOST_NOTICES_MS, 40.0),

@@ -11,7 +11,7 @@ from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError
 from canopen.sdo.base import SdoVariable
 
 from steptwin.host.client.drive_status import FAULT_STATES, STOPPED, DriveStatus
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.links import Link
 from steptwin.host.client.shared_node import DoubtfulAnswerError, Patience, SharedNode
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.client.words import RAN_DRY, error_text, error_words, state_text, state_words

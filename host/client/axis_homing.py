@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES, DriveStatus
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.links import Link
 from steptwin.host.client.reports import Listening
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.client.waiting import POLL_S, REST_TIMEOUT_S, wait_until

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from steptwin.host.client.links.connecting import ANSWER_S, SILENT, address_text, connected
+from steptwin.host.client.links import ANSWER_S, SILENT, address_text, connected
 from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import ClockStood

@@ -11,8 +11,8 @@ from canopen.objectdictionary import ObjectDictionary, eds
 
 from steptwin.host.client.axis import AxisClient, AxisSettings, Objects
 from steptwin.host.client.axis_homing import AxisHoming, HomingPair, HomingSettings, PairWatch, run_homings
-from steptwin.host.client.heartbeat import WATCH_HOST, Heartbeat
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.lease import WATCH_HOST, Heartbeat
+from steptwin.host.client.links import Link
 from steptwin.host.client.shared_node import Patience
 from steptwin.host.client.stream import Stream, StreamedMotion, stop_the_rest
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require

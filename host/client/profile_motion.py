@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.links import Link
 from steptwin.host.client.reports import Listening, check_enabled, check_faults
 from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.errors import BusError

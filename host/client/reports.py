@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.links.link import Clock
+from steptwin.host.client.links import Clock
 from steptwin.host.client.waiting import POLL_S, SILENCE_S, silent, wait_until
 from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import DeviceFaultError

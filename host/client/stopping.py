@@ -11,7 +11,7 @@ from typing import Final
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.links import Link
 from steptwin.host.client.waiting import REST_TIMEOUT_S, require, wait_until
 from steptwin.host.client.words import state_text, state_words
 from steptwin.host.common.errors import BusError, DeviceFaultError, StepTwinError

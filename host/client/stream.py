@@ -5,7 +5,7 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.links.link import Link
+from steptwin.host.client.links import Link
 from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime, fill
 from steptwin.host.client.reports import check_enabled, check_faults

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from steptwin.host.client.links.link import Clock
+from steptwin.host.client.links import Clock
 from steptwin.host.common.errors import BusError
 
 POLL_S: Final = 0.010

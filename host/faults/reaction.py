@@ -8,7 +8,7 @@ from types import UnionType
 from typing import Any, Final
 
 from steptwin.emulator.faults.harm import Harm
-from steptwin.host.client.heartbeat import TIMEOUT_MS
+from steptwin.host.client.lease import TIMEOUT_MS
 from steptwin.host.client.waiting import REPLY_TIMEOUT_S, SILENCE_S
 from steptwin.host.faults.target import Moment
 from steptwin.protocol.cia402 import ErrorCode, State

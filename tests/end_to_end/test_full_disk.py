@@ -15,7 +15,7 @@ pytest.importorskip("matplotlib")
 
 from matplotlib.figure import Figure
 
-from steptwin.host.record.folder.run_pictures import DEFAULT_PICTURES
+from steptwin.host.record.folder.writing import DEFAULT_PICTURES
 from steptwin.host.record.plots import PICTURES
 
 ROBOT = "teaching-scara"

@@ -256,7 +256,7 @@ def _check_at_speed(robot: "Robot", name: str, value: float, seconds: float | No
 
 
 def _check_step(robot: "Robot", name: str, value: float, seconds: float | None, speed: float | None) -> None:
-    from steptwin.host.operate.stepping import check_step, check_step_speed
+    from steptwin.host.operate.jogging import check_step, check_step_speed
     from steptwin.host.planning.tool_by_hand import ToolStep
 
     if seconds is not None:
@@ -286,7 +286,7 @@ def _tool_at_speed(
 
 
 def _by_step(session: "Session", name: str, distance: float, speed: float | None, frame: "StepFrame") -> "Moved":
-    from steptwin.host.operate.stepping import STEP_SPEED_PERCENT, step_joint, step_tool
+    from steptwin.host.operate.jogging import STEP_SPEED_PERCENT, step_joint, step_tool
     from steptwin.host.planning.tool_by_hand import ToolStep
 
     percent = STEP_SPEED_PERCENT if speed is None else speed

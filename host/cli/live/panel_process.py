@@ -49,7 +49,7 @@ def require_free(port: int | None) -> None:
 
 def reached_at(host: str | None) -> str:
     """Return the address at which programs of this machine reach a server that listens at one, for a HOST:PORT."""
-    from steptwin.host.client.links.connecting import in_url
+    from steptwin.host.client.links import in_url
 
     return in_url(socketcand.LOOPBACK if host is None or host in _EVERYWHERE else host)
 

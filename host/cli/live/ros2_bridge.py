@@ -23,9 +23,9 @@ def ros2_bridge(
     It publishes /joint_states ten times a second and is the server of NAME/follow_joint_trajectory, one goal at a time.
     A goal that is canceled, and a lost connection, stop all axes.
     """
-    from steptwin.host.client.links.connecting import address_text
+    from steptwin.host.client.links import address_text
     from steptwin.host.operate.rosbridge import GoalState, RosBridge, RosNames
-    from steptwin.host.operate.rosbridge.rosbridge_socket import PORT, RosbridgeSocket, require_websockets
+    from steptwin.host.operate.rosbridge.bridge import PORT, RosbridgeSocket, require_websockets
 
     loaded = live.robot(robot)
     host, port = host_and_port("--rosbridge", rosbridge, PORT, optional=True)

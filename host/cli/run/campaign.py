@@ -265,7 +265,7 @@ def _kept(folder: Path) -> "tuple[Campaign, Results]":
 
 
 def _rerun(answer: AnswerOptions, asked: CampaignOptions, folder: Path, seed: int) -> None:
-    from steptwin.host.record.folder.run_pictures import draw_here
+    from steptwin.host.record.folder.writing import draw_here
     from steptwin.host.studies.campaign import draw, perform, read_scenario_table, row_of, with_varied_file
 
     if asked.out is not None and Path(asked.out).resolve() == folder.resolve():

@@ -228,7 +228,7 @@ def _keep(
 ) -> dict[str, Any]:
     """Write the folder of a run; return the document with its version."""
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY, write_folder
-    from steptwin.host.record.folder.run_pictures import can_draw, draw_here
+    from steptwin.host.record.folder.writing import can_draw, draw_here
 
     document = document | {VERSION_KEY: FOLDER_VERSION}
     write_folder(folder, document, motion, run.comparison.evidence, ())

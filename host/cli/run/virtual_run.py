@@ -86,7 +86,7 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand
         Exit: the run is not verified, the scenario has failed, or a motor has lost its step.
     """
     from steptwin.host.record.folder import FOLDER_VERSION, VERSION_KEY
-    from steptwin.host.record.folder.run_pictures import can_draw, draw_here, drawing_apart
+    from steptwin.host.record.folder.writing import can_draw, draw_here, drawing_apart
 
     if options.motors:
         check_motors(motion.plan.robot)

@@ -15,7 +15,7 @@ import canopen
 from can.broadcastmanager import ThreadBasedCyclicSendTask
 from canopen.network import MessageListener, PeriodicMessageTask
 
-from steptwin.host.client.links.connecting import address_text
+from steptwin.host.client.links import address_text
 from steptwin.host.client.links.socketcand_bus import SocketcandBus
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import unknown

@@ -16,7 +16,7 @@ from typing import Final, Never
 
 import can
 
-from steptwin.host.client.links.connecting import ANSWER_S, SILENT, connected
+from steptwin.host.client.links import ANSWER_S, SILENT, connected
 from steptwin.host.common.bad_input import printable
 
 SILENCE_S: Final = 1.0

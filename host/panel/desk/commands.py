@@ -8,10 +8,10 @@ from functools import partial
 from steptwin.host.common.errors import InputError, StepTwinError
 from steptwin.host.operate.homing import check_homing, declare, home_robot
 from steptwin.host.operate.inputs_outputs import no_such_output, switch_output
+from steptwin.host.operate.jogging import STEP_SPEED_PERCENT, check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.operate.moving import Goal, check_goal, goal_by_name, joints_at, move
 from steptwin.host.operate.recovering import reset
 from steptwin.host.operate.running import check_repeatable, execute_live
-from steptwin.host.operate.stepping import STEP_SPEED_PERCENT, check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.panel.desk.requests import Command, Work
 from steptwin.host.panel.desk.settings import MachineSettings, check_settings, write_settings
 from steptwin.host.panel.desk.stops import StopAskedError

@@ -13,7 +13,7 @@ import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
 
-from steptwin.host.client.links.connecting import address_text, in_url
+from steptwin.host.client.links import address_text, in_url
 from steptwin.host.common.bad_input import printable, shortened
 from steptwin.host.common.errors import BusError
 from steptwin.host.common.listening import is_loopback, listen

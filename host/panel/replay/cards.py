@@ -11,7 +11,7 @@ from steptwin.host.panel.page.scene import Arm, ArmScene, camera_buttons, drawin
 from steptwin.host.panel.replay.markup import currents_picture, pins_picture
 from steptwin.host.panel.replay.model import Edge, Instant, Replay, Span
 from steptwin.host.panel.replay.player import Player
-from steptwin.host.record.animation.film_files import SPEEDS
+from steptwin.host.record.animation import SPEEDS
 from steptwin.host.robots.kinematics.marks import Skeleton
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 

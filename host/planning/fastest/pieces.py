@@ -1,4 +1,4 @@
-"""A path of the joints as pieces in a row: polynomials of the joints, and paths of the tool with their inverse."""
+"""A path of the joints as pieces in a row: polynomials of the joints, and paths of the tool with joints that follow."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """Write the folder of a run, read it, and verify the run again from its files alone.
 
-`layout` names the files, `writing` writes them all, `reading` makes plan and evidence of them, `verdict` judges them.
+`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges.
 """
 
 from steptwin.host.record.folder.edges_file import AxisTotals, read_edges

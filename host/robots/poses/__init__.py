@@ -1,6 +1,6 @@
 """Poses of tools: what each kind of tool can be told, orientations as people write them, and rotations."""
 
-from steptwin.host.robots.poses.notation import (
+from steptwin.host.robots.poses.rotations import (
     COLUMNS,
     DIRECTION,
     ORIENTATIONS,

@@ -22,8 +22,10 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.poses.notation import COLUMNS, DIRECTION, Orientation
 from steptwin.host.robots.poses.rotations import (
+    COLUMNS,
+    DIRECTION,
+    Orientation,
     angle_deg,
     of_rotation_vector,
     of_rpy_deg,

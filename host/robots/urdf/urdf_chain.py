@@ -1,10 +1,11 @@
 """A chain of a robot file made of a URDF's joints from its base to its tip, and all that its user should know of it.
 
 m become mm and rad degrees. Fixed joints become part of the frame behind them: before the first joint that moves the
-chain's `base`, behind the last one its `tool`.
+chain's `base`, behind the last one its `tool`. Rigid transforms become the frames of robot files, place and roll, pitch
+and yaw, and back without a loss.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, pi
 from re import sub
@@ -12,14 +13,18 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics.serial.chain_geometry import Notation
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Dimension
-from steptwin.host.robots.urdf.rigid import frame_of, triple
 from steptwin.host.robots.urdf.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree
 
+_UPRIGHT: Final = 1e-14
+"""Cosine of the pitch below which roll and yaw are one turn: from there on it is rounding only."""
+_DECIMALS: Final = 12
+"""Decimals of a frame's numbers: beyond them there is the dust of products only."""
 SNAPPED_RAD: Final = 2e-5
 """Distance from a multiple of 15 degrees within which an angle is meant to be it: 1.5708 is 3.7e-6 from pi/2."""
 _STEP_RAD: Final = pi / 12.0
@@ -29,6 +34,26 @@ _QUARTER_DEG: Final = 90.0
 _QUARTER_OFF_DEG: Final = 0.1
 """Limits of 1.57 or 1.5708 on every joint are those that exporters write for want of better ones."""
 _ENDLESS_DEG: Final = 180.0
+
+
+def frame_of(transform: FloatArray) -> FixedFrame:
+    """Return a transform of shape (4, 4) as a frame; the matrix of the frame is the transform, even near pitch 90.
+
+    Roll and pitch are taken of what remains after the turn back by the yaw, so that they fit any rounding of it.
+    """
+    turn = transform[:3, :3]
+    upright = np.hypot(turn[0, 0], turn[1, 0]) < _UPRIGHT
+    yaw = 0.0 if upright else float(np.arctan2(turn[1, 0], turn[0, 0]))
+    c, s = np.cos(yaw), np.sin(yaw)
+    rest = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ turn
+    pitch, roll = np.arctan2(-rest[2, 0], rest[0, 0]), np.arctan2(-rest[1, 2], rest[1, 1])
+    return FixedFrame(triple(transform[:3, 3].tolist()), triple(np.rad2deg([roll, pitch, yaw]).tolist()))
+
+
+def triple(values: Iterable[float]) -> tuple[float, float, float]:
+    """Return three numbers without the dust of their products."""
+    x, y, z = (round(value, _DECIMALS) + 0.0 for value in values)
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True)

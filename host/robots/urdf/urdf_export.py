@@ -22,7 +22,7 @@ from steptwin.host.robots.kinematics.kinds import kind_named
 from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry, Notation
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.urdf.rigid import frame_of
+from steptwin.host.robots.urdf.urdf_chain import frame_of
 
 TIP: Final = "tool0"
 """Link of the tool's frame, as ROS-Industrial calls it."""

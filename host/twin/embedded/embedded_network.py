@@ -17,7 +17,7 @@ from canopen.nmt import NmtMaster
 from canopen.pdo import PdoMap
 
 from steptwin.emulator.simulation import BusOverloadError, Simulation
-from steptwin.host.client.links.link import Clock
+from steptwin.host.client.links import Clock
 from steptwin.host.client.waiting import wait_until
 from steptwin.host.common.errors import BusError
 from steptwin.host.faults.engine import HostCondition, HostLostError

@@ -10,7 +10,7 @@ import numpy as np
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.client import Machine, Progress, StreamedMotion, object_dictionary
 from steptwin.host.client.drive_status import FAULT_STATES
-from steptwin.host.client.heartbeat import TIMEOUT_MS
+from steptwin.host.client.lease import TIMEOUT_MS
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text

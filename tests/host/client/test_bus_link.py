@@ -8,7 +8,7 @@ import can
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.client.heartbeat import Heartbeat
+from steptwin.host.client.lease import Heartbeat
 from steptwin.host.client.links import bus_link
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError

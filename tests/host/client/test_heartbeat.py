@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.client import Machine, StreamedMotion
-from steptwin.host.client.heartbeat import PERIOD_S, TIMEOUT_MS
+from steptwin.host.client.lease import PERIOD_S, TIMEOUT_MS
 from steptwin.host.client.pausing import pause_trajectory
 from steptwin.host.client.stopping import await_rest
 from steptwin.host.common.errors import DeviceFaultError

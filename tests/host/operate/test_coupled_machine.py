@@ -7,12 +7,11 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.operate.homing import home_robot
-from steptwin.host.operate.jogging import check_jog, jog
+from steptwin.host.operate.jogging import check_jog, jog, step_joint
 from steptwin.host.operate.moving import move, move_within
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.operate.stepping import step_joint
 from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol import od

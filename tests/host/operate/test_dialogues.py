@@ -8,11 +8,10 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.operate.homing import declare, home_robot
-from steptwin.host.operate.jogging import jog, jog_tool
+from steptwin.host.operate.jogging import jog, jog_tool, step_joint, step_tool
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.running import execute_live
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.stepping import step_joint, step_tool
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan

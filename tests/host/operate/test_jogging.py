@@ -10,10 +10,9 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import AxisClient, profile_motion, reports
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import DeviceFaultError, InputError
-from steptwin.host.operate.jogging import check_jog, jog, jog_tool
+from steptwin.host.operate.jogging import check_jog, jog, jog_tool, step_tool
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.stepping import step_tool
 from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard

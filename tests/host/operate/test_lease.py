@@ -6,8 +6,7 @@ from functools import partial
 import pytest
 
 from steptwin.host.client.axis import AxisClient
-from steptwin.host.client.heartbeat import WATCH_HOST
-from steptwin.host.client.lease import Lease
+from steptwin.host.client.lease import WATCH_HOST, Lease
 from steptwin.host.client.profile_motion import VelocityTarget, drive
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.moving import move

@@ -8,10 +8,10 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client import HomingSettings
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.operate.jogging import check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.operate.moving import Moved, move
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.stepping import check_step, check_step_speed, step_joint, step_tool
 from steptwin.host.planning.tool_by_hand import ToolStep
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard

@@ -1,7 +1,7 @@
 """What the desk makes of a served board's figures: how much of the time its clock stands."""
 
 from steptwin.host.common.processes import ClockStood
-from steptwin.host.panel.desk.figures import ClockWatch
+from steptwin.host.panel.desk.desk import ClockWatch
 from steptwin.host.panel.desk.history import EventLog
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.record.animation import Camera, Film, Shot, make_film, write_animation
-from steptwin.host.record.animation.film_files import write_page
+from steptwin.host.record.animation import Camera, Film, Shot, make_film, write_animation, write_page
 from tests.host.record.machines import perfect_run
 
 pytest.importorskip("matplotlib")

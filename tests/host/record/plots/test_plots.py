@@ -42,7 +42,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 from matplotlib.text import Text
 
-from steptwin.host.record.folder.run_pictures import DEFAULT_PICTURES
+from steptwin.host.record.folder.writing import DEFAULT_PICTURES
 from steptwin.host.record.plots import CLOSE_UPS, PICTURES, PlotMoment, PlotView, write_plots
 from steptwin.host.record.plots.canvas import DOTS_PER_INCH, STYLE, WIDTH_INCHES, plain_texts, save_figure, thinned
 from tests.host.record.plots.drawn import drawn_points

@@ -10,7 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot, read_robot
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame
-from steptwin.host.robots.urdf.rigid import frame_of
+from steptwin.host.robots.urdf.urdf_chain import frame_of
 from steptwin.host.robots.urdf.urdf_export import TIP, urdf_of
 from tests.host.robots.kinematics.serial.arms import TEXTS, chain_text, kinematics_of, random_joints
 from tests.host.robots.urdf.test_urdf_chain import MIXED

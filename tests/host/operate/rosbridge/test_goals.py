@@ -1,6 +1,7 @@
 """Goals are checked whole before anything moves: joints, units, times, limits, start and tolerances."""
 
 import re
+from itertools import product
 from math import inf, pi
 from typing import Any
 
@@ -10,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.rosbridge.goal_checks import RefusedGoalError, follow_goal, step_tolerances
+from steptwin.host.operate.rosbridge.goals import (
+    TRANSITIONS,
+    ActiveGoal,
+    GoalEvent,
+    GoalState,
+    RefusedGoalError,
+    follow_goal,
+    step_tolerances,
+)
 from steptwin.host.operate.rosbridge.messages import RosNames, duration
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.operate.rosbridge.stub_rosbridge import FORTH, arguments, moved, point
@@ -18,6 +27,16 @@ from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT
 
 TH1 = ROBOT.joint_names.index("th1")
 START_LIMIT_DEG = 0.01 * 180.0 / pi
+PATHS = [
+    ("BEGUN REACHED", 4),
+    ("BEGUN FAILED", 6),
+    ("FAILED", 6),
+    ("CANCEL STOPPED", 5),
+    ("BEGUN CANCEL STOPPED", 5),
+    ("BEGUN CANCEL CANCEL STOPPED", 5),
+    ("BEGUN CANCEL FAILED", 6),
+]
+"""Events of a goal, and the number of its last state in action_msgs/msg/GoalStatus."""
 
 
 def refusal(args: object) -> tuple[int, str]:
@@ -190,3 +209,29 @@ def test_names_that_ros_does_not_take(name: str) -> None:
     with pytest.raises(InputError, match="is no name in ROS"):
         RosNames.of(name)
     assert RosNames.of("robot1/arm_controller").action == "/robot1/arm_controller/follow_joint_trajectory"
+
+
+@pytest.mark.parametrize(("events", "number"), PATHS)
+def test_a_goals_way(events: str, number: int) -> None:
+    goal = ActiveGoal("g", {})
+    for name in events.split():
+        assert not goal.state.ended
+        goal.take(GoalEvent[name])
+    assert goal.state == number
+    assert goal.state.ended
+
+
+def test_every_transition_is_on_a_way_and_no_other_happens() -> None:
+    used = set()
+    for events, _ in PATHS:
+        goal = ActiveGoal("g", {})
+        for name in events.split():
+            used.add((goal.state, GoalEvent[name]))
+            goal.take(GoalEvent[name])
+    assert used == set(TRANSITIONS)
+    for state, event in product(GoalState, GoalEvent):
+        if (state, event) not in TRANSITIONS:
+            goal = ActiveGoal("g", {})
+            goal.state = state
+            with pytest.raises(ValueError, match=f"{event.name} does not happen to a goal that is {state.name}"):
+                goal.take(event)
