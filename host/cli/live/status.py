@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from rich.console import Group
 
-    from steptwin.host.operate.session import Session
     from steptwin.host.operate.doctor import Check
+    from steptwin.host.operate.session import Session
     from steptwin.host.operate.status import AxisStatus, MachineStatus
     from steptwin.host.robots.robot import Robot
 
@@ -49,8 +49,8 @@ def doctor(live: LiveOptions, robot: RobotName = None) -> None:
 
 def _checks(live: LiveOptions, robot: "Robot") -> "list[Check]":
     """Make the checks; print each at once, unless all are to be one document."""
-    from steptwin.host.operate.session import Session
     from steptwin.host.operate.doctor import Check, examine
+    from steptwin.host.operate.session import Session
 
     found = live.address.required(robot)
     checks: list[Check] = []

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.doctor import examine
 from steptwin.host.robots import load_robot, load_robot_file, read_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import dimensions

@@ -9,8 +9,8 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.session import Session
 from steptwin.host.operate.doctor import Check, examine
+from steptwin.host.operate.session import Session
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.record.folder import verify_folder
