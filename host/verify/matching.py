@@ -7,6 +7,7 @@ partners.
 """
 
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
@@ -32,6 +33,7 @@ class Matching:
         unmatched: number of crossings and of steps without a partner, added.
         grazing: number of those that another step rule explains; 0 where the oracle's own is asked for.
         off_steps: how far from its threshold the motion was, at most, when a step was made by any rule.
+        first_s: time of the first crossing or step without a partner; NaN if all have one.
     """
 
     ideal: IndexArray
@@ -39,6 +41,7 @@ class Matching:
     unmatched: int
     grazing: int = 0
     off_steps: float = 0.0
+    first_s: float = nan
 
 
 def match_steps(ideal: IdealSteps, counted: CountedSteps) -> Matching:
@@ -52,8 +55,8 @@ def match_steps(ideal: IdealSteps, counted: CountedSteps) -> Matching:
 def match_nearest(ideal: IdealSteps, counted: CountedSteps) -> Matching:
     """Pair the crossings and steps of one axis that are each other's nearest in their direction."""
     pairs = _nearest_pairs(ideal, counted)
-    unmatched = len(ideal.signs) + len(counted.signs) - 2 * len(pairs[0])
-    return Matching(*pairs, unmatched)
+    alone_s = np.concatenate([np.delete(ideal.time_s, pairs[0]), np.delete(counted.time_s, pairs[1])])
+    return Matching(*pairs, alone_s.size, first_s=float(alone_s.min()) if alone_s.size else nan)
 
 
 def timing_errors_us(ideal: IdealSteps, counted: CountedSteps, matching: Matching) -> FloatArray:

@@ -10,6 +10,7 @@ made. Such a step is grazing if the motion passes its threshold by no more than 
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import nan
 from typing import Final
 
 import numpy as np
@@ -71,9 +72,12 @@ def match_any_rule(
         net = _net_moves(runs, moves, np.ones_like(grazing))
         by_rule = np.sign(_net_moves(runs, moves, grazing))
         left = np.where(by_rule == np.sign(net), net - by_rule, net)
+    alone = moves * left[runs] > 0
+    told_s = time_s[alone & ~grazing] if (alone & ~grazing).any() else time_s[alone]
     return replace(
         matching,
         unmatched=int(np.abs(left).sum()),
+        first_s=float(told_s.min()) if told_s.size else nan,
         grazing=int(np.count_nonzero(grazing)),
         off_steps=off_steps,
     )

@@ -199,9 +199,10 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
         axis.position_error_steps_max,
         axis.threshold_error_steps_max,
     )
+    first_s = comparison.matchings[index].first_s
     checks = (
         (axis.violations > 0, f"driver violations {axis.violations} (limit 0)"),
-        (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0)"),
+        (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0), the first at {first_s:.3f} s"),
         (
             not _right_end(comparison, index, axis),
             f"end count {axis.steps_end} (planned {comparison.ideal[index].end_steps})",

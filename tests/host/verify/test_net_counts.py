@@ -105,7 +105,11 @@ def test_lost_steps_are_counted_exactly(axis: int, name: str, count: int) -> Non
     counts, signs = (np.delete(values, lost) for values in (own.step_counts, own.step_signs))
     report = judged(_with(evidence, axis, counts, signs))
     assert report.axes[axis].unmatched_steps == count
-    assert f"{own.name}: unmatched steps {count} (limit 0)" in report.reasons
+    lost_s = (own.step_counts[400] - evidence.start_counts) / COUNTS_PER_SECOND
+    (told,) = (
+        reason for reason in report.reasons if reason.startswith(f"{own.name}: unmatched steps {count} (limit 0)")
+    )
+    assert float(told.split()[-2]) == pytest.approx(lost_s, abs=0.01)
 
 
 @pytest.mark.parametrize("count", [1, 3, 40])

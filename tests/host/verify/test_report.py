@@ -157,19 +157,20 @@ def test_reversals_and_peak_rate_of_a_sine() -> None:
     assert axis.peak_rate_hz == pytest.approx(20.0 * 2.0 * 80.0, rel=1e-3)
 
 
-FAULTS: dict[str, tuple[Callable[[Evidence], Evidence], int, int, float, float]] = {
-    "missing": (lambda e: without_step(e, 500), 1, 999, 1.5625, 1.0),
-    "two missing": (lambda e: without_step(e, 300, 700), 2, 998, 2.5625, 2.0),
-    "last missing": (lambda e: without_step(e, 999), 1, 999, 1.0, 0.0),
-    "extra": (lambda e: with_extra_step(e, 500, 1), 1, 1001, 1.4375, 1.0),
-    "extra back": (lambda e: with_extra_step(e, 500, -1), 1, 999, 1.5625, 1.0),
-    "wrong way": (lambda e: with_turned_step(e, 500), 2, 998, 2.5625, 2.0),
+FAULTS: dict[str, tuple[Callable[[Evidence], Evidence], int, str, int, float, float]] = {
+    "missing": (lambda e: without_step(e, 500), 1, "0.501", 999, 1.5625, 1.0),
+    "two missing": (lambda e: without_step(e, 300, 700), 2, "0.301", 998, 2.5625, 2.0),
+    "last missing": (lambda e: without_step(e, 999), 1, "1.000", 999, 1.0, 0.0),
+    "extra": (lambda e: with_extra_step(e, 500, 1), 1, "0.501", 1001, 1.4375, 1.0),
+    "extra back": (lambda e: with_extra_step(e, 500, -1), 1, "0.501", 999, 1.5625, 1.0),
+    "wrong way": (lambda e: with_turned_step(e, 500), 2, "0.501", 998, 2.5625, 2.0),
 }
+"""Each with the number of unmatched steps, the time of the first, the count at the end, and the largest errors."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_caught_and_counted(fault: str) -> None:
-    make, unmatched, end, position_steps, threshold_steps = FAULTS[fault]
+    make, unmatched, first_s, end, position_steps, threshold_steps = FAULTS[fault]
     report = verify(STEADY, make(perfect_evidence(STEADY)), RUN)
     (axis,) = report.axes
     assert not report.passed
@@ -178,7 +179,7 @@ def test_a_fault_is_caught_and_counted(fault: str) -> None:
     assert axis.steps_end == end
     assert axis.position_error_steps_max == pytest.approx(position_steps, abs=1e-6)
     assert axis.threshold_error_steps_max >= threshold_steps - 1e-6
-    assert f"a: unmatched steps {unmatched} (limit 0)" in report.reasons
+    assert f"a: unmatched steps {unmatched} (limit 0), the first at {first_s} s" in report.reasons
     assert f"a: end count {end} (planned 1000)" in report.reasons
 
 

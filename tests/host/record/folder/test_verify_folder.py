@@ -68,12 +68,12 @@ CLK = ("th2_clk_rise_counts", "th2_clk_fall_counts")
 STEP = ("th2_step_counts", "th2_step_signs")
 
 TAMPERED: dict[str, tuple[Change, str]] = {
-    "a pulse is gone": (lambda a: without(a, 99, *CLK, *STEP), "th2: unmatched steps 1 (limit 0)"),
+    "a pulse is gone": (lambda a: without(a, 99, *CLK, *STEP), "th2: unmatched steps 1 (limit 0), the first at"),
     "a pulse is gone from the pin": (lambda a: without(a, 99, *CLK), "th2: 1 steps without a CLK rise"),
     "a step is gone": (
         lambda a: without(a, 99, *STEP), "th2: 1 CLK rises without a step, though no limit was broken",
     ),
-    "the last pulse is gone": (lambda a: without(a, -1, *CLK, *STEP), "th2: unmatched steps 1 (limit 0)"),
+    "the last pulse is gone": (lambda a: without(a, -1, *CLK, *STEP), "th2: unmatched steps 1 (limit 0), the first at"),
     "a pulse comes 2 ms later": (lambda a: moved(a, 300, 144_000, *CLK, STEP[0]), "th2: threshold error "),
     "a step goes the other way": (
         lambda a: a.update(th2_step_signs=np.where(np.arange(a[STEP[1]].size) == 50, -1, 1) * a[STEP[1]]),

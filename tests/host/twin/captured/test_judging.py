@@ -104,7 +104,8 @@ def test_lost_pulses_are_counted(evidence: Evidence, count: int, rate_hz: float,
     run = judged(changed(probes, TH2_STEP, left), tmp_path, rate_hz)
     assert [axis.unmatched_steps for axis in run.report.axes] == [0, count, 0, 0]
     assert run.clock.ppm == pytest.approx(PPM, abs=0.2)
-    assert f"th2: unmatched steps {count} (limit 0)" in run.reasons
+    first_s = run.comparison.ideal[1].time_s[500]
+    assert f"th2: unmatched steps {count} (limit 0), the first at {first_s:.3f} s" in run.reasons
 
 
 def test_where_every_axis_has_lost_pulses_the_clock_is_found_all_the_same(evidence: Evidence, tmp_path: Path) -> None:
