@@ -135,6 +135,24 @@ def _units_in_doubt(document: dict[str, Any]) -> list[str]:
     return warnings
 
 
+def _task_too_large(robot: "Robot") -> list[str]:
+    """Return a warning if a chain's tool is told more than its joints can give: most poses are then out of reach."""
+    from steptwin.host.robots.kinematics.base import read_geometry
+    from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
+
+    if robot.kinematics != "chain":
+        return []
+    geometry = read_geometry(ChainGeometry, robot)
+    task, joints = geometry.tool_task, len(geometry.joints) - len(geometry.held)
+    takes = TASKS[task][1]
+    if joints >= takes:
+        return []
+    smaller = [f'task = "{name}"' for name, (_, least) in TASKS.items() if least <= joints]
+    ways = f"{smaller[0]} suits them" if smaller else "programs move it by its joints"
+    told = f"a {task} has {takes} coordinates, but {joints} joints move the tool"
+    return [f"kinematics.task: {told}: most are out of reach; {ways}"]
+
+
 def _levels_missed(robot: "Robot") -> list[str]:
     """Return a warning if the board's pins do not drive the inputs of the drivers that the file names."""
     profile = robot.board.profile
@@ -183,7 +201,12 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
             f"DH errors of {len(errors['links'])} links take the tool {errors['at_home_mm']:.3f} mm away at home,"
             f" {errors['rms_mm']:.3f} mm rms and up to {errors['max_mm']:.3f} mm elsewhere"
         )
-    for warning in (*_units_in_doubt(document), *_levels_missed(robot), *document["shelf_missed"]):
+    for warning in (
+        *_units_in_doubt(document),
+        *_task_too_large(robot),
+        *_levels_missed(robot),
+        *document["shelf_missed"],
+    ):
         warn(warning)
     reach = document["reach"]
     if inverse := document.get("inverse"):

@@ -10,6 +10,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import brought_text, read_robot
+from steptwin.host.robots.new_file import robot_text, with_settings
 from tests.end_to_end.command_line import run_json
 from tests.host.robots.coupled import coupled_text
 
@@ -231,3 +232,37 @@ def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> Non
         " it is no program and no scenario and no campaign and no robot"
     )
     assert capsys.readouterr().err == f"steptwin: {arm}: {words}\n"
+
+
+@pytest.mark.parametrize(
+    ("joints", "task", "told"),
+    [
+        (6, "pose", None),
+        (
+            5,
+            "pose",
+            'a pose has 6 coordinates, but 5 joints move the tool: most are out of reach; task = "direction" suits',
+        ),
+        (
+            4,
+            "pose",
+            'a pose has 6 coordinates, but 3 joints move the tool: most are out of reach; task = "position" suits',
+        ),
+        (5, "direction", None),
+        (3, "position", None),
+        (
+            2,
+            "position",
+            "a position has 3 coordinates, but 2 joints move the tool: most are out of reach; programs move",
+        ),
+    ],
+)
+def test_a_task_of_more_coordinates_than_joints_is_told(
+    joints: int, task: str, told: str | None, arm: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = robot_text("arm", "chain", *with_settings("chain", {"joints": str(joints)}))
+    arm.write_text(re.sub(r'^task = "\w+"', f'task = "{task}"', text, flags=re.MULTILINE), encoding="utf-8")
+    assert run(["check", str(arm)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == (told is not None)
+    assert told is None or lines[0].startswith(f"steptwin: warning: kinematics.task: {told}")
