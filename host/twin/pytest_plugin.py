@@ -77,16 +77,19 @@ def steptwin_make_board(
     from steptwin.host.common.errors import InputError
     from steptwin.host.twin.fixtures.artefacts import stalling_homings
     from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+    from steptwin.host.twin.fixtures.marker_arguments import check_board
 
     boards: list[BoardUnderTest] = []
 
     def make(
-        robot: str = "",
+        robot: Path | str = "",
         *,
         schedule: "Iterable[Scheduled]" = (),
         **machine: "Unpack[MachineKeywords]",
     ) -> BoardUnderTest:
+        schedule = list(schedule) if isinstance(schedule, Iterator) else schedule
         try:
+            check_board({"robot": robot, "schedule": schedule, **machine})
             board = BoardUnderTest(
                 _robot(robot or request.config.getini(_INI), request.config),
                 kernel=steptwin_kernel,
@@ -143,7 +146,13 @@ def _artefacts(config: pytest.Config, factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def steptwin_board(request: pytest.FixtureRequest, steptwin_make_board: "MakeBoard") -> "BoardUnderTest":
     """Return an emulated board in virtual time, as the markers `steptwin` of the test, its class and its module say."""
-    return steptwin_make_board(**_settings(request.node))
+    from steptwin.host.common.errors import InputError
+
+    try:
+        settings = _settings(request.node)
+    except InputError as error:
+        pytest.fail(f"steptwin: {error}", pytrace=False)
+    return steptwin_make_board(**settings)
 
 
 @pytest.fixture
@@ -154,17 +163,15 @@ def steptwin_served_board(
 
     It takes no `schedule`; its method `operate` does an operation while it runs.
     """
-    from steptwin.host.common.errors import InputError, StepTwinError
+    from steptwin.host.common.errors import StepTwinError
     from steptwin.host.twin.fixtures.artefacts import last_frames
+    from steptwin.host.twin.fixtures.marker_arguments import check_served_board
     from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
-    from steptwin.host.twin.machine.machine_options import MachineKeywords
 
     node, config = request.node, request.config
-    settings = _settings(node)
     try:
-        takes = ("robot", *MachineKeywords.__annotations__)
-        if foreign := [name for name in settings if name not in takes]:
-            raise InputError(f"{foreign[0]}: is for steptwin_board; a served board takes {', '.join(takes)}")
+        settings = _settings(node)
+        check_served_board(settings)
         robot = _robot(settings.pop("robot", "") or config.getini(_INI), config)
         folder = tmp_path_factory.mktemp("served")
         board = ServedBoardUnderTest(robot, folder, kernel=steptwin_kernel, **_from_root(settings, config))
@@ -182,9 +189,13 @@ def steptwin_served_board(
 
 
 def _settings(node: pytest.Item) -> dict[str, Any]:
-    """Return the arguments of the markers of a test, its class and its module."""
+    """Return the arguments of the markers of a test, its class and its module; raise InputError for a second name."""
+    from steptwin.host.common.errors import InputError
+
     settings: dict[str, Any] = {}
     for marker in node.iter_markers(_MARKER):  # the closest comes first
+        if len(marker.args) > 1:
+            raise InputError(f"{marker.args[1]!r}: only the robot comes without a name, others are written NAME=VALUE")
         settings = dict(zip(("robot",), marker.args, strict=False)) | dict(marker.kwargs) | settings
     return settings
 
@@ -198,11 +209,12 @@ def _from_root(machine: Mapping[str, Any], config: pytest.Config) -> "MachineKey
     return cast("MachineKeywords", {**machine, **placed})
 
 
-def _robot(name: str, config: pytest.Config) -> "Robot":
+def _robot(robot: Path | str, config: pytest.Config) -> "Robot":
     from steptwin.host.common.errors import InputError
     from steptwin.host.robots import SUFFIX, load_robot, robot_names
 
-    if not name:
+    name = str(robot)
+    if not robot:
         names = ", ".join(robot_names())
         raise InputError(f'which robot? @pytest.mark.{_MARKER}("ROBOT") or {_INI} in the ini-file; there are {names}')
     return load_robot(str(config.rootpath / name) if name.endswith(SUFFIX) else name)
