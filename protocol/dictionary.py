@@ -208,13 +208,16 @@ class QuantityCell(Cell):
         Raises:
             SdoAbortError: the value is not allowed, is beyond what the board can count, or the firmware refuses it.
         """
-        if self.unit is _WIRE_UNIT or value == self._off:
-            super().put(value)
-            return
-        wire_units = self.unit.to_wire(value + self._after_end) - self._after_end
-        if wire_units == self._off:
+        wire_units = self.in_wire_units(value)
+        if wire_units == self._off != value:
             raise SdoAbortError(AbortCode.VALUE_TOO_HIGH if wire_units > 0 else AbortCode.VALUE_TOO_LOW)
         super().put(wire_units)
+
+    def in_wire_units(self, user_units: int) -> int:
+        """Return the nearest number of wire units; "off" is the same."""
+        if self.unit is _WIRE_UNIT or user_units == self._off:
+            return user_units
+        return self.unit.to_wire(user_units + self._after_end) - self._after_end
 
     def has_number(self, unit: UserUnit) -> bool:
         """Return whether the value stored is a number that may be written in this unit, and not rounded to 0."""
@@ -303,6 +306,10 @@ class ObjectDictionary:
         """Return the present value of a numeric entry, of a quantity in wire units."""
         cell = self._cells[address]
         return cell.value if cell.supply is None else cell.present()
+
+    def wire_units(self, address: int, user_units: int) -> int:
+        """Return in wire units what the bus has of a quantity, such as a PDO's."""
+        return self._quantities[address].in_wire_units(user_units)
 
     def text(self, address: int) -> str:
         """Return the present value of a string."""

@@ -110,3 +110,15 @@ def test_a_part_is_bound_by_the_name_of_its_class() -> None:
     assert dictionary.get(od.CHARGE_TOKEN) == 8
     with pytest.raises(SdoAbortError):
         dictionary.cell(od.CHARGE_RELEASE).put(8)
+
+
+def test_a_quantity_read_from_the_bus_in_wire_units() -> None:
+    """90 degrees of the motor in thousandths; a window that is off; the end of a turn."""
+    dictionary = ObjectDictionary(0x10)
+    assert dictionary.wire_units(od.POSITION_ACTUAL, 90_000) == 90_000
+    dictionary.write(od.FEED_UNITS, (360_000).to_bytes(4, "little"))
+    assert dictionary.wire_units(od.POSITION_ACTUAL, 90_000) == 90_000  # only the drive obeys a factor
+    dictionary.change_factor(od.FEED_UNITS, 360_000)
+    assert dictionary.wire_units(od.POSITION_ACTUAL, 90_000) == 819_200
+    assert dictionary.wire_units(od.FOLLOWING_ERROR_WINDOW, 0xFFFF_FFFF) == 0xFFFF_FFFF
+    assert dictionary.wire_units(od.POSITION_RANGE_MAX, 359_999) == 3_276_799

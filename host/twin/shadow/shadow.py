@@ -298,8 +298,11 @@ def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport
     if fields is None:
         return None
     values = {od.address_of(field["index"], field["subindex"]): int(field["value"]) for field in fields}
+    position = values.get(od.POSITION_ACTUAL)
     return DriveReport(
-        values.get(od.STATUSWORD), values.get(od.MODE_OF_OPERATION_DISPLAY), values.get(od.POSITION_ACTUAL)
+        values.get(od.STATUSWORD),
+        values.get(od.MODE_OF_OPERATION_DISPLAY),
+        None if position is None else dictionary.wire_units(od.POSITION_ACTUAL, position),
     )
 
 

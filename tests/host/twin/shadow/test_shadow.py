@@ -66,6 +66,23 @@ def test_no_false_alarm_by_any_jitter(quiet: Real, seed: int, jitter_us: int, pp
     assert told == []
 
 
+def test_positions_in_units_of_a_masters_choice(fast_kernel: Kernel) -> None:
+    """Thousandths of a degree of the motor, by gear ratio and feed constant (6091h, 6092h)."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    axis = real.session.machine.axes[1]
+    real.session.machine.disable()
+    axis.write(od.FEED_UNITS, 360_000)
+    real.session.machine.enable()
+    begin = axis.read(od.POSITION_DEMAND)
+    for address, value in ((od.MODE_OF_OPERATION, 1), (od.TARGET_POSITION, begin + 72_000), (od.CONTROLWORD, 0x1F)):
+        axis.write(address, value)
+    real.board.wait(3.0)
+    assert axis.read(od.POSITION_DEMAND) == begin + 72_000
+    told, shadow = shadowed(ROBOT, real.heard(jitter_us=300), fast_kernel)
+    assert (told, shadow.joined) == ([], True)
+
+
 def test_it_waits_for_a_boot_up(quiet: Real, fast_kernel: Kernel) -> None:
     later = quiet.heard()[200:]
     told, shadow = shadowed(ROBOT, later, fast_kernel)
