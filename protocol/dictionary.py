@@ -62,8 +62,10 @@ _NUMBERS: Final = [(address, int(entry.default)) for address, entry in ENTRIES.i
 _WITH_NODE_ID: Final = [address for address, _ in _NUMBERS if ENTRIES[address].plus_node_id]
 
 
+_OF_THE_BOARD: Final = (od.ENCODER_UNITS, od.FEED_UNITS, od.PVT_DISPLACEMENT)
+"""Entries in wire units whatever a master chooses: the encoder's, the factor itself and this board's own PVT record."""
 _QUANTITIES: Final = [
-    address for address, _ in _NUMBERS if ENTRIES[address].unit in QUANTITIES and address not in od.OF_THE_BOARD
+    address for address, _ in _NUMBERS if ENTRIES[address].unit in QUANTITIES and address not in _OF_THE_BOARD
 ]
 """Entries in user units."""
 _PURE_NUMBERS: Final = [address for address, _ in _NUMBERS if address not in _QUANTITIES]

@@ -6,7 +6,7 @@ Everything else is made from the rows: the board's storage, the SDO server's che
 DBC. The board counts positions in wire units of 1/16 384 full motor step, velocities in wire units per second,
 accelerations in wire units per second squared; the PVT record has its own, finer velocity. Defaults are in these units.
 A master reads and writes entries of the units POSITION, VELOCITY, ACCELERATION and JERK in user units, which are the
-same until it writes the factors (6091h, 6092h); all but `OF_THE_BOARD`.
+same until it writes the factors (6091h, 6092h).
 
 `read` names the attribute, property or method of the firmware that supplies an entry's present value, `write` the
 method that obeys a value written, or refuses it: after the checks of the row and before the value is stored. A name is
@@ -587,6 +587,3 @@ TARGET_VELOCITY = rw(
 MOTOR_TYPE = const(0x6402_00, U16, "Motor type: 9 is a micro-step stepper motor", MICRO_STEP_MOTOR)
 SUPPORTED_DRIVE_MODES = const(0x6502_00, U32, "Supported drive modes", sum(mode.supported_bit for mode in Mode))
 VERSION_NUMBER = const(0x67FE_00, U32, "Version number of the profile: major in bits 16 to 23", PROFILE_VERSION)
-
-OF_THE_BOARD: Final = (ENCODER_UNITS, FEED_UNITS, PVT_DISPLACEMENT)
-"""Entries in wire units whatever a master chooses: the encoder's, the factor itself and this board's own PVT record."""
