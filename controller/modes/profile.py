@@ -1,18 +1,17 @@
 """Generate motion profiles: from any velocity to rest at a target, or through one target and to rest at the next.
 
-A profile is handed out as segments of whole milliseconds.
-
-A profile is a sequence of ramps: to the peak velocity, a cruise at the peak, and the brake to rest. Each ramp goes
-between two whole velocities in whole milliseconds. A ramp symmetric in time covers (v0 + v1) T / 2 whatever its shape,
-so linear and jerk-limited ramps are planned alike; they differ only in how long a change of velocity takes. Whole
-milliseconds rarely add up to the exact distance. The last ramp makes up for it: it is stretched until it covers the
-distance or a little more, and the excess is subtracted along a smoothstep, so that it ends exactly at the target.
+A profile is a sequence of ramps: to the peak velocity, a cruise at the peak, and the brake to rest. Linear and
+jerk-limited ramps are planned alike; they differ only in how long a change of velocity takes. Whole milliseconds rarely
+add up to the exact distance. The last ramp makes up for it: it is stretched until it covers the distance or a little
+more, and the excess is subtracted along a smoothstep, so that it ends exactly at the target.
 
 A target on the way is passed at an exact velocity. There is no brake to make up for the milliseconds: the cruise before
 it does, as long as this needs, and gives the excess back along a smoothstep.
 
-Velocities are whole multiples of 1/64 unit per ms, as on the wire. Distances are planned in 1/128 unit, so that
-(v0 + v1) T / 2 is a whole number. These are functions of numbers alone, without CANopen, an axis or a clock.
+A jerk-limited motion that begins on the way first brings the acceleration to 0. An axis that brakes already must not
+lose its deceleration where it has to stop: it enters the ramp to rest that has its velocity and acceleration.
+
+These are functions of numbers alone, without CANopen, an axis or a clock.
 
 Accuracy: `Profile` rounds positions to units and velocities to 1/64 unit per ms. On a segment of T ms, T >= GRAIN_MS,
 that changes speeds by less than 3 / T + 1/64 units per ms and accelerations by less than (6 / T + 1/16) / T units per
@@ -23,19 +22,20 @@ and comes back. Second, where a jerk-limited ramp has constant acceleration for 
 spans a bend of the acceleration and exceeds it by at most 2/9.
 """
 
-from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-GRAIN_MS = 8
-"""Shortest segment: in a shorter one, rounding to units would be a noticeable jerk."""
-PIECE_MS = 16
-"""Longest segment: a new set-point must wait for the segment in execution."""
+from steptwin.controller.modes.ramps import (
+    FRACTION_BITS,
+    GRAIN_MS,
+    PER_UNIT_BITS,
+    PIECE_MS,
+    EnteredRamp,
+    Profile,
+    Ramp,
+    rounded,
+)
 
-_PER_UNIT_BITS = 7
-"""Distances are planned in 1/128 unit."""
-_FRACTION_BITS = 16
-"""Further binary places of distances and velocities within a ramp."""
 _SLACK_MS = 4
 """Extra time planned for the last ramp, so that subtracting the excess distance keeps its deceleration."""
 
@@ -70,142 +70,17 @@ class Passing(NamedTuple):
     limits: Limits
 
 
-class Segment(NamedTuple):
-    """One cubic for the kernel, and the acceleration at its end, in 2^-16 of 1/64 unit per ms^2."""
-
-    displacement_units: int
-    end_velocity: int
-    duration_ms: int
-    end_acceleration: int
-
-
-class Ramp(NamedTuple):
-    """A change from one velocity to another. The acceleration rises and falls linearly, for `blend_ms` at either end.
-
-    `surplus` is a further distance in 1/128 unit, covered at the same time along the smoothstep 3 x^2 - 2 x^3. It is
-    negative where the stretched last ramp would go too far.
-    """
-
-    from_velocity: int
-    to_velocity: int
-    duration_ms: int
-    blend_ms: int = 0
-    surplus: int = 0
-
-    @property
-    def distance(self) -> int:
-        """The whole distance covered, in 1/128 unit."""
-        return (self.from_velocity + self.to_velocity) * self.duration_ms + self.surplus
-
-    @property
-    def _change(self) -> int:
-        return self.to_velocity - self.from_velocity
-
-    @property
-    def _divisor(self) -> int:
-        """The time that the highest acceleration alone would take for the change of velocity."""
-        return self.duration_ms - self.blend_ms
-
-    def position(self, t_ms: int) -> int:
-        """Return the distance covered after a time, in 2^-16 of 1/128 unit."""
-        left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
-        if t_ms < blend:  # the acceleration rises: a cubic in the time since the start
-            plain = (2 * self.from_velocity * t_ms << _FRACTION_BITS) + (
-                (self._change * t_ms**3 << _FRACTION_BITS) // (3 * blend * divisor)
-            )
-        elif left_ms < blend:  # the acceleration falls: the same cubic, back from the end
-            plain = ((self.distance - self.surplus - 2 * self.to_velocity * left_ms) << _FRACTION_BITS) + (
-                (self._change * left_ms**3 << _FRACTION_BITS) // (3 * blend * divisor)
-            )
-        else:  # constant acceleration, after the distance of the first blend
-            bent = blend * blend + 3 * t_ms * (t_ms - blend)
-            plain = (2 * self.from_velocity * t_ms << _FRACTION_BITS) + (
-                (self._change * bent << _FRACTION_BITS) // (3 * divisor)
-            )
-        smooth = t_ms * t_ms * (3 * self.duration_ms - 2 * t_ms)
-        return plain + (self.surplus * smooth << _FRACTION_BITS) // self.duration_ms**3
-
-    def velocity(self, t_ms: int) -> int:
-        """Return the velocity after a time, in 2^-16 of 1/64 unit per ms."""
-        left_ms, blend, divisor = self.duration_ms - t_ms, self.blend_ms, self._divisor
-        change = self._change << _FRACTION_BITS
-        if t_ms < blend:
-            plain = (self.from_velocity << _FRACTION_BITS) + change * t_ms * t_ms // (2 * blend * divisor)
-        elif left_ms < blend:
-            plain = (self.to_velocity << _FRACTION_BITS) - change * left_ms * left_ms // (2 * blend * divisor)
-        else:
-            plain = (self.from_velocity << _FRACTION_BITS) + change * (2 * t_ms - blend) // (2 * divisor)
-        return plain + (self.surplus * 3 * t_ms * left_ms << _FRACTION_BITS) // self.duration_ms**3
-
-    def acceleration(self, t_ms: int) -> int:
-        """Return the acceleration after a time, in 2^-16 of 1/64 unit per ms^2; 0 for a linear ramp, which may step."""
-        if self.blend_ms == 0:
-            return 0
-        left_ms = self.duration_ms - t_ms
-        change = self._change << _FRACTION_BITS
-        if min(t_ms, left_ms) < self.blend_ms:
-            return change * min(t_ms, left_ms) // (self.blend_ms * self._divisor)
-        return change // self._divisor
-
-    def piece_ms(self, t_ms: int) -> int:
-        """Return the duration of the segment that begins after a time, so that no segment spans a bend of acceleration.
-
-        There is one exception: if the two bends are too near to each other for a segment between them, the segments
-        meet in the middle of the ramp, and each spans a bend.
-        """
-        between_ms = self.duration_ms - 2 * self.blend_ms
-        if self.blend_ms == 0:
-            knots: tuple[int, ...] = (self.duration_ms,)
-        elif 0 < between_ms < GRAIN_MS:
-            knots = (self.duration_ms // 2, self.duration_ms)
-        else:
-            knots = (self.blend_ms, self.blend_ms + between_ms, self.duration_ms)
-        left_ms = next(knot for knot in knots if knot > t_ms) - t_ms
-        if left_ms <= PIECE_MS:
-            return left_ms
-        return PIECE_MS if left_ms >= 2 * PIECE_MS else left_ms // 2  # halves: no short segment is left over
-
-    def mirrored(self) -> "Ramp":
-        """Return the same ramp in the other direction."""
-        return self._replace(from_velocity=-self.from_velocity, to_velocity=-self.to_velocity, surplus=-self.surplus)
-
-
-class Profile:
-    """Yields the segments of a sequence of ramps. Positions are rounded, not displacements: roundings do not add up."""
-
-    def __init__(self, ramps: list[Ramp], skipped_ms: int = 0) -> None:
-        self._ramps = deque(ramp for ramp in ramps if ramp.duration_ms)
-        self._elapsed_ms = skipped_ms
-        self._ramp_start = -self._ramps[0].position(skipped_ms) if self._ramps else 0
-        self._units = 0
-
-    def next_segment(self) -> Segment | None:
-        """Return the next segment; None at the end."""
-        if not self._ramps:
-            return None
-        ramp = self._ramps[0]
-        duration_ms = ramp.piece_ms(self._elapsed_ms)
-        self._elapsed_ms += duration_ms
-        position = self._ramp_start + ramp.position(self._elapsed_ms)
-        units = _rounded(position, _PER_UNIT_BITS + _FRACTION_BITS)
-        velocity = _rounded(ramp.velocity(self._elapsed_ms), _FRACTION_BITS)
-        segment = Segment(units - self._units, velocity, duration_ms, ramp.acceleration(self._elapsed_ms))
-        self._units = units
-        if self._elapsed_ms == ramp.duration_ms:
-            self._ramps.popleft()
-            self._elapsed_ms = 0
-            self._ramp_start = position
-        return segment
-
-
 def move(distance_units: int, velocity: int, acceleration: int, limits: Limits) -> Profile:
     """Return the profile to rest at a distance, from a velocity and an acceleration.
 
-    A jerk-limited motion first brings the acceleration to 0.
+    A jerk-limited motion first brings the acceleration to 0. If it brakes already, and would then be too fast to stop
+    at the distance, it brakes on.
     """
-    unbend, velocity = _unbend(velocity, acceleration, limits)
-    distance = (distance_units << _PER_UNIT_BITS) - _way_of(unbend)
-    return _begun_with(unbend, _ramps_to(distance, velocity, limits))
+    distance = distance_units << PER_UNIT_BITS
+    entry = _unbend(velocity, acceleration, limits)
+    if _brakes(velocity, acceleration, limits) and _overruns(distance, velocity, entry, limits):
+        entry = _brake_before(distance, velocity, acceleration, limits)
+    return _begun_with(entry, _ramps_to(distance - entry.way, entry.ramp.to_velocity, limits))
 
 
 def move_through(
@@ -216,48 +91,112 @@ def move_through(
     It passes the target at the velocity wanted, or as fast as the limits, the way to it and the way onward allow. None
     if it must stop there: the next target is not farther in the same direction, or there is no room to pass.
     """
-    unbend, velocity = _unbend(velocity, acceleration, limits)
-    distance = (distance_units << _PER_UNIT_BITS) - _way_of(unbend)
-    ramps = _ramps_through(distance, velocity, limits, passing)
-    return None if ramps is None else _begun_with(unbend, ramps)
+    entry = _unbend(velocity, acceleration, limits)
+    distance = (distance_units << PER_UNIT_BITS) - entry.way
+    ramps = _ramps_through(distance, entry.ramp.to_velocity, limits, passing)
+    return None if ramps is None else _begun_with(entry, ramps)
 
 
-def stop(velocity: int, acceleration: int, limits: Limits) -> Profile:
-    """Return the shortest profile to rest; it ends at a whole unit."""
-    unbend, velocity = _unbend(velocity, acceleration, limits)
-    return _begun_with(unbend, [_ramp(velocity, 0, limits.deceleration, limits.jerk)])
+def stop(velocity: int, acceleration: int, limits: Limits, end_units: int | None = None) -> Profile:
+    """Return the shortest profile to rest; it ends at a whole unit.
+
+    An axis that brakes already brakes on, and not farther than to the end of its present profile, if that is told.
+    """
+    if _brakes(velocity, acceleration, limits):
+        entry = _brake_on(velocity, acceleration, limits)
+        return _begun_with(entry if end_units is None else _within(end_units << PER_UNIT_BITS, entry), [])
+    entry = _unbend(velocity, acceleration, limits)
+    return _begun_with(entry, [_ramp(entry.ramp.to_velocity, 0, limits.deceleration, limits.jerk)])
 
 
-def _unbend(velocity: int, acceleration: int, limits: Limits) -> tuple[Ramp | None, int]:
-    """Return the way to acceleration 0, and the velocity after it; no ramp if the acceleration needs none.
+def _begun_with(entry: EnteredRamp, ramps: list[Ramp]) -> Profile:
+    return Profile([entry.ramp, *ramps], entry.skipped_ms)
 
-    The way is the second half of a ramp without constant acceleration, so its caller skips the first half. With the
-    jerk of the ramp that it leaves, it takes no longer than the rest of that ramp would. With a lower jerk it would
-    lead beyond that ramp's velocities; then the velocity limit has priority over the jerk limit.
+
+def _unbend(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
+    """Return the way to acceleration 0: the second half of a ramp without constant acceleration.
+
+    With the jerk of the ramp that it leaves, it takes no longer than the rest of that ramp would. With a lower jerk it
+    would lead beyond that ramp's velocities; then the velocity limit has priority over the jerk limit.
     """
     if not limits.jerk or not acceleration:
-        return None, velocity
+        return EnteredRamp(Ramp(velocity, velocity, 0), 0)
     steep = abs(acceleration)
     room = max(0, limits.velocity - (velocity if acceleration > 0 else -velocity))
-    jerk = limits.jerk << (6 + _FRACTION_BITS)  # units/s^3 to 2^-16 of 1/64 unit per ms^3, without the 10^-9
-    half_ms = min(-(-steep * 1_000_000_000 // jerk), (room << (_FRACTION_BITS + 1)) // steep)
+    jerk = limits.jerk << (6 + FRACTION_BITS)  # units/s^3 to 2^-16 of 1/64 unit per ms^3, without the 10^-9
+    half_ms = min(-(-steep * 1_000_000_000 // jerk), (room << (FRACTION_BITS + 1)) // steep)
     half_ms = max(GRAIN_MS, half_ms)
-    change = _rounded(acceleration * half_ms, _FRACTION_BITS + 1)
-    after = velocity + change
-    return Ramp(velocity - change, after, 2 * half_ms, half_ms), after
+    change = rounded(acceleration * half_ms, FRACTION_BITS + 1)
+    return EnteredRamp(Ramp(velocity - change, velocity + change, 2 * half_ms, half_ms), half_ms)
 
 
-def _begun_with(unbend: Ramp | None, ramps: list[Ramp]) -> Profile:
-    """Return the profile of ramps behind the second half of the ramp that brings the acceleration to 0, if any."""
-    return Profile(ramps) if unbend is None else Profile([unbend, *ramps], skipped_ms=unbend.duration_ms // 2)
+def _brakes(velocity: int, acceleration: int, limits: Limits) -> bool:
+    """Return True if a jerk-limited motion slows down already."""
+    return limits.jerk > 0 and velocity * acceleration < 0
 
 
-def _way_of(unbend: Ramp | None) -> int:
-    """Return how far the second half of that ramp leads, in 1/128 unit."""
-    if unbend is None:
-        return 0
-    covered = (unbend.distance << _FRACTION_BITS) - unbend.position(unbend.duration_ms // 2)
-    return _rounded(covered, _FRACTION_BITS)
+def _overruns(distance: int, velocity: int, entry: EnteredRamp, limits: Limits) -> bool:
+    """Return True if an axis that brakes is too fast to stop at a distance in 1/128 unit once it has made the entry.
+
+    So it is, too, if the entry turns it round before it has got there.
+    """
+    sign = 1 if velocity > 0 else -1
+    left, speed = sign * (distance - entry.way), sign * entry.ramp.to_velocity
+    if speed < 0:
+        return left > 0
+    return left < _ramp(speed, 0, limits.deceleration, limits.jerk).distance
+
+
+def _brake_before(distance: int, velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
+    """Return the gentlest ramp to rest within a distance in 1/128 unit, of an axis that brakes; else the shortest."""
+    sign = 1 if velocity > 0 else -1
+
+    def at(less: int) -> EnteredRamp:
+        return _brake_on(velocity, acceleration, limits._replace(deceleration=limits.deceleration - less))
+
+    return _within(
+        distance, at(_highest(0, limits.deceleration - 1, lambda less: sign * at(less).way <= sign * distance))
+    )
+
+
+def _within(distance: int, entry: EnteredRamp) -> EnteredRamp:
+    """Return a ramp to rest that gives back what it leads beyond a distance in 1/128 unit, if less than a ms' way.
+
+    So much comes from whole milliseconds. With more the axis cannot stop there.
+    """
+    ramp, skipped_ms = entry
+    excess = entry.way - distance
+    if excess * ramp.from_velocity <= 0 or abs(excess) > abs(2 * ramp.from_velocity):
+        return entry
+    cube = ramp.duration_ms**3
+    left = cube - skipped_ms**2 * (3 * ramp.duration_ms - 2 * skipped_ms)
+    return entry._replace(ramp=ramp._replace(surplus=-(excess * cube // left)))
+
+
+def _brake_on(velocity: int, acceleration: int, limits: Limits) -> EnteredRamp:
+    """Return the rest of the ramp to rest in which an axis that brakes already finds itself.
+
+    It keeps the deceleration, or the present one if that is higher, since it cannot be less at once. It never turns
+    round: if the deceleration can no longer fall to 0 within the jerk before the axis stands, this has priority.
+    """
+    if velocity < 0:
+        entry = _brake_on(-velocity, -acceleration, limits)
+        return entry._replace(ramp=entry.ramp.mirrored())
+    steep = -(acceleration * 1_000_000 >> (6 + FRACTION_BITS))  # in units/s^2, rounded up
+    rate = max(limits.deceleration, steep)
+    jerk = -(-rate * 1000 // _blend_ms(rate, limits.jerk))  # as low as whole milliseconds make it
+    blended_ms = -(-steep * 1000 // jerk)
+    ramp = _ramp(velocity - (-jerk * blended_ms**2 * 64 // 2_000_000_000), 0, rate, jerk)
+    # A ramp of J ms of blend and T of duration has the axis' acceleration a and velocity v after s ms of its blend if
+    # s^2 / 2 + s v / a = J (T - J). Whole milliseconds meet a nearly, and v exactly by the velocity it comes from.
+    whole = 2 * ramp.blend_ms * (ramp.duration_ms - ramp.blend_ms)
+    quotient = -(velocity << (2 * FRACTION_BITS)) // acceleration
+    root = _root_up(quotient**2 + (whole << (2 * FRACTION_BITS)))
+    if root - quotient > ramp.blend_ms << FRACTION_BITS and ramp.duration_ms == 2 * ramp.blend_ms:
+        half_ms = max(GRAIN_MS, (velocity << (FRACTION_BITS + 1)) // -acceleration)
+        return EnteredRamp(Ramp(2 * velocity, 0, 2 * half_ms, half_ms), half_ms)
+    skipped_ms = min(ramp.blend_ms, rounded(root - quotient, FRACTION_BITS))
+    return EnteredRamp(ramp._replace(from_velocity=velocity * whole // (whole - skipped_ms**2)), skipped_ms)
 
 
 def _ramps_to(distance: int, velocity: int, limits: Limits) -> list[Ramp]:
@@ -294,7 +233,7 @@ def _ramps_through(distance: int, velocity: int, limits: Limits, passing: Passin
         return None if ramps is None else [halt, *ramps]
     if distance <= velocity * max(halt.duration_ms - 1, 0):  # behind the axis, or too near to stop there
         return None
-    onward = passing.onward_units << _PER_UNIT_BITS
+    onward = passing.onward_units << PER_UNIT_BITS
 
     def has_room(at: int) -> bool:
         # Within the limits before the target, too: a halt just before it must end before the next one.
@@ -377,7 +316,7 @@ def _brake(velocity: int, distance: int, limits: Limits) -> Ramp:
 def _creep(distance: int, limits: Limits) -> Ramp:
     """Return a ramp from rest to rest over a very short distance: a smoothstep alone, with acceleration 6 D / T^2."""
     rate = min(limits.acceleration, limits.deceleration)
-    shortest_ms = _root_up(-(-6 * distance * 1_000_000 // (rate << _PER_UNIT_BITS)))
+    shortest_ms = _root_up(-(-6 * distance * 1_000_000 // (rate << PER_UNIT_BITS)))
     return Ramp(0, 0, max(2 * GRAIN_MS, shortest_ms), surplus=distance)
 
 
@@ -392,11 +331,16 @@ def _ramp(from_velocity: int, to_velocity: int, acceleration: int, jerk: int) ->
     linear_ms = -(-change * 1_000_000 // (acceleration << 6))
     if not jerk:
         return Ramp(from_velocity, to_velocity, max(GRAIN_MS, linear_ms))
-    blend_ms = max(GRAIN_MS, -(-acceleration * 1000 // jerk))
+    blend_ms = _blend_ms(acceleration, jerk)
     if blend_ms <= linear_ms:  # the acceleration reaches its limit
         return Ramp(from_velocity, to_velocity, linear_ms + blend_ms, blend_ms)
     blend_ms = max(GRAIN_MS, _root_up(-(-change * 1_000_000_000 // (jerk << 6))))
     return Ramp(from_velocity, to_velocity, 2 * blend_ms, blend_ms)
+
+
+def _blend_ms(acceleration: int, jerk: int) -> int:
+    """Return how long the acceleration takes to rise to its limit."""
+    return max(GRAIN_MS, -(-acceleration * 1000 // jerk))
 
 
 def _root_up(square: int) -> int:
@@ -405,8 +349,3 @@ def _root_up(square: int) -> int:
     while (better := (root + square // root) >> 1) < root:
         root = better
     return root if root * root >= square else root + 1
-
-
-def _rounded(value: int, bits: int) -> int:
-    """Round a fixed-point value to the nearest integer."""
-    return (value + (1 << (bits - 1))) >> bits

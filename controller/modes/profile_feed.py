@@ -8,7 +8,8 @@ from collections import deque
 from typing import NamedTuple
 
 from steptwin.controller.modes.interpolation import Interpolation
-from steptwin.controller.modes.profile import GRAIN_MS, Limits, Passing, Profile, Segment, move, move_through, stop
+from steptwin.controller.modes.profile import Limits, Passing, move, move_through, stop
+from steptwin.controller.modes.ramps import GRAIN_MS, Profile, Segment
 from steptwin.controller.motion.axis_motion import Refusal
 from steptwin.controller.motion.kernel import STEP_Q16
 from steptwin.controller.node.axis_context import AxisContext
@@ -45,6 +46,8 @@ class ProfileFeed:
         self._dictionary = context.dictionary
         self._records = records
         self._profile = Profile([])
+        self._end_units = 0
+        """Where the profile comes to rest."""
         self._pieces: deque[_Piece] = deque()
         """The segment in execution, if any, then those that wait behind it."""
         self.active: bool = False
@@ -128,8 +131,9 @@ class ProfileFeed:
 
     def stop(self, limits: Limits) -> None:
         """Come to rest as soon as the limits allow."""
-        self.take_over()
-        self._begin(stop(self._motion.tail_velocity, self._acceleration, limits))
+        from_units = self.take_over()
+        end_units = self._end_units - from_units if self.active else None
+        self._begin(stop(self._motion.tail_velocity, self._acceleration, limits, end_units))
 
     @property
     def _acceleration(self) -> int:
@@ -143,6 +147,7 @@ class ProfileFeed:
 
     def _begin(self, profile: Profile) -> None:
         self._profile = profile
+        self._end_units = self._motion.tail_units + profile.way_units
         self.fill()
         if self._profile is not profile:  # a segment was refused, and the drive has taken the axis away
             return

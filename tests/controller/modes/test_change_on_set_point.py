@@ -382,8 +382,6 @@ def test_in_one_direction_no_target_given_is_ever_exceeded(
     board.write(od.PROFILE_DECELERATION, deceleration)
     board.write(od.PROFILE_ACCELERATION, 10**8)
     board.write(od.MOTION_PROFILE_TYPE, profile_type)
-    if profile_type == 3:
-        halt_ms = None  # a jerk-limited halt first ends the braking that goes on: it may overrun even a single target
     left, last, ms = list(ways), 0, 0
     halted = False
     while left or not board.has(REACHED) or halted:

@@ -1,13 +1,14 @@
 """The profile generator ends exactly at the target and keeps its limits, up to the rounding that its module states."""
 
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from steptwin.controller.modes.profile import GRAIN_MS, PIECE_MS, Limits, Profile, Segment, move, stop
+from steptwin.controller.modes.profile import Limits, move, stop
+from steptwin.controller.modes.ramps import GRAIN_MS, PIECE_MS, Profile, Segment
 
 PER_S2 = 64 / 1_000_000
 """A unit per s^2 in 1/64 unit per ms^2."""
@@ -141,6 +142,69 @@ def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
         # The last ramp may bend a little: it subtracts the distance of whole milliseconds too many.
         give_back = 3 * 64 * 15_000 / 1000
         assert abs(after - before) <= rounding(t0 or t1) + rounding(t1) + jerk * PIECE_MS + give_back
+
+
+fast = st.builds(
+    Limits,
+    st.integers(10**6, 10**7),
+    st.integers(10**7, 10**9),
+    st.integers(10**7, 10**9),
+    st.integers(10**8, 2**32 - 1),
+)
+"""Limits of stepper axes, in which a full step has 16 384 units."""
+
+
+def changes(run: ExecutedProfile) -> list[float]:
+    """Return how far the acceleration changes within each segment and before it, less the most that rounding adds."""
+    accelerations = [(16, 0.0, 0.0), *run.accelerations]
+    steps = [abs(a - last) - rounding(t) - rounding(t0) for (t0, _, last), (t, a, _) in pairwise(accelerations)]
+    return [*steps, *(abs(b - a) - 2 * rounding(t) for t, a, b in run.accelerations)]
+
+
+@given(limits=fast, distance=st.integers(10**4, 10**7), change_after=st.integers(1, 60), sign=st.sampled_from([1, -1]))
+@example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=30, sign=1)
+@example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=42, sign=-1)
+def test_a_jerk_limited_halt_on_the_way_ends_before_the_target(
+    limits: Limits, distance: int, change_after: int, sign: int
+) -> None:
+    """An axis that brakes to its target already brakes on."""
+    run = ExecutedProfile(0).take(move(sign * distance, 0, 0, limits), change_after)
+    velocity, acceleration = run.velocity, run.segments[-1].end_acceleration
+    halt = ExecutedProfile(velocity).take(stop(velocity, acceleration, limits, sign * distance - run.units))
+    assert halt.velocity == 0
+    assert sign * (run.units + halt.units) <= distance
+    assert all(sign * segment.end_velocity >= 0 for segment in halt.segments)
+    assert halt.acceleration_excess <= steepest(limits) * ACROSS_A_BEND
+    joined = ExecutedProfile(0, accelerations=[*run.accelerations, *halt.accelerations])
+    assert max(changes(joined)) <= limits.jerk * 64 / 10**9 * PIECE_MS + 3 * 64 * 15_000 / 1000
+
+
+@given(limits=fast, distance=st.integers(10**4, 10**7), at=st.integers(0, 60))
+def test_a_jerk_limited_axis_that_brakes_may_be_given_its_target_again(limits: Limits, distance: int, at: int) -> None:
+    """It goes there without overrunning it."""
+    run = ExecutedProfile(0).take(move(distance, 0, 0, limits))
+    braking = [n for n, s in enumerate(run.segments) if s.end_velocity > 0 > s.end_acceleration]
+    assume(braking)
+    again = ExecutedProfile(0).take(move(distance, 0, 0, limits), braking[at % len(braking)] + 1)
+    again.take(move(distance - again.units, again.velocity, again.segments[-1].end_acceleration, limits))
+    assert (again.units, again.velocity) == (distance, 0)
+    assert max(accumulate(segment.displacement_units for segment in again.segments)) <= distance
+
+
+def test_a_halt_with_a_lower_deceleration_keeps_the_present_one() -> None:
+    """From 200 units per ms at 1 unit per ms^2 the axis takes 200 ms, and half of the last blend's 100 ms."""
+    limits = Limits(400 * 64, 10**6, 10**5, 10**7)
+    halt = ExecutedProfile(200 * 64).take(stop(200 * 64, -64 << 16, limits))
+    assert halt.velocity == 0
+    assert sum(segment.duration_ms for segment in halt.segments) == pytest.approx(250, abs=2)
+    assert halt.units == pytest.approx(150 * 125 + 50 * 100 / 3, rel=0.01)
+
+
+def test_a_halt_that_has_no_time_for_its_jerk_does_not_turn_round() -> None:
+    """At 10 units per ms and -1 unit per ms^2, 20 ms are left; a jerk of 0.001 units per ms^3 would take a second."""
+    halt = ExecutedProfile(640).take(stop(640, -64 << 16, Limits(6400, 10**6, 10**6, 10**6)))
+    assert sum(segment.duration_ms for segment in halt.segments) == 20
+    assert (halt.units, halt.velocity) == (67, 0)  # v T / 3
 
 
 def test_a_trapezoid_takes_its_time() -> None:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from steptwin.controller.modes.profile import GRAIN_MS, PIECE_MS, Limits, Passing, Segment, move, move_through
+from steptwin.controller.modes.profile import Limits, Passing, move, move_through
+from steptwin.controller.modes.ramps import GRAIN_MS, PIECE_MS, Segment
 from tests.controller.modes.test_profile import ACROSS_A_BEND, ENOUGH, ExecutedProfile, linear, smooth, steepest
 
 LIMITS = Limits(6400, 1_000_000, 1_000_000)
