@@ -31,9 +31,11 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.shelf import Shelf
 from steptwin.host.studies.calibration import identify_errors, simulate_measurements
 from steptwin.host.studies.calibration.residuals import draw_residuals
+from steptwin.host.studies.motors.motor_pictures import draw_torque
 from steptwin.host.studies.papers.drawing import small_png
 from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.execution import execute
+from steptwin.host.twin.motors import motors_of_run
 
 _DRAWN: Final = dict(zip(PICTURE_KINDS, ("tool-path", "joints", "error"), strict=True))
 """For each kind of picture on the page, its name in `steptwin.host.record.plots`."""
@@ -79,6 +81,9 @@ def write_machine_picture(robot: Robot) -> None:
     outcome = execute(plan(robot, compile_program(program, robot).trajectory), example)
     path = DOCS / picture(robot.name, "example", kind)
     write_picture(path, partial(PICTURES[drawn], outcome.comparison, outcome.report.run, DEFAULT_VIEW))
+    if robot.dynamics is not None:
+        turned = motors_of_run(robot, outcome.comparison)
+        write_picture(DOCS / picture(robot.name, "example", "torque"), partial(draw_torque, turned, outcome.report.run))
 
 
 _KIND: Final = "calibration-scara"

@@ -117,6 +117,12 @@ CATALOGUE: Final = {
             "23HS30-2804S", 1.13, 5.4, 1.89, 2.8, 440.0, 0.068,
             "klipper_tmc_autotune's database of motors; inertia of StepperOnline's datasheet; detent [A]",
         ),
+        Motor(
+            "17HS08-1004S", 3.7, 4.5, 0.16, 1.0, 22.0, 0.006,
+            "Source Robotics' list of tested motors (STEPFOC-docs) and StepperOnline's title; inertia as a database of"
+            " 3D printers' motors quotes it; detent 4 % of holding [A]",
+        ),
+        Motor("17HS13-0404S", 30.0, 37.0, 0.26, 0.4, 38.0, 0.010, _STEPPERONLINE),
         Motor("17HS16-2004S1", 1.1, 2.6, 0.45, 2.0, 54.0, 0.018, _STEPPERONLINE),
         Motor("17HS19-1684S1", 1.65, 2.8, 0.45, 1.68, 68.0, 0.018, _STEPPERONLINE),
         Motor("17HS24-2104S", 1.6, 3.0, 0.65, 2.1, 148.0, 0.026, _STEPPERONLINE),

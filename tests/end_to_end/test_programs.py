@@ -31,8 +31,8 @@ VERBS = {
     "warehouse-scara": {"output", "call"},
     "hybrid-arm": {"repeat", "call", "go"},
     "ar4-mk3": {"go", "line", "call", "pause", "by"},
-    "parol6": {"go", "line", "call", "pause", "by"},
-    "thor": {"go", "line", "call", "pause", "by"},
+    "parol6": {"go", "line", "call", "pause", "by", "output"},
+    "thor": {"go", "line", "call", "pause", "by", "output"},
     "corexy-gantry": {"go", "line", "call", "by", "circle", "output"},
     "turntable": {"go", "by", "call", "repeat", "pause", "output"},
 }

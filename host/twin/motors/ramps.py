@@ -218,7 +218,7 @@ def ramps_of(robot: Robot, drivers: DriverProfile | None = None) -> tuple[JointR
     settings = driver_settings(robot.board, profile)
     curves = Curves(robot, float(fastest.max()) / RAD_S_PER_RPM, settings)
     ramps = Ramps.of(robot, at, curves, settings, phase_currents_a(robot, profile))
-    return tuple(ramps.of_axis(axis) for axis in range(len(robot.axes)))
+    return tuple(ramps.of_axis(joint) for joint in range(len(robot.joints)))
 
 
 @lru_cache(maxsize=256)
@@ -234,7 +234,7 @@ def with_managed_ramps(robot: Robot, drivers: DriverProfile | None = None) -> Ro
     Raises:
         InputError: its file does not describe its motors and masses, or a motor is too weak without any acceleration.
     """
-    ramps = dict(zip(robot.axis_names, ramps_of(robot, drivers), strict=True))
+    ramps = dict(zip(robot.joint_names, ramps_of(robot, drivers), strict=True))
     moving = _at_once({name: each.moving for name, each in ramps.items()})
     searching = {name: each.homing for name, each in ramps.items() if each.homing}
     homing = _at_once(searching) if searching else {}
@@ -291,7 +291,7 @@ def steep_homings(robot: Robot, profile: DriverProfile) -> list[str]:
     """
     return [
         steep_homing(joint.name, joint.unit, ramps.homing)
-        for joint, ramps in zip(robot.axes, ramps_of(robot, profile), strict=True)
+        for joint, ramps in zip(robot.joints, ramps_of(robot, profile), strict=True)
         if ramps.homing is not None and ramps.homing.too_steep
     ]
 

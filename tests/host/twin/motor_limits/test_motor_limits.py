@@ -1,6 +1,5 @@
 """Programs as fast as the motors manage: the planned torque is what is asked for, and the rotors keep step."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,13 @@ from steptwin.host.planning.fastest.drives import LoadChange, PathLoad
 from steptwin.host.planning.fastest.pieces import Pace, PiecewisePath
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
-from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program
+from steptwin.host.planning.programs import CompiledProgram, compile_program, parse_program, read_program
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.motor_limits import motor_forecast, motor_limits
 from steptwin.host.twin.motors import motors_of_run
 from steptwin.host.twin.motors.after_run import first_slip
+from tests.end_to_end.pages import ROOT
 from tests.host.complaints import complaint_of
 
 ROBOT = load_robot("lab-scara")
@@ -188,9 +188,6 @@ class TestForecast:
         assert "more than the usual 70 %: its rotor may slip" in close
 
     def test_nothing_of_a_robot_without_motors(self) -> None:
-        path = Path(__file__).resolve().parents[4] / "docs" / "programs" / "thor.toml"
-        robot = load_robot("thor")
-        if robot.dynamics is None:
-            from steptwin.host.planning.programs import read_program
-
-            assert motor_forecast(robot, compile_program(read_program(str(path)), robot).trajectory) is None
+        robot = load_robot("turntable")
+        program = compile_program(read_program(str(ROOT / "docs" / "programs" / "turntable.toml")), robot)
+        assert motor_forecast(robot, program.trajectory) is None
