@@ -2,8 +2,9 @@
 
 import datetime as dt
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
+from functools import partial
 from typing import Any, Final
 
 JUNK: Final[tuple[Any, ...]] = (
@@ -33,17 +34,19 @@ JUNK: Final[tuple[Any, ...]] = (
 _STRANGE_KEYS: Final = ("junk", "", "th22", "\x7f" * 100)
 
 
-def junk_documents(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the document with one place of it changed, and the change in words: junk, a missing key, a strange one."""
+def junk_documents(document: dict[str, Any]) -> Iterator[tuple[str, Callable[[], dict[str, Any]]]]:
+    """Yield each change of one place in words, and what makes the document with it: junk, a missing or strange key.
+
+    A document is made only when it is called for: tests that try one of so many would copy all the others for nothing.
+    """
     for path in _paths(document):
-        at = ".".join(map(str, path))
+        at, changed = ".".join(map(str, path)), partial(_changed, document, path)
         for junk in JUNK:
-            yield f"{at} = {junk!r}", _changed(document, path, lambda inside, key, junk=junk: _put(inside, key, junk))
-        yield f"without {at}", _changed(document, path, lambda inside, key: inside.pop(key))
-        yield f"{at} in a list", _changed(document, path, lambda inside, key: _put(inside, key, [inside[key]]))
+            yield f"{at} = {junk!r}", partial(changed, partial(_put, value=junk))
+        yield f"without {at}", partial(changed, lambda inside, key: inside.pop(key))
+        yield f"{at} in a list", partial(changed, lambda inside, key: _put(inside, key, [inside[key]]))
         for strange in _STRANGE_KEYS:
-            renamed = _changed(document, path, lambda inside, key, strange=strange: _rename(inside, key, strange))
-            yield f"{at} is called {strange!r}", renamed
+            yield f"{at} is called {strange!r}", partial(changed, partial(_rename, new=strange))
 
 
 def _paths(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

@@ -56,9 +56,9 @@ def test_junk_in_a_file_is_refused_in_lines_or_taken(kind: str) -> None:
     text, read, stride = KINDS[kind]
     document: dict[str, Any] = tomllib.loads(text())
     read(toml_of(document))
-    for change, junk in islice(junk_documents(document), 0, None, stride):
+    for change, changed in islice(junk_documents(document), 0, None, stride):
         try:
-            read(toml_of(junk))
+            read(toml_of(changed()))
         except InputError as error:
             told = error.messages
         except Exception as error:

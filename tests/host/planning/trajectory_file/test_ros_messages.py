@@ -118,5 +118,5 @@ def test_any_text_is_read_or_refused_in_a_line(text: str) -> None:
 
 def test_junk_in_a_message_is_read_or_refused_in_a_line() -> None:
     document = yaml.safe_load((MESSAGES / "ros2-controller.yaml").read_text(encoding="utf-8").removesuffix("---\n"))
-    for change, junk in junk_documents({"trajectory": [{"joint_trajectory": document}]}):
-        assert "\n" not in told(yaml.safe_dump(junk)), change
+    for change, changed in junk_documents({"trajectory": [{"joint_trajectory": document}]}):
+        assert "\n" not in told(yaml.safe_dump(changed())), change
