@@ -15,6 +15,7 @@ from steptwin.host.operate.user_units import WIRE_UNITS, read_units
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
+from steptwin.protocol.drivers import GENERIC
 from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
 from steptwin.protocol.robot_name import stored_name
 
@@ -42,7 +43,7 @@ def examine(session: Session) -> Iterator[Check]:
     session.require_idle("doctor")
     answering = []
     for axis in session.machine.axes:
-        check = _answers(axis)
+        check = _answers(session, axis)
         yield check
         if check.passed:
             answering.append(axis)
@@ -51,7 +52,8 @@ def examine(session: Session) -> Iterator[Check]:
         yield from _examine_axis(session, axis)
 
 
-def _answers(axis: AxisClient) -> Check:
+def _answers(session: Session, axis: AxisClient) -> Check:
+    """Check that an axis answers, and say what it is; its own name tells nothing of drivers that are no TB6560s."""
     name = f"{axis.name} node 0x{axis.node_id:02X}"
     try:
         device_type = axis.read(od.DEVICE_TYPE)
@@ -62,7 +64,9 @@ def _answers(axis: AxisClient) -> Check:
         return Check(name, False, str(error))
     if device_type != IDENTITY_DEVICE_TYPE:
         return Check(name, False, f"is not a stepper axis: type 0x{device_type:08X}", BusError.exit_code)
-    return Check(name, True, f"type 0x{device_type:08X}, {versions}")
+    drivers = session.robot.board.driver_profile
+    filed = f"; its drivers are {drivers} by the robot's file" if drivers else ""
+    return Check(name, True, f"type 0x{device_type:08X}, {versions}{filed}")
 
 
 def _robot(session: Session, axis: AxisClient) -> Check:
@@ -79,7 +83,7 @@ def _examine_axis(session: Session, axis: AxisClient) -> Iterator[Check]:
     yield _settings(session, axis)
     yield _units(axis)
     yield _inputs(axis)
-    yield _supply(axis)
+    yield _supply(session, axis)
     yield _temperature(axis)
     known = bool(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN)
     yield Check(f"{axis.name} position", known, "known" if known else "unknown: home the machine, `steptwin home`")
@@ -101,7 +105,8 @@ def _settings(session: Session, axis: AxisClient) -> Check:
     A drive takes those of the file only while its power is off: then the next motion writes them. A module's switches
     stay as they are.
     """
-    name, filed = f"{axis.name} settings", axis_settings(session.robot.joint(axis.name), session.robot.board).microsteps
+    driven = session.robot.axes[session.robot.axis_index(axis.name)]
+    name, filed = f"{axis.name} settings", axis_settings(driven, session.robot.board).microsteps
     found = axis.read(od.MICROSTEPS_WORD)
     made = _driver_microsteps(axis) or found
     microsteps = Microsteps(axis.name, made, found, filed)
@@ -138,13 +143,18 @@ def _inputs(axis: AxisClient) -> Check:
     return Check(f"{axis.name} inputs", not bad, f"active: {', '.join(words)}" if words else "none active")
 
 
-def _supply(axis: AxisClient) -> Check:
+def _supply(session: Session, axis: AxisClient) -> Check:
+    """Check the supply against what the board guards, and against what the drivers of the robot's file take."""
     supply_v, least_v, most_v = (
         axis.read(address) / 100 for address in (od.SUPPLY_VOLTAGE, od.SUPPLY_VOLTAGE_MIN, od.SUPPLY_VOLTAGE_MAX)
     )
-    return Check(
-        f"{axis.name} supply", least_v <= supply_v <= most_v, f"{supply_v:.2f} V, {least_v:g} to {most_v:g} V allowed"
-    )
+    says, board = f"{supply_v:.2f} V, {least_v:g} to {most_v:g} V allowed", session.robot.board
+    passed = least_v <= supply_v <= most_v
+    if board.driver_profile not in (None, GENERIC):  # generic drivers' supply is not in the file
+        lowest_v, highest_v = board.profile.chip.supply_v.value
+        says += f"; {board.driver_profile} takes {lowest_v:g} to {highest_v:g} V"
+        passed &= lowest_v <= supply_v <= highest_v
+    return Check(f"{axis.name} supply", passed, says)
 
 
 def _temperature(axis: AxisClient) -> Check:

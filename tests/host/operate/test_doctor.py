@@ -4,10 +4,13 @@ import json
 
 import pytest
 
+from steptwin.controller.motion.backend import Kernel
+from steptwin.emulator.faults.machine import Supply
 from steptwin.host.client.links import bus_link
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.doctor import examine
 from steptwin.host.operate.session import Session
+from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, TH3
@@ -36,6 +39,21 @@ def test_what_is_wrong_is_named(steptwin: CommandLine, session: Session) -> None
         "th2 supply": "24.00 V, 50 to 34 V allowed",
         "th2 temperature": "25.0 degC, up to -50 degC allowed",
     }
+
+
+def test_other_drivers_are_told_with_their_own_supply(fast_kernel: Kernel) -> None:
+    """The board's own name and limits are those of a TB6560; an A4988 takes 8 to 35 V, by its datasheet."""
+    robot = load_robot("corexy-gantry")
+    board = EmbeddedBoard(robot, fast_kernel)
+    session = Session(board, robot)
+    checks = {check.name: check for check in examine(session)}
+    assert checks["Z2 settings"].passed  # a second motor has settings of its own
+    assert checks["X node 0x10"].found.endswith("; its drivers are a4988 by the robot's file")
+    assert checks["X supply"] == ("X supply", True, "24.00 V, 10 to 34 V allowed; a4988 takes 8 to 35 V", 3)
+    session.machine.axes[0].write(od.SUPPLY_VOLTAGE_MAX, 5000)
+    board.operate(Supply(3600))
+    check = next(check for check in examine(session) if check.name == "X supply")
+    assert (check.passed, check.found) == (False, "36.00 V, 10 to 50 V allowed; a4988 takes 8 to 35 V")
 
 
 def test_unknown_positions_fail(steptwin: CommandLine) -> None:
