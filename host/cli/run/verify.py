@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -99,7 +99,12 @@ def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> No
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
     document = _document(verdict)
-    answer.tell(document, lambda: print_report(document))
+
+    def tell() -> None:
+        print_report(document)
+        say(*(f"fault on purpose: {fault}" for fault in verdict.on_purpose))
+
+    answer.tell(document, tell)
     if "fault" in document:
         raise DeviceFaultError(fault_line(document["fault"]))
     end_unless(document["passed"])
@@ -114,6 +119,8 @@ def _document(verdict: "FolderVerdict") -> dict[str, Any]:
         document["interruption"] = verdict.interruption
     if verdict.fault is not None and not verdict.tampered:
         document["fault"] = dict(verdict.fault)
+    if verdict.on_purpose:
+        document["faults"] = [asdict(fault) for fault in verdict.on_purpose]
     return document
 
 

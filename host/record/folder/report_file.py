@@ -41,6 +41,23 @@ class StoredCapture:
 
 
 @dataclass(frozen=True, slots=True)
+class StoredFault:
+    """What a report says of a fault on purpose.
+
+    Attributes:
+        name: its name in the scenario.
+        struck_s: instant of its first strike, since the motion's start or else power-up; None: it never struck.
+    """
+
+    name: str
+    struck_s: float | None
+
+    def __str__(self) -> str:
+        """Say which it was, and when."""
+        return f"{self.name}, {'never struck' if self.struck_s is None else f'struck at {self.struck_s:.3f} s'}"
+
+
+@dataclass(frozen=True, slots=True)
 class StoredReport:
     """A report read from its file.
 
@@ -55,6 +72,7 @@ class StoredReport:
         recording: the recording without an end from which the report was made; None for a report from a file.
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
         capture: of a real controller's edges; None for a run that was emulated.
+        on_purpose: the faults of the run's scenario.
     """
 
     run: RunInfo
@@ -67,6 +85,7 @@ class StoredReport:
     recording: UnfinishedRecording | None = None
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
+    on_purpose: tuple[StoredFault, ...] = ()
 
     @property
     def gates(self) -> Gates:
@@ -99,6 +118,7 @@ def _report(table: Table) -> StoredReport:
         next_motion_s=_next_motion_s(table),
         document=table.values,
         capture=_capture(table) if "capture" in table else None,
+        on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
     )
 
 
@@ -146,6 +166,10 @@ def _duration_s(table: Table, key: str) -> float:
 
 def _switching(table: Table) -> Switching:
     return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
+
+
+def _on_purpose(table: Table) -> StoredFault:
+    return StoredFault(table.text("name"), None if table.is_null("struck_s") else table.number("struck_s"))
 
 
 def _next_motion_s(table: Table) -> float | None:

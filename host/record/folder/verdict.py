@@ -8,6 +8,7 @@ from typing import Any, Final
 from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
+from steptwin.host.record.folder.report_file import StoredFault
 from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -36,6 +37,7 @@ class FolderVerdict:
         interruption: how far a recording goes that has no end, which cannot pass; None if it has one.
         noted: of a capture, the reasons that were seen in the file of the logic analyser alone.
         simulated: False for a capture of a real controller.
+        on_purpose: the faults of the run's scenario, from the stored report.
     """
 
     report: Report
@@ -45,6 +47,7 @@ class FolderVerdict:
     interruption: str | None = None
     noted: tuple[str, ...] = ()
     simulated: bool = True
+    on_purpose: tuple[StoredFault, ...] = ()
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -84,6 +87,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         interruption,
         said.capture.reasons if said.capture else (),
         simulated=said.capture is None,
+        on_purpose=said.on_purpose,
     )
 
 

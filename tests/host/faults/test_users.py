@@ -34,6 +34,21 @@ def written(folder: Path, *faults: str) -> str:
     return str(path)
 
 
+def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is wrong with a run may have been meant."""
+    out = str(tmp_path / "out")
+    run(["run", "teaching-scara", "carry", "--faults", written(tmp_path, STOP, LATE), "--out", out])
+    capsys.readouterr()
+    assert run(["verify", out]) == 3
+    printed = capsys.readouterr().out
+    assert printed.endswith(
+        "STOPPED BY A FAULT\nfault on purpose: stop, struck at 0.400 s\nfault on purpose: never, never struck\n"
+    )
+    assert run(["verify", out, "--json"]) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert document["faults"] == [{"name": "stop", "struck_s": 0.4}, {"name": "never", "struck_s": None}]
+
+
 def test_run_says_what_answered(tmp_path: Path, capsys: pytest.CaptureFixture[str], fast_kernel: Kernel) -> None:
     """A motion that is stopped as documented is a success of the scenario: exit code 0."""
     command = ["run", "teaching-scara", "carry", "--kernel", fast_kernel.name, "--faults"]
