@@ -65,3 +65,23 @@ def test_it_is_short_and_begins_with_a_moving_picture() -> None:
     assert len(lines) <= 130
     (picture,) = re.findall(r"\]\((docs/pictures/[^)]*\.gif)\)", lines[2])
     assert (ROOT / picture).stat().st_size < 500_000
+
+
+def test_when_a_run_fails_has_each_reason_of_the_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    """A run that fails in most ways at once, and the reasons that it has not, as the verifier words them."""
+    _, section = PAGE.split("\n## When a run fails\n")
+    assert run(["run", "lab-scara", "spiral", "--driver-profile", "3a-module"]) == 1
+    _, told = capsys.readouterr().out.split("lab-scara spiral: FAILED\n")
+    for line in told.splitlines():
+        words = re.sub(r" [-\d].*", "", line.split(": ", 1)[1])
+        assert f"`{words}" in section, line
+    source = "".join((ROOT / "host" / name).read_text(encoding="utf-8") for name in VERDICTS)
+    for words in (
+        "the motor lost", "full steps from", "steps came while the driver's outputs were off", "switched",
+        "changes that were not planned", "STOPPED BY A FAULT", "STOPPED BY A WAIT THAT TIMED OUT", "INCOMPLETE",
+    ):  # fmt: skip
+        assert words in source
+        assert words in section
+
+
+VERDICTS = ("verify/verifier.py", "verify/switching.py", "cli/run/verdict_text.py")
