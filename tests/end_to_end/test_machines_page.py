@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import pytest
@@ -44,10 +43,9 @@ def test_from_nothing_to_a_verified_pick_and_place(tmp_path: Path, monkeypatch: 
     monkeypatch.chdir(tmp_path)
     Path("pick.toml").write_text(program, encoding="utf-8")
     lines = [shlex.split(line, comments=True) for line in commands.splitlines()]
-    assert len(lines) == 8
+    assert len(lines) == 7
     for name, *words in lines:
-        if name == "cp":
-            shutil.copy(*words)
-        else:
-            assert (name, run(words)) == ("steptwin", 0), words
+        assert (name, run(words)) == ("steptwin", 0), words
+    Path("pick.toml").write_text(program.replace('"ar4-mk3"', '"my-ar4.toml"'), encoding="utf-8")
+    assert run(["run", "my-ar4.toml", "pick.toml"]) == 0
     assert (tmp_path / "out" / "pick" / "report.json").exists()

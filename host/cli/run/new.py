@@ -1,5 +1,7 @@
 """`steptwin new my-arm.toml`: write the file of a robot of your own."""
 
+import json
+import re
 import sys
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -54,6 +56,9 @@ def new(
     answer: AnswerOptions,
     of_urdf: UrdfOptions,
     file: str = argument("FILE", "File to write; the robot gets its name, without .toml.", MISSING),
+    original: str | None = option(
+        "ROBOT", "Copy the file of a robot that StepTwin brings, under the new name.", "--from"
+    ),
     kind: str | None = option("KIND", "Kind of the mechanism; asked for on a terminal."),
     settings: list[str] | None = option("KEY=VALUE", "A dimension or a joint's value; may be repeated.", "--set"),
     replace: Replace = False,
@@ -62,6 +67,8 @@ def new(
 
     Without --kind, on a terminal, it asks for all of them. With it, what --set does not say is as usual for the kind.
     Speeds, switches and homing follow; change what you like and let `steptwin check` look at the file.
+
+    With --from it is the file of a robot that is there, such as ar4-mk3, with the new robot's name, to change.
 
     With --urdf the joints are those of a URDF between two links, lengths in mm and angles in degrees. What no URDF has
     gets placeholders, which are told: ratio or travel_per_turn, microsteps, drivers, switches. --set sets joints'
@@ -101,6 +108,14 @@ def new(
         raise InputError(f"{file}: does not end in {SUFFIX}: a robot file does, such as {named}")
     keep_files([path], replace=replace)
     given = name_value_pairs(settings or [])
+    if original is not None:
+        _copy(
+            answer,
+            path,
+            original,
+            [*(["--kind"] if kind else []), *(["--set"] if given else []), *given_options(of_urdf)],
+        )
+        return
     made = of_urdf.robot(path.stem, kind, given)
     if made:
         write_whole(path, made.text)
@@ -116,6 +131,21 @@ def new(
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
     _tell(answer, file, {"kind": kind, "dimensions": geometry, "joints": [joint.name for joint in joints]})
+
+
+def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) -> None:
+    """Write the file of a robot that StepTwin brings under another name; raise InputError for an unknown robot."""
+    from steptwin.host.robots import brought_text, read_robot
+
+    if foreign:
+        raise InputError(f"--from {original}: is a whole robot: leave {foreign[0]} out and change the file")
+    with prefixed("--from: "):
+        text = brought_text(original)
+    own = f"name = {json.dumps(path.stem, ensure_ascii=False)}"
+    text = re.sub(r"^name = .*$", lambda _: own, text, count=1, flags=re.MULTILINE)
+    robot = read_robot(text)
+    write_whole(path, text)
+    _tell(answer, str(path), {"from": original, "kind": robot.kinematics, "joints": list(robot.joint_names)})
 
 
 def _tell(answer: AnswerOptions, file: str, document: dict[str, Any]) -> None:

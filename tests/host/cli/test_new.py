@@ -230,6 +230,32 @@ def test_it_replaces_only_when_told(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert load_robot_file(str(file)).kinematics == "scara"
 
 
+@pytest.mark.parametrize("original", robot_names())
+def test_a_robot_that_is_there_is_copied_under_the_new_name(
+    original: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my-own.toml"
+    document = run_json(capsys, "new", str(file), "--from", original)
+    robot, there = load_robot_file(file), load_robot(original)
+    assert (robot.name, document["from"], document["kind"]) == ("my-own", original, there.kinematics)
+    changed = [line for line in robot.toml.splitlines() if line not in there.toml.splitlines()]
+    assert changed == ['name = "my-own"']
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--from", "ar4-mk4"], "--from: robot 'ar4-mk4' is unknown: did you mean ar4-mk3?"),
+        (["--from", "ar4-mk3", "--kind", "chain"], "--from ar4-mk3: is a whole robot: leave --kind out and change"),
+        (["--from", "ar4-mk3", "--set", "J1.ratio=9"], "--from ar4-mk3: is a whole robot: leave --set out and change"),
+        (["--from", "ar4-mk3", "--urdf", "a.urdf"], "--from ar4-mk3: is a whole robot: leave --urdf out and change"),
+    ],
+)
+def test_copies_that_cannot_be(words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert refusal(capsys, "new", str(tmp_path / "mine.toml"), *words).startswith(told)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_robot_file_ends_in_toml(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = "does not end in .toml: a robot file does, such as"
     for name, suggested in (("my-arm", "my-arm.toml"), ("a b", "'a b.toml'")):
