@@ -22,7 +22,7 @@ from steptwin.emulator.native.process import FirmwareProcess
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol.frame import FIRST_NODE_ID
 
 _ROBOT: Final = load_robot("teaching-scara")

@@ -3,16 +3,22 @@
 A reset of the node or of its communication brings the stored values back. "load" erases them: the defaults are valid
 from the next such reset on. Entries that a PDO may write are commands, not configuration, and are not stored, so that
 no axis moves and no output switches because the power came back; the profile's limits are the exception.
+
+Stored, too, is the robot's name: object 2016h, a visible string of CiA 301, and the CRC-32 of it. The checksum fits
+into one SDO answer, so a program that only compares names disturbs no other one's dialogue.
 """
 
+from binascii import crc32
 from collections.abc import Callable
 from typing import Final, TypeVar
 
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
+from steptwin.protocol.dictionary import TEXT_BYTES_MAX, FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, Entry, Mapping
 
+NO_NAME: Final = 0
+"""Checksum of an empty name."""
 _GROUPS: Final = ((0x1000, 0xFFFF), (0x1000, 0x1FFF), (0x6000, 0x9FFF), (0x2000, 0x5FFF))
 """First and last index of each group of parameters that can be stored and restored."""
 _Value = TypeVar("_Value", int, str)
@@ -21,6 +27,17 @@ _PROFILE_LIMITS = frozenset((od.PROFILE_VELOCITY, od.END_VELOCITY, od.PROFILE_AC
 """Entries that are stored although a PDO may write them: by themselves they move nothing."""
 _STATES = (od.ERROR_HISTORY_COUNT, od.CHARGE_TOKEN, od.EMERGENCY_STOP, od.GROUP_RATE_Q16, od.GROUP_RATE_HIGHEST_Q16)
 _NO_PARAMETERS = frozenset((*_STATES, *od.STORES, *od.RESTORES))
+
+
+def stored_name(name: str) -> str:
+    """Return a robot's name in printable ASCII, up to TEXT_BYTES_MAX: other characters as Python escapes them."""
+    printable = name.encode("unicode_escape").decode("ascii")
+    return printable[:TEXT_BYTES_MAX]
+
+
+def checksum(stored: str) -> int:
+    """Return the CRC-32 (IEEE 802.3) of a stored name; NO_NAME for an empty one."""
+    return crc32(stored.encode("ascii"))
 
 
 class ParameterStorage:

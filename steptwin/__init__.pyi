@@ -86,10 +86,10 @@ from steptwin.host.studies.calibration import Measurements as Measurements
 from steptwin.host.studies.calibration import identify_errors as identify_errors
 from steptwin.host.studies.calibration import read_measurements as read_measurements
 from steptwin.host.studies.calibration import simulate_measurements as simulate_measurements
+from steptwin.host.twin.board_under_test import BoardUnderTest as BoardUnderTest
+from steptwin.host.twin.board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
 from steptwin.host.twin.embedded.execution import execute as execute
 from steptwin.host.twin.embedded.outcome import Outcome as Outcome
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest as BoardUnderTest
-from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest as ServedBoardUnderTest
 from steptwin.host.twin.live.served_board import ServedBoard as ServedBoard
 from steptwin.host.twin.machine.input_changes import InputChange as InputChange
 from steptwin.host.twin.machine.kernels import kernel_named as kernel_named

@@ -18,9 +18,8 @@ from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
 from steptwin.protocol.pdo import ProcessData
-from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
-from steptwin.protocol.storage import ParameterStorage
+from steptwin.protocol.storage import ParameterStorage, checksum
 
 _RETRY_US: Final = 1000
 """Time until an EMCY that found no place in the transmit queue tries again."""

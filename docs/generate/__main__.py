@@ -2,8 +2,7 @@
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE, write_driver_pictures
-from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
-from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
+from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
 from docs.generate.motion_pictures import write_motion_pictures
 from docs.generate.pictures import (
     write_calibration_picture,

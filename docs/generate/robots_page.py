@@ -7,9 +7,8 @@ from docs.generate import tables
 from docs.generate.commands import DOCS, filled, session
 from docs.generate.tables import ROBOTS
 from steptwin.host.robots import load_robot
-from steptwin.host.studies.papers import PAPERS, evaluated
+from steptwin.host.studies.papers import PAPERS, evaluated, write_page
 from steptwin.host.studies.papers.drawing import draw_pictures
-from steptwin.host.studies.papers.paper_folder import write_page
 from steptwin.host.studies.papers.paper_page import errata_table, page_name, render_page, table
 from steptwin.host.studies.papers.study import Runs
 from steptwin.host.twin.embedded.outcome import Outcome

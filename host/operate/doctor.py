@@ -17,7 +17,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status
 from steptwin.protocol.drivers import GENERIC
 from steptwin.protocol.od import IDENTITY_DEVICE_TYPE
-from steptwin.protocol.robot_name import stored_name
+from steptwin.protocol.storage import stored_name
 
 _POWERED: Final = (State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
 

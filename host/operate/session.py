@@ -22,7 +22,7 @@ from steptwin.host.robots.poses import PoseDocument
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State, Status
-from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
+from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
 
 @dataclass(frozen=True, slots=True)

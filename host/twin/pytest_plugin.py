@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from steptwin.controller.motion.backend import Kernel
     from steptwin.emulator.faults import Scheduled
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
-    from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.board_under_test import BoardUnderTest, ServedBoardUnderTest
     from steptwin.host.twin.machine.machine_options import MachineKeywords
 
     MakeBoard = Callable[..., BoardUnderTest]
@@ -75,9 +74,8 @@ def steptwin_make_board(
             a scenario's path begins at pytest's root directory.
     """
     from steptwin.host.common.errors import InputError
-    from steptwin.host.twin.fixtures.artefacts import stalling_homings
-    from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
-    from steptwin.host.twin.fixtures.marker_arguments import check_board
+    from steptwin.host.twin.board_under_test import BoardUnderTest, stalling_homings
+    from steptwin.host.twin.marker_arguments import check_board
 
     boards: list[BoardUnderTest] = []
 
@@ -111,7 +109,7 @@ def steptwin_make_board(
 
 def _tell(node: pytest.Item, board: "BoardUnderTest") -> None:
     """Add to the test's report what a board has seen."""
-    from steptwin.host.twin.fixtures.artefacts import last_frames, scenario_faults, strikes
+    from steptwin.host.twin.board_under_test import last_frames, scenario_faults, strikes
 
     sections = {"bus": last_frames(board.robot, board.bus_log), "faults of the bus": strikes(board)}
     _add(node, sections | {"faults": scenario_faults(board), "settings": "\n".join(map(str, board.mismatches()))})
@@ -121,7 +119,7 @@ def _keep(node: pytest.Item, saves: "Sequence[Callable[[Path], None]]", artefact
     """Save the folder of each board of a test that has failed, and add to its report where they are."""
     if not _has_failed(node):
         return
-    from steptwin.host.twin.fixtures.artefacts import folders_of, kept
+    from steptwin.host.twin.board_under_test import folders_of, kept
 
     for save, folder in zip(saves, folders_of(node.nodeid, artefacts), strict=False):
         _add(node, {"run folder": kept(save, folder)})
@@ -164,9 +162,8 @@ def steptwin_served_board(
     It takes no `schedule`; its method `operate` does an operation while it runs.
     """
     from steptwin.host.common.errors import StepTwinError
-    from steptwin.host.twin.fixtures.artefacts import last_frames
-    from steptwin.host.twin.fixtures.marker_arguments import check_served_board
-    from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
+    from steptwin.host.twin.board_under_test import ServedBoardUnderTest, last_frames
+    from steptwin.host.twin.marker_arguments import check_served_board
 
     node, config = request.node, request.config
     try:

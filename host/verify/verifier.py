@@ -14,13 +14,12 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.verify.comparison import Comparison, Expectation, compare
-from steptwin.host.verify.counted import powerless_steps
+from steptwin.host.verify.counted import powerless_steps, pulse_facts
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
 from steptwin.host.verify.gates import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
-from steptwin.host.verify.pulses import pulse_facts
 from steptwin.host.verify.report import (
     AxisReport,
     JointsReport,

@@ -3,23 +3,33 @@
 from typing import Final
 
 from steptwin.protocol.drivers.carriers import PROFILES as _CARRIERS
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, OverVoltage, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import (
+    OSC_PF_MIN,
+    ChipSheet,
+    Fact,
+    Grade,
+    Oscillator,
+    OutputPin,
+    OverVoltage,
+    PinTable,
+    Release,
+    Shutdown,
+    StepTimes,
+)
 from steptwin.protocol.drivers.driver_profile import (
+    GENERIC,
     NO_TIMES,
     WIRE,
     ActiveEdge,
     Cooling,
     Coupler,
     CurrentSetting,
+    DriverFigures,
     DriverProfile,
     InputLevels,
     one_of,
 )
-from steptwin.protocol.drivers.facts import Fact, Grade
-from steptwin.protocol.drivers.generic import GENERIC, DriverFigures
 from steptwin.protocol.drivers.modules import PROFILES as _MODULES
-from steptwin.protocol.drivers.oscillator import OSC_PF_MIN, Oscillator
-from steptwin.protocol.drivers.pin_table import PinTable
 from steptwin.protocol.drivers.tb6560 import PROFILES as _TB6560
 from steptwin.protocol.drivers.tb6560 import bare_chip
 

@@ -6,10 +6,19 @@ Straps or registers choose the mode, a trimmer or a register the current.
 from dataclasses import replace
 from typing import Final
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import (
+    ChipSheet,
+    Fact,
+    OutputPin,
+    PinTable,
+    Release,
+    Shutdown,
+    StepTimes,
+    always,
+    assumed,
+    quoted,
+)
 from steptwin.protocol.drivers.driver_profile import Cooling, DriverProfile, InputLevels
-from steptwin.protocol.drivers.facts import Fact, assumed, quoted
-from steptwin.protocol.drivers.pin_table import PinTable, always
 
 _FULL_TORQUE: Final = assumed(always(100), "no pin reduces the current")
 _COOLING: Final = assumed(Cooling(resistance_k_per_w=32.0, capacity_j_per_k=1.0), "a carrier without a heat sink")

@@ -1,18 +1,134 @@
 """What a chip's datasheet says, as data: how it counts steps, which currents it sets, what it does in trouble.
 
 Every chip is a record of this one kind. The emulator counts by it, the host plans within it, and docs/driver.md is made
-of it. A driver module without a known chip has such a record of its own.
+of it. A driver module without a known chip has such a record of its own. Each fact says where it is from: a source's
+own words, another file's quotation, or a guess. In a table the levels of some pins select a value. The oscillator is
+the TB6560's: the capacitor at OSC sets the chopping rate and the shortest CLK pulse that counts; its pages are those of
+Toshiba's datasheet "TB6560AHQ/AFG" of 2014-10-01.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import lcm
-from typing import Final, NamedTuple
+from math import ceil, lcm
+from typing import Final, Generic, NamedTuple, TypeVar
 
-from steptwin.protocol.drivers.facts import Fact, assumed
-from steptwin.protocol.drivers.oscillator import Oscillator
-from steptwin.protocol.drivers.pin_table import PinTable
-from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
+from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US, counts_of_ns
+
+OSCILLATIONS_PER_CHOP: Final = 4
+"""Periods of the oscillator in one chopping period (pages 16 and 20)."""
+
+OSCILLATOR_MAX_HZ: Final = 600_000
+"""Upper end of the operating range (pages 6 to 8), which has no lower end."""
+
+OSC_PF_MIN: Final = 64
+"""Smallest capacitor, in whole pF, with which the oscillator keeps to it by the formula of `Oscillator.hz`."""
+
+_CLK_WIDTH_MIN_US: Final = {100.0: 10.0, 330.0: 30.0, 1000.0: 90.0}
+"""t_W(CLK) at the capacitors for which the datasheet states it (page 8); only 330 pF is tested in production."""
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True)
+class Oscillator:
+    """A capacitor at OSC, in pF; raises ValueError unless it is positive and large enough for the operating range."""
+
+    osc_pf: float
+
+    def __post_init__(self) -> None:
+        if not self.osc_pf > 0:
+            raise ValueError(f"the OSC capacitor is {self.osc_pf} pF; it must be positive, for example 330")
+        if self.hz > OSCILLATOR_MAX_HZ:
+            raise ValueError(
+                f"the OSC capacitor is {self.osc_pf:g} pF, which makes {self.hz / 1000:.0f} kHz: at most"
+                f" {OSCILLATOR_MAX_HZ // 1000} kHz are allowed, {OSC_PF_MIN} pF or more"
+            )
+
+    @property
+    def hz(self) -> float:
+        """Frequency by the datasheet's approximation (page 25): 400 kHz at 100 pF."""
+        return 1e6 / (self.osc_pf * 1.5 * (10 / self.osc_pf + 1) / 66)
+
+    @property
+    def chopping_hz(self) -> float:
+        """How many times a second the current is regulated."""
+        return self.hz / OSCILLATIONS_PER_CHOP
+
+    @property
+    def clk_width_min_us(self) -> float:
+        """Shortest time for which CLK is high: the datasheet's figure, or else 4 periods of the oscillator."""
+        return _CLK_WIDTH_MIN_US.get(self.osc_pf, 4e6 / self.hz)
+
+    @property
+    def clk_width_min_counts(self) -> int:
+        """The same in counts of the board's timer, rounded up."""
+        return ceil(self.clk_width_min_us * COUNTS_PER_US)
+
+
+class Grade(StrEnum):
+    """How a fact is known."""
+
+    STATED = "stated"
+    """Read in the source itself."""
+    QUOTED = "quoted"
+    """Another file quotes the source, which itself was not read."""
+    ASSUMED = "assumed"
+    """No source says so; in the source's place stands the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact(Generic[Value]):
+    """A value with its source: document, revision and place."""
+
+    value: Value
+    source: str
+    grade: Grade = Grade.STATED
+
+
+def quoted(value: Value, source: str) -> Fact[Value]:
+    """Return a fact that is known from a quotation."""
+    return Fact(value, source, Grade.QUOTED)
+
+
+def assumed(value: Value, reason: str) -> Fact[Value]:
+    """Return a fact that no source states."""
+    return Fact(value, reason, Grade.ASSUMED)
+
+
+@dataclass(frozen=True, slots=True)
+class PinTable(Generic[Value]):
+    """Values by the levels of pins.
+
+    Attributes:
+        pins: names of the pins, or of the switches and register bits that act like pins.
+        rows: each value with a letter for each pin: `L`, `H`, or `-` where the level does not matter.
+    """
+
+    pins: tuple[str, ...]
+    rows: tuple[tuple[Value, str], ...]
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """All values once, in the datasheet's order."""
+        return tuple(dict(self.rows))
+
+    def levels(self, value: Value) -> dict[str, int]:
+        """Return levels of the pins that select a value, by its first row; KeyError if none do."""
+        letters = dict(reversed(self.rows))[value]
+        return {pin: int(letter == "H") for pin, letter in zip(self.pins, letters, strict=True)}
+
+    def selected(self, levels: Mapping[str, int]) -> Value | None:
+        """Return the value that levels select; None where the datasheet names none."""
+        shown = "".join("LH"[levels[pin]] for pin in self.pins)
+        for value, letters in self.rows:
+            if all(letter in (level, "-") for letter, level in zip(letters, shown, strict=True)):
+                return value
+        return None
+
+
+def always(value: Value) -> PinTable[Value]:
+    """Return the table of a value that no pin changes."""
+    return PinTable((), ((value, ""),))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

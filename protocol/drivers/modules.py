@@ -6,10 +6,18 @@ Switches choose mode and current; optocouplers stand at their inputs, whose dela
 from dataclasses import replace
 from typing import Final
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, OverVoltage, Release, StepTimes
+from steptwin.protocol.drivers.chip_sheet import (
+    ChipSheet,
+    Fact,
+    OverVoltage,
+    PinTable,
+    Release,
+    StepTimes,
+    always,
+    assumed,
+    quoted,
+)
 from steptwin.protocol.drivers.driver_profile import Cooling, CurrentSetting, DriverProfile, InputLevels
-from steptwin.protocol.drivers.facts import Fact, assumed, quoted
-from steptwin.protocol.drivers.pin_table import PinTable, always
 
 _IN_A_CASE: Final = assumed(Cooling(resistance_k_per_w=4.0, capacity_j_per_k=100.0), "its case is the heat sink")
 _HALF: Final = PinTable(("HALF",), ((100, "L"), (50, "H")))

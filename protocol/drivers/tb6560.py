@@ -9,7 +9,18 @@ from enum import Enum
 from math import ceil
 from typing import Final, NamedTuple
 
-from steptwin.protocol.drivers.chip_sheet import ChipSheet, OutputPin, Release, Shutdown, StepTimes
+from steptwin.protocol.drivers.chip_sheet import (
+    ChipSheet,
+    Fact,
+    Oscillator,
+    OutputPin,
+    PinTable,
+    Release,
+    Shutdown,
+    StepTimes,
+    assumed,
+    quoted,
+)
 from steptwin.protocol.drivers.driver_profile import (
     ActiveEdge,
     Cooling,
@@ -18,9 +29,6 @@ from steptwin.protocol.drivers.driver_profile import (
     DriverProfile,
     InputLevels,
 )
-from steptwin.protocol.drivers.facts import Fact, assumed, quoted
-from steptwin.protocol.drivers.oscillator import Oscillator
-from steptwin.protocol.drivers.pin_table import PinTable
 
 
 class PinKind(Enum):

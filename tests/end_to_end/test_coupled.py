@@ -13,7 +13,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import Session
 from steptwin.host.record.waveforms.signal import HeldValues, everything
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.end_to_end.command_line import run_json
 from tests.host.robots.coupled import STEPS_PER_DEG, UNITS_PER_DEG, coupled_robot, coupled_text
 

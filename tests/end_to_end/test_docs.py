@@ -12,8 +12,7 @@ import pytest
 
 from docs.generate.command_line import COMMAND_LINE_PAGE, render_command_line
 from docs.generate.driver_page import DRIVER_PAGE
-from docs.generate.faults import CONTROL_PORT_PAGE, FAULTS_PAGE
-from docs.generate.machine_page import MACHINE_PAGE, render_machine_options
+from docs.generate.machine_pages import CONTROL_PORT_PAGE, FAULTS_PAGE, MACHINE_PAGE, render_machine_options
 from docs.generate.pictures import WAVEFORM_PAGE
 from docs.generate.protocol import PROTOCOL_PAGE
 from docs.generate.robot_drawings import ROBOT_FILES_PAGE, drawing

@@ -5,8 +5,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.record.folder import read_report
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.artefacts import last_frames
-from steptwin.host.twin.fixtures.served_board_under_test import ServedBoardUnderTest
+from steptwin.host.twin.board_under_test import ServedBoardUnderTest, last_frames
 
 pytest_plugins = ["pytester"]
 

@@ -12,7 +12,7 @@ import pytest
 
 import steptwin
 from steptwin.emulator.kernel_c import kernel_files
-from steptwin.host.studies.campaign.sources import digest_of
+from steptwin.host.studies.campaign.campaign import digest_of
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]

@@ -154,7 +154,7 @@ class CycleOptions:
 def tell_cycles(answer: AnswerOptions, robot: "Robot", asked: CycleOptions, out: Path | None) -> None:
     """Print how long a program takes by the torque that the motors are to have left, and draw it."""
     from steptwin.host.planning.programs import compile_program, read_program
-    from steptwin.host.studies.motors.cycle_times import cycle_times, with_motors_of
+    from steptwin.host.studies.motors.fitting import cycle_times, with_motors_of
 
     path = asked.program or ""
     program = read_program(path)

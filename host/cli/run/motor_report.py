@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from steptwin.host.client import Progress
     from steptwin.host.robots.robot import Robot
-    from steptwin.host.studies.motors.cycle_times import CycleTime
+    from steptwin.host.studies.motors.fitting import CycleTime
     from steptwin.host.studies.motors.margins import Border, MotorMargins
     from steptwin.host.twin.motors import MotorRun, MotorVerdict
     from steptwin.host.twin.motors.after_run import RotorTrace
@@ -136,7 +136,7 @@ def write_cycles(
     import matplotlib as mpl
 
     from steptwin.host.record.plots.canvas import STYLE, save_figure
-    from steptwin.host.studies.motors.cycle_times import draw_cycles
+    from steptwin.host.studies.motors.fitting import draw_cycles
 
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(STYLE):

@@ -56,7 +56,7 @@ Progress = Callable[[float], None]
 """Called with the part of the work that is done, from 0 to 1."""
 
 
-def _write_page(path: Path, film: Film, camera: Camera, _width_pixels: int, _progress: Progress) -> None:
+def write_page(path: Path, film: Film, camera: Camera, *_of_pictures: object) -> None:
     """Write the page; `camera` is where it begins, a user may turn the scene."""
     text = (files(__package__) / "player.html").read_text(encoding="utf-8")
     for name, value in (("CAMERAS", CAMERAS), ("FILM", _document(film, camera))):
@@ -155,6 +155,6 @@ def _write_pictures(video: bool, path: Path, film: Film, camera: Camera, width_p
 _KINDS: Final[dict[str, Callable[[Path, Film, Camera, int, Progress], None]]] = {
     ".gif": partial(_write_pictures, False),
     ".mp4": partial(_write_pictures, True),
-    ".html": _write_page,
+    ".html": write_page,
 }
 """Functions that write each kind of file, by its suffix."""

@@ -14,12 +14,11 @@ from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import GIB, check_size
 from steptwin.host.common.own_files import only_files
+from steptwin.host.record.captures.binary_files import MAGIC, rate_of, read_saleae, read_session
 from steptwin.host.record.captures.capture import Capture, Channel
 from steptwin.host.record.captures.channel_map import AxisSignals, ChannelMap, capture_facts, wired
 from steptwin.host.record.captures.clock_fit import ClockFit, fit_clock
 from steptwin.host.record.captures.csv_files import read_csv
-from steptwin.host.record.captures.saleae_file import MAGIC, read_saleae
-from steptwin.host.record.captures.session_file import rate_of, read_session
 from steptwin.host.record.captures.vcd_file import read_vcd
 
 __all__ = [

@@ -1,7 +1,9 @@
-"""ProbeLine a capture's channels to the axes of a robot: STEP, DIR and, if it was recorded, ENABLE of each.
+"""Wire a capture's channels to the axes of a robot, STEP, DIR and, if recorded, ENABLE of each; say what channels do.
 
 `th1=D0,D1` and `th2=D2,!D3,D6` name the channels of an axis in this order; `!` inverts one. Without a map the channels'
-own names tell it if they are those of StepTwin's waveforms, such as `th1_step`.
+own names tell it if they are those of StepTwin's waveforms, such as `th1_step`. The facts of a capture are its
+channels, how fast they change, their shortest pulses, and which look like a pair: STEP has many short pulses of one
+width; DIR changes rarely, and while STEP rests.
 """
 
 from collections.abc import Sequence

@@ -16,8 +16,8 @@ from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import shortened
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import LINE_CHARS_MAX
+from steptwin.host.record.captures.binary_files import rate_of
 from steptwin.host.record.captures.capture import CHANNELS_MAX, Capture, changes_of, check_changes, check_channels
-from steptwin.host.record.captures.session_file import rate_of
 
 _ROWS: Final = 1 << 16
 """Rows that are read at once."""

@@ -12,8 +12,8 @@ import numpy as np
 from steptwin.host.common.bad_input import shortened
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import KIB
+from steptwin.host.record.captures.binary_files import rate_of
 from steptwin.host.record.captures.capture import Capture, Channel, check_changes, check_channels
-from steptwin.host.record.captures.session_file import rate_of
 
 _SCALES_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "ps": 1e-12, "fs": 1e-15}
 _LINE_CHARS_MAX: Final = 64 * KIB

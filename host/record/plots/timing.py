@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, rows_of_joints, thinned
 from steptwin.host.verify import AxisEvidence, Comparison, RunInfo
+from steptwin.host.verify.counted import clk_durations
 from steptwin.host.verify.matching import MICROSECONDS, SLOW_CROSSING
-from steptwin.host.verify.pulses import clk_durations
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND, COUNTS_PER_US
 

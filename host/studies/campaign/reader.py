@@ -33,8 +33,8 @@ from steptwin.host.studies.campaign.campaign import (
     MotionChoice,
     RandomMoves,
     ScenarioChoice,
+    Sources,
 )
-from steptwin.host.studies.campaign.sources import Sources
 from steptwin.host.studies.campaign.trial import placed, random_moves
 from steptwin.host.studies.campaign.values import Template, drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, Setup

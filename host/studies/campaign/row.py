@@ -25,7 +25,7 @@ from steptwin.host.common.file_limits import (
     size_text,
 )
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.studies.campaign.sources import source_version
+from steptwin.host.studies.campaign.campaign import source_version
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.common.processes import collect_seldom
-from steptwin.host.studies.campaign.campaign import Campaign
+from steptwin.host.studies.campaign.campaign import Campaign, source_version
 from steptwin.host.studies.campaign.row import Breach, Ended, Row
 from steptwin.host.studies.campaign.running import run_seed
-from steptwin.host.studies.campaign.sources import source_version
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster

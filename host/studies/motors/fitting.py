@@ -1,14 +1,15 @@
-"""Which motors would do for a robot, without any run: each joint at its limits, at the pose where that is hardest.
+"""Which motors would do for a robot, without any run, and how long a program takes by the torque that they have left.
 
 Each joint in turn goes at its highest speed, or at almost none, and accelerates or brakes as hard as it may, with the
-payload, at many poses. What this needs of each motor is held against the motor's pull-out torque at that speed.
+payload, at the poses where that is hardest. What this needs of each motor is held against the motor's pull-out torque
+at that speed.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from math import inf, pi, sqrt
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,15 +17,27 @@ from steptwin.emulator.motors.motor import CATALOGUE, RAD_S_PER_RPM, Motor
 from steptwin.emulator.motors.rotors import Drive
 from steptwin.emulator.motors.torques import carried_torque_nm, rotor_torque_nm
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.errors import InputError
+from steptwin.host.planning.fastest import AskedLimits
+from steptwin.host.planning.programs import Program, compile_program
+from steptwin.host.robots.motor import JointMotor
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.drivers import driver_profile, driver_settings, phase_currents_a
+from steptwin.host.twin.motor_limits import motor_limits
 from steptwin.host.twin.motors.poses import ArmAtPoses, rad_per_unit, rotors_of
 from steptwin.host.twin.motors.ramps import ALMOST_NONE, JointRamp, Ramps
 from steptwin.host.twin.motors.torques import Curves, PullOutCurve
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
 TABLE_RPM: Final = (0.0, 60.0, 120.0, 240.0, 360.0, 480.0, 600.0, 900.0, 1200.0)
 """Speeds where a pull-out curve is told."""
+LEFT_PERCENT: Final = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0)
+"""Percentages of the torque that are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,3 +222,80 @@ def _demands(robot: Robot, at: ArmAtPoses) -> _Demands:
     rad = np.repeat(at.rad, len(cases), axis=0)
     rad_s, rad_s2 = (np.tile(rotors_of(robot, values), (len(at.rad), 1)) for values in (rates, accelerations))
     return _Demands(carried_torque_nm(at.arm, rad, rad_s, rad_s2), rad_s, rad_s2)
+
+
+@dataclass(frozen=True, slots=True)
+class CycleTime:
+    """A program with some torque left.
+
+    Attributes:
+        left_percent: what is asked for.
+        duration_s: its duration; None if the motors do not manage it.
+        joint: the joint whose motor has least left; empty if they do not manage it.
+        tries: number of motions of the step that was refused most often by the rotors.
+        refused: why they do not manage it; empty if they do.
+    """
+
+    left_percent: float
+    duration_s: float | None
+    joint: str = ""
+    tries: int = 0
+    refused: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return asdict(self)
+
+
+def with_motors_of(robot: Robot, models: Mapping[str, str]) -> Robot:
+    """Return a robot with other motors of the catalogue at some joints; raise InputError for an unknown one."""
+    for name in models:
+        if name not in robot.joint_names:
+            raise unknown("joint", name, robot.joint_names)
+    joints = tuple(
+        replace(joint, motor=JointMotor(model=models[joint.name])) if joint.name in models else joint
+        for joint in robot.joints
+    )
+    return replace(robot, joints=joints)
+
+
+def cycle_times(program: Program, robot: Robot) -> tuple[CycleTime, ...]:
+    """Return how long a program takes by each percentage; raise InputError if it is wrong for other reasons."""
+    compile_program(replace(program, limits=None), robot)
+    return tuple(_cycle_time(program, robot, left) for left in LEFT_PERCENT)
+
+
+def _cycle_time(program: Program, robot: Robot, left_percent: float) -> CycleTime:
+    asking = replace(program, limits=AskedLimits(left_percent))
+    try:
+        made = compile_program(asking, robot, drives=motor_limits)
+    except InputError as error:
+        return CycleTime(left_percent, None, refused=str(error))
+    answers = [row.drives for row in made.steps if row.drives]
+    weakest = min(answers, key=lambda answer: answer.left_percent)
+    return CycleTime(left_percent, made.trajectory.duration_s, weakest.joint, max(each.tries for each in answers))
+
+
+def draw_cycles(robot: Robot, cycles: Mapping[str, Sequence[CycleTime]], by_joints_s: float) -> "Figure":
+    """Draw the durations by the torque that is left, a line for each choice of motors, by its name."""
+    from matplotlib.figure import Figure
+
+    from steptwin.host.record.plots.canvas import COUNTED, LIMIT
+
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    figure.suptitle(f"{robot.name}: duration by the torque that its motors are to have left", x=0.01, ha="left")
+    axes = figure.subplots()
+    for (label, times), color, style in zip(cycles.items(), (COUNTED, "#d08a1d"), ("o-", "s--"), strict=False):
+        managed = [each for each in times if each.duration_s is not None]
+        axes.plot(
+            [each.left_percent for each in managed],
+            [each.duration_s or 0.0 for each in managed],
+            style,
+            color=color,
+            markersize=4,
+            label=label,
+        )
+    axes.axhline(by_joints_s, color=LIMIT, linewidth=1.0, label="limits of the joints alone")
+    axes.set(xlabel="left_percent [%]", ylabel="duration [s]", xlim=(0.0, LEFT_PERCENT[-1] + 5.0), ylim=(0.0, None))
+    axes.legend(loc="lower right")
+    return figure

@@ -1,25 +1,31 @@
-"""What is computed for the warehouse robot's paper, whose items are in warehouse.toml.
+"""What is computed for the warehouse robot's paper, whose items are in warehouse.toml, with figures that are no curves.
 
 A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot", 2019,
 DOI 10.3969/j.issn.1009-9492.2019.05.018.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, hypot, nan, radians, sin
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Rectangle
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
+from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
 from steptwin.host.studies.papers.study import Study, matrix_rows, panels_over, texts
 from steptwin.host.verify.evidence import ShelfEvidence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 L2_MM: Final = 200.0
 L3_MM: Final = 150.0
@@ -40,6 +46,13 @@ _SPEED_MM_S: Final = TRAVEL_MM / (DURATION_S - RAMP_S)
 X_MM: Final = L2_MM * cos(radians(0)) + L3_MM * cos(radians(60)) + L4_MM * cos(radians(90))
 Y_MM: Final = L2_MM * sin(radians(0)) + L3_MM * sin(radians(60)) + L4_MM * sin(radians(90))
 """The tool at the start."""
+_ARM: Final = "#7a3d00"
+_WOOD: Final = "#d9c7a7"
+_DRAWER_MM: Final = (180.0, 150.0)
+"""Length of the drawer, stated in sect. 2, and its width in the robot's file, [A]."""
+_CELLS: Final = 3
+_PLAY_MM: Final = 1.0
+"""A cell counts as out that lacks no more, as for the emulated shelf."""
 
 
 def printed_position_mm(t_s: float) -> float:
@@ -173,7 +186,6 @@ class WarehouseStudy(Study):
     @property
     def planar_arm_picture(self) -> "Figure":
         """Fig. 4: the planar arm at a position that shows all angles of eq. 2."""
-        from steptwin.host.studies.papers.warehouse_figures import planar_arm
 
         return planar_arm((L2_MM, L3_MM, L4_MM), (20.0, 50.0, -25.0))
 
@@ -240,7 +252,6 @@ class WarehouseStudy(Study):
     @property
     def drawer_picture(self) -> "Figure":
         """Fig. 7: the arm from above by the run's counts: the drawer connected, and one, two and three cells out."""
-        from steptwin.host.studies.papers.warehouse_figures import OpenDrawer, open_drawers
 
         run = self.run[_EXPERIMENT]
         pulled_s = [0.0, *(self.pull[f"cell_{n}_s"] for n in (1, 2, 3))]
@@ -252,3 +263,90 @@ class WarehouseStudy(Study):
         return open_drawers(
             [OpenDrawer(name, arm, front_mm - arm[-1, 1]) for name, arm in zip(names, arms_mm, strict=True)]
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenDrawer:
+    """What one panel of fig. 7 shows: its name, the arm from above, of shape (points, 2), and the drawer's opening."""
+
+    name: str
+    arm_mm: FloatArray
+    open_mm: float
+
+
+def planar_arm(lengths_mm: tuple[float, float, float], joints_deg: tuple[float, float, float]) -> Figure:
+    """Return the sketch of a planar arm A B C D with the lengths l1, l2, l3 and the angles of the closed inverse."""
+    figure = Figure(figsize=(WIDTH_INCHES, 7.2), layout="constrained")
+    axes = figure.subplots()
+    turned_deg = np.cumsum(joints_deg)
+    directions = np.exp(1j * np.deg2rad(turned_deg))
+    ends = np.array([0.0, *np.cumsum(np.array(lengths_mm) * directions)])
+    points = np.column_stack([ends.real, ends.imag])
+    axes.plot(*points.T, color=_ARM, linewidth=4, marker="o", markersize=9, markerfacecolor="white")
+    wrist = points[2]
+    axes.plot(*np.array([points[0], wrist]).T, color=LIMIT, linestyle="--", linewidth=1.2)
+    for name, point, aside in zip("ABCD", points, ((-12, -14), (10, -14), (4, 12), (10, -6)), strict=True):
+        axes.annotate(name, point, aside, textcoords="offset points", weight="bold")
+    for i in range(3):
+        middle = 0.38 * points[i] + 0.62 * points[i + 1]
+        beside = (16 * directions[i].imag, -16 * directions[i].real)
+        axes.annotate(f"l{i + 1}", middle, beside, textcoords="offset points", ha="center", va="center")
+    alpha_deg = float(np.rad2deg(np.arctan2(wrist[1], wrist[0])))
+    _angle(axes, points[0], 62, 0.0, joints_deg[0], "theta1", _ARM)
+    _angle(axes, points[0], 105, joints_deg[0], alpha_deg, "beta", LIMIT)
+    _angle(axes, points[0], 150, 0.0, alpha_deg, "alpha", COUNTED)
+    _angle(axes, points[1], 45, turned_deg[0], turned_deg[1], "theta2", _ARM)
+    _angle(axes, points[2], 36, turned_deg[1], turned_deg[2], "theta3", _ARM)
+    _angle(axes, points[3], 30, 0.0, turned_deg[2], "phi", _ARM)
+    for point, turned in zip(points[1:], turned_deg, strict=True):
+        ray = 55 * np.array([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
+        axes.plot(*np.array([point, point + ray]).T, color="0.6", linewidth=0.8, linestyle=":")
+    axes.plot(*np.array([points[3], points[3] + [55, 0]]).T, color="0.6", linewidth=0.8, linestyle=":")
+    axes.axhline(0, color="0.6", linewidth=0.8)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.set_aspect("equal")
+    axes.margins(0.08)
+    axes.set_title("alpha: to the wrist C; beta: between it and l1; theta1 = alpha - beta", loc="left")
+    return figure
+
+
+def _angle(axes: Axes, at: FloatArray, radius: float, start_deg: float, end_deg: float, name: str, colour: str) -> None:
+    """Draw an angle's arc, counted from start to end, with its name beside its first third."""
+    lower_deg, upper_deg = min(start_deg, end_deg), max(start_deg, end_deg)
+    axes.add_patch(Arc((at[0], at[1]), 2 * radius, 2 * radius, theta1=lower_deg, theta2=upper_deg, color=colour))
+    middle = np.deg2rad(start_deg + 0.3 * (end_deg - start_deg))
+    axes.text(at[0] + (radius + 6) * np.cos(middle), at[1] + (radius + 6) * np.sin(middle), name, color=colour,
+              ha="left", va="center", fontsize=9)  # fmt: skip
+
+
+def open_drawers(shown: Sequence[OpenDrawer]) -> Figure:
+    """Return a panel for each: shelf, drawer with its cells, arm and hand from above; the shelf's front is fixed."""
+    figure = Figure(figsize=(WIDTH_INCHES, 4.6), layout="constrained")
+    row = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    front_mm = max(float(one.arm_mm[-1, 1]) + one.open_mm for one in shown)
+    for axes, one in zip(row, shown, strict=True):
+        _drawer(axes, one, front_mm)
+        axes.set_title(one.name, loc="left")
+        axes.set(xlabel="x [mm]", xlim=(-40, 380), ylim=(front_mm - 350, front_mm + 200))
+        axes.set_aspect("equal")
+    row[0].set_ylabel("y [mm]")
+    return figure
+
+
+def _drawer(axes: Axes, one: OpenDrawer, front_mm: float) -> None:
+    tip_mm = one.arm_mm[-1]
+    length_mm, width_mm = _DRAWER_MM
+    axes.add_patch(Rectangle((-40, front_mm), 420, 260, facecolor="0.93", edgecolor="none"))
+    cell_mm = length_mm / _CELLS
+    for n in range(_CELLS):
+        out = n * cell_mm + cell_mm <= one.open_mm + _PLAY_MM
+        axes.add_patch(
+            Rectangle((tip_mm[0] - width_mm / 2, tip_mm[1] + n * cell_mm), width_mm, cell_mm,
+                      facecolor=_WOOD if out else "white", edgecolor="0.3", alpha=1.0 if out else 0.6)
+        )  # fmt: skip
+        axes.text(tip_mm[0], tip_mm[1] + (n + 0.5) * cell_mm, f"cell {n + 1}", ha="center", va="center", fontsize=8)
+    axes.plot([-40, 380], [front_mm, front_mm], color="0.3", linewidth=1.5)
+    axes.text(-32, front_mm + 12, "shelf", fontsize=8)
+    axes.plot(*one.arm_mm.T, color=_ARM, linewidth=3.5, marker="o", markersize=6, markerfacecolor="white")
+    axes.plot(*tip_mm, marker="s", color=LIMIT, markersize=7)
+    axes.annotate("hand", tip_mm, (8, -12), textcoords="offset points", fontsize=8, color=LIMIT)

@@ -8,14 +8,12 @@ from functools import partial
 from typing import Any
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
-from steptwin.host.studies.step_methods.austin import austin
-from steptwin.host.studies.step_methods.bresenham import bresenham
 from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_figures
-from steptwin.host.studies.step_methods.dda import dda
 from steptwin.host.studies.step_methods.evaluation import MethodErrors, figures_of, ideal_of
 from steptwin.host.studies.step_methods.kernel import kernel_method
 from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.host.studies.step_methods.pulses import Method
+from steptwin.host.studies.step_methods.usual_methods import austin, bresenham, dda
 
 COLUMNS = (
     "motion", "method", "steps", "-", "+", "err max", "err rms", "p50 us", "p99 us", "max us", "jitter us", "broken",

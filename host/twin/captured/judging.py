@@ -30,8 +30,8 @@ from steptwin.host.verify import (
     compare,
     verify_comparison,
 )
+from steptwin.host.verify.counted import pulse_facts
 from steptwin.host.verify.oracle import ideal_steps
-from steptwin.host.verify.pulses import pulse_facts
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 CLOCK_PPM: Final = 200.0

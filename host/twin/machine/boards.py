@@ -29,7 +29,7 @@ from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
-from steptwin.protocol.robot_name import stored_name
+from steptwin.protocol.storage import stored_name
 
 
 def check_axes_per_board(counts: Sequence[int], axes: int) -> None:

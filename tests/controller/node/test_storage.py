@@ -9,7 +9,7 @@ from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_ID_INVALID
-from steptwin.protocol.robot_name import NO_NAME
+from steptwin.protocol.storage import NO_NAME
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.eds_nodes import read_node
 from steptwin.protocol.frame import Frame
 

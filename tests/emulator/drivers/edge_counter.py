@@ -1,7 +1,7 @@
 """A second kind of driver chip, as little as one can be: it counts every edge, and ten steps make a full step."""
 
 from steptwin.protocol.drivers import ChipSheet, Fact, PinTable, StepTimes
-from steptwin.protocol.drivers.pin_table import always
+from steptwin.protocol.drivers.chip_sheet import always
 
 SUBSTEPS = 10
 MADE = "made for a test"

@@ -17,8 +17,8 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 
 GCC = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")

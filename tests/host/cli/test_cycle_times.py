@@ -29,7 +29,7 @@ def program(tmp_path: Path) -> str:
 def test_more_torque_left_takes_longer_and_a_stronger_motor_is_faster(
     program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("steptwin.host.studies.motors.cycle_times.LEFT_PERCENT", (30.0, 70.0))
+    monkeypatch.setattr("steptwin.host.studies.motors.fitting.LEFT_PERCENT", (30.0, 70.0))
     words = ["motors", "lab-scara", "--program", program, "--instead", "th2=23HS22-2804S", "--json"]
     assert run(words) == 0
     document = json.loads(capsys.readouterr().out)

@@ -9,7 +9,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.machine_options import AS_FILED, SPELLING, MachineOptions
 
 OPTIONS = {field.metadata[SPELLING].option for field in fields(MachineOptions)}

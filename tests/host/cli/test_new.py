@@ -19,7 +19,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import dimensions
 from steptwin.host.robots.kinematics.kinds import KINDS
 from steptwin.host.robots.new_file import robot_text, with_settings
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol.drivers import PROFILES
 from tests.end_to_end.command_line import PROGRAM, refusal, run_json
 from tests.end_to_end.terminal import Terminal

@@ -8,7 +8,7 @@ from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.host.client.test_homing import how, machine_of, reported_steps
 
 AR4 = load_robot("ar4-mk3")

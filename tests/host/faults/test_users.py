@@ -14,8 +14,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.scenario import Fault, Scenario
 from steptwin.host.faults.triggers import AtState, AtTime
-from steptwin.host.twin.fixtures.artefacts import scenario_faults
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest, scenario_faults
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol.cia402 import State

@@ -16,7 +16,7 @@ from steptwin.host.operate.moving import move
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.robots.reader import parse_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State
 from tests.host.robots.gantries import COREXY, STEPS_PER_MM, SWITCH_MM, belts_text

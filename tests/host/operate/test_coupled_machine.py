@@ -12,7 +12,7 @@ from steptwin.host.operate.moving import move, move_within
 from steptwin.host.operate.recovering import axis_states
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput

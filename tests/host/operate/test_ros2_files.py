@@ -17,7 +17,7 @@ from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.ros2_files import ros2_files, scale_to_dev
 from steptwin.host.robots import load_robot, robot_names
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from tests.protocol.test_eds import concise, run_lely
 
 ROBOT = load_robot("teaching-scara")

@@ -10,7 +10,7 @@ from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 
 GANTRY, TABLE = load_robot("corexy-gantry"), load_robot("turntable")
 

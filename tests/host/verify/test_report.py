@@ -21,7 +21,7 @@ from steptwin.host.verify import (
     compare,
     verify,
 )
-from steptwin.host.verify.pulses import clk_durations
+from steptwin.host.verify.counted import clk_durations
 from steptwin.host.verify.report import ViolationReport
 from steptwin.protocol.drivers import ActiveEdge
 from steptwin.protocol.timer import COUNTS_PER_SECOND

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 import steptwin
+from steptwin.host.studies.campaign.campaign import digest_of, source_version
 from steptwin.host.studies.campaign.row import Ended, Row
-from steptwin.host.studies.campaign.sources import digest_of, source_version
 
 
 @pytest.fixture

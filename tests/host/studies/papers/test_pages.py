@@ -13,11 +13,10 @@ from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import job_names
 from steptwin.host.robots import MACHINES, load_robot, robot_names
-from steptwin.host.studies.papers import PAPERS, EvaluatedPaper, Runs, evaluated
-from steptwin.host.studies.papers import paper_folder as writing
+from steptwin.host.studies import papers as writing
+from steptwin.host.studies.papers import PAPERS, EvaluatedPaper, Runs, evaluated, to_html
 from steptwin.host.studies.papers.paper import Basis, Computed, Coverage, Curve, Panel, Paper, PictureKind, Rows
 from steptwin.host.studies.papers.paper_file import read_paper
-from steptwin.host.studies.papers.paper_folder import to_html
 from steptwin.host.studies.papers.paper_page import errata_table, render_page
 from steptwin.host.studies.papers.study import Study
 from tests.end_to_end.command_line import refusal, run_json

@@ -9,8 +9,8 @@ from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.verify import Expectation, compare, verify
 from tests.host.robots.coupled import DIRECT, STEPS_PER_DEG, TWO_TO_ONE, coupled_robot
 

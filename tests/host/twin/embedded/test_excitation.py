@@ -16,8 +16,8 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.record.folder import verify_folder
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode

@@ -10,7 +10,7 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.machine import Slip
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges, write_edges
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.verify import Slips
 from steptwin.host.verify.counted import counted_steps
 from steptwin.protocol import od

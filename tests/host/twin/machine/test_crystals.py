@@ -11,10 +11,10 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import check_crystals
 from steptwin.host.twin.machine.machine_options import read_crystals
 from steptwin.host.verify import Report, verify

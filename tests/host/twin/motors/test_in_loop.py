@@ -18,9 +18,9 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.switches import JointSwitches
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
 from steptwin.host.twin.live.served_board import ServedBoard
 from steptwin.host.twin.motors import motors_of_run
 from steptwin.host.twin.motors.after_run import RotorTrace, rotors_after_run

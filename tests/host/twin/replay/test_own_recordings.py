@@ -17,7 +17,7 @@ from steptwin.host.faults.triggers import AtTime
 from steptwin.host.record.folder import BUS_LOG, RECORDING, read_robot, read_run
 from steptwin.host.record.recorded_bus import read_bus
 from steptwin.host.robots import load_robot
-from steptwin.host.twin.fixtures.board_under_test import BoardUnderTest
+from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.replay import MachineAtPowerUp, Replayed, replay, stored_machine
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.frame import Frame

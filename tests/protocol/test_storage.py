@@ -4,7 +4,7 @@ import pytest
 
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
 from steptwin.protocol.od import ROBOT_NAME
-from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
+from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
 
 @pytest.mark.parametrize(
