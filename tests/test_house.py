@@ -30,6 +30,6 @@ def test_what_is_counted(house: House) -> None:
     """The rules themselves, on files that are known."""
     counts = {name.partition(" (")[0]: count for name, count in house.parameters().items()}
     assert counts["controller/motion/kernel.py: push"] == 6
-    assert "protocol/storage.py" in house.used_once()
+    assert "protocol/emergency.py" in house.used_once()
     assert house.code_lines() < house.lines()
     assert house.siblings()["controller"] == 4
