@@ -3,7 +3,7 @@
 Which frames a fault strikes and how often is data: equal faults and seeds give equal strikes.
 """
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Collection, Container, Mapping
 from dataclasses import dataclass, field, replace
 from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
@@ -49,7 +49,7 @@ class BusFault(Harm):
         count: greatest number of strikes; None for no limit.
     """
 
-    cob_ids: Container[int] = field(
+    cob_ids: Collection[int] = field(
         default=range(COB_ID_MASK + 1),
         metadata=keyed(
             Key("frames", KeyKind.FRAMES),

@@ -55,7 +55,7 @@ from steptwin.host.faults.reaction import (
 )
 from steptwin.host.faults.target import Moment
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
-from steptwin.protocol.frame import COB_HEARTBEAT, COB_ID_MASK, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
+from steptwin.protocol.frame import COB_HEARTBEAT, COB_NMT, COB_SYNC, HOST_NODE_ID, Frame
 from steptwin.protocol.nmt import NmtCommand
 
 # --- the host
@@ -338,7 +338,7 @@ def _told_to_all(command: NmtCommand) -> Callable[[StrangerSends | Babble, Momen
 
 def _only(cob_id: int, harm: BusFault) -> bool:
     """Return whether a fault of the bus concerns the frames of one identifier, and no others."""
-    return [each for each in range(COB_ID_MASK + 1) if each in harm.cob_ids] == [cob_id]
+    return set(harm.cob_ids) == {cob_id}
 
 
 def _silent_host(harm: FrameLoss, _moment: Moment) -> bool:

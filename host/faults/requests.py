@@ -21,7 +21,6 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Reading, Table
 from steptwin.host.faults.frames import FRAMES, checked_identifier, cob_ids, name_of, per_node, read_identifier
 from steptwin.protocol.cia402 import DigitalInput
-from steptwin.protocol.frame import COB_ID_MASK
 
 if TYPE_CHECKING:
     from steptwin.host.robots.robot import Robot
@@ -299,7 +298,7 @@ def _told(robot: "Robot", harm: Harm, key: Key, value: Any) -> dict[str, Any]:
             wired = {place: name for name, place in _wired(robot).items()}
             told = wired.get((cast("SetInput", harm).axis, value))
         case KeyKind.FRAMES:
-            ids = tuple(cob_id for cob_id in range(COB_ID_MASK + 1) if cob_id in value)
+            ids = tuple(sorted(set(value)))
             told, axis = name_of(robot, ids) or (list(ids), None)
             return {key.name: told, "joint": None if axis is None else robot.axis_names[axis]}
         case KeyKind.BYTES:
