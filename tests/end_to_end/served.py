@@ -95,6 +95,11 @@ class Server:
         finally:
             self.process.send_signal(signal.SIGCONT)
 
+    def kill(self) -> None:
+        """End the server at once, whatever has become of it."""
+        self.process.kill()
+        self.process.communicate()
+
     def late_ms(self) -> float:
         """End the server; return by how many milliseconds it was late at most, as its report says."""
         return late_ms_of(self.end(signal.SIGTERM)[1])
@@ -114,14 +119,57 @@ def serving(robot: str, *options: str) -> Iterator[Server]:
     """Serve a robot's board while the block runs; a failure in the block says how late the server was."""
     server = Server(robot, *options)
     try:
-        yield server
+        with explained(server):
+            yield server
+    finally:
+        server.kill()
+
+
+_KEPT: Final[dict[str, Server]] = {}
+"""The servers that blocks of `kept_serving` have left, by their robots."""
+
+
+@contextmanager
+def kept_serving(robot: str) -> Iterator[Server]:
+    """Serve as `serving` does, by the server that the block before has left: to start one takes a second's computing.
+
+    The machine is reset then. A failure ends its server, so that the next block has a new one; a test that may fail on
+    a busy computer is repeated. `kept_servers` ends what is left.
+    """
+    server = _KEPT.pop(robot, None)
+    if server is None:
+        server = Server(robot)
+    elif server.run("reset", robot) != 0:
+        server.kill()
+        server = Server(robot)
+    try:
+        with explained(server):
+            yield server
+    except BaseException:
+        server.kill()
+        raise
+    _KEPT[robot] = server
+
+
+@contextmanager
+def kept_servers() -> Iterator[None]:
+    """End, after the block, the servers that were kept in it."""
+    try:
+        yield
+    finally:
+        while _KEPT:
+            _KEPT.popitem()[1].kill()
+
+
+@contextmanager
+def explained(server: Server) -> Iterator[None]:
+    """Let a failure in the block say how late the server was, which ends it."""
+    try:
+        yield
     except Exception as error:
         if server.process.poll() is None:
             explain(error, server.late_ms())
         raise
-    finally:
-        server.process.kill()
-        server.process.communicate()
 
 
 def _waited_ms() -> float:

@@ -9,7 +9,7 @@ from steptwin.protocol import od
 from steptwin.protocol.od import CHARGE_FREE
 from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.charge_race import HOME, ONE_RUNS, ROBOT, exit_codes
-from tests.end_to_end.served import Server, in_real_time, serving
+from tests.end_to_end.served import Server, in_real_time, kept_serving, serving
 
 TRIALS = 2
 """`python -m tests.end_to_end.charge_race 200` makes more."""
@@ -23,14 +23,14 @@ def ended(command: subprocess.Popen[str]) -> tuple[int, str]:
 
 @in_real_time
 def test_of_two_runs_begun_at_once_one_runs() -> None:
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert list(exit_codes(server, TRIALS, seed=1)) == [ONE_RUNS] * TRIALS
 
 
 @in_real_time
 def test_a_killed_program_blocks_nobody() -> None:
     """It is missed after 350 ms; the machine is free and in fault then, and a reset and a move work."""
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         with BusLink(open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port)), "the server") as link:
             first = Session(link, load_robot(ROBOT)).machine.axes[0]
@@ -47,7 +47,7 @@ def test_a_killed_program_blocks_nobody() -> None:
 
 @in_real_time
 def test_an_emergency_stop_lasts_until_the_reset() -> None:
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         assert server.run("estop", ROBOT) == 0
         held = (3, "steptwin: sx: is held by an emergency stop until `steptwin reset`\n")

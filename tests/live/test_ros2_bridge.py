@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.emulator.live.live_rig import TIMEOUT_S
-from tests.end_to_end.served import Server, in_real_time, serving
+from tests.end_to_end.served import Server, in_real_time, kept_serving
 
 pytest.importorskip("websockets")
 
@@ -83,7 +83,7 @@ def goal(end_rad: float, seconds: int) -> str:
 
 @in_real_time
 def test_a_goal_and_a_cancellation() -> None:
-    with serving(ROBOT) as server, bridged(server) as (stub, bridge):
+    with kept_serving(ROBOT) as server, bridged(server) as (stub, bridge):
         assert stub.until("advertise_action")["action"] == ACTION
         connection = stub.connection.get(timeout=TIMEOUT_S)
         assert stub.until("publish")["msg"] == {"name": JOINTS, "position": [0.0] * 4}
@@ -105,7 +105,7 @@ def test_a_goal_and_a_cancellation() -> None:
 @in_real_time
 def test_a_connection_that_ends_stops_the_axes(silently: bool) -> None:
     """Also without a word: the server's computer is off, or it hangs."""
-    with serving(ROBOT) as server, bridged(server) as (stub, bridge):
+    with kept_serving(ROBOT) as server, bridged(server) as (stub, bridge):
         connection = stub.connection.get(timeout=TIMEOUT_S)
         connection.send(goal(0.4, 60))
         stub.until("action_feedback")
@@ -123,7 +123,7 @@ def test_a_connection_that_ends_stops_the_axes(silently: bool) -> None:
 
 
 def test_without_a_server(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken, serving(ROBOT) as server:
+    with socket.create_server(("127.0.0.1", 0)) as taken, kept_serving(ROBOT) as server:
         free = taken.getsockname()[1]
         taken.close()
         assert server.run("ros2-bridge", ROBOT, "--rosbridge", f"127.0.0.1:{free}") == 4

@@ -15,7 +15,7 @@ from steptwin.host.robots import load_robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State
 from tests.emulator.live.live_rig import TIMEOUT_S
-from tests.end_to_end.served import Server, in_real_time, serving
+from tests.end_to_end.served import Server, in_real_time, kept_serving
 
 ROBOT = load_robot("warehouse-scara")
 TH1 = ROBOT.joint_names.index("th1")
@@ -35,7 +35,7 @@ ENDS: dict[str, End] = {
 @pytest.mark.parametrize("end", ENDS)
 @in_real_time
 def test_a_jog_that_was_ended_does_not_go_on(end: str) -> None:
-    with serving(ROBOT.name) as server:
+    with kept_serving(ROBOT.name) as server:
         assert server.run("home", ROBOT.name, "--here", HOME) == 0
         with BusLink(open_bus(Connection("socketcand", None, None, "127.0.0.1", server.port)), "the server") as link:
             session = Session(link, ROBOT)

@@ -11,7 +11,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from tests.emulator.live.live_rig import TIMEOUT_S, RawClient
-from tests.end_to_end.served import Server, in_real_time, serving
+from tests.end_to_end.served import Server, in_real_time, kept_serving, serving
 
 ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
@@ -73,7 +73,7 @@ def test_a_run_ends_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize("words", [("jog", ROBOT, "th1", "2", "--seconds", "4"), ("home", ROBOT, "--together")])
 @in_real_time
 def test_other_motions_end_in_order(words: tuple[str, ...]) -> None:
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         hold_up_amid(server, *words)
 
@@ -84,7 +84,7 @@ def test_a_host_that_is_held_up_itself(tmp_path: Path) -> None:
     out = Path(mkdtemp(dir=tmp_path))
     points = out / "points.csv"
     points.write_text(POINTS)
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         witness = RawClient(server.port)
         command = server.start("run", ROBOT, str(points), *SLOW)
