@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from steptwin.host.cli.app import run
 from tests.emulator.live.live_rig import TIMEOUT_S, await_true
 from tests.end_to_end.command_line import PROGRAM
 from tests.end_to_end.pages import ROOT
@@ -190,7 +191,6 @@ def test_the_exit_code_is_the_programs(code: str, exit_code: int) -> None:
         (("--exec", "true", "--preload", "x.so", "-i", "virtual"), "--preload: with -i there is no socketcand server"),
     ],
 )
-def test_what_is_wrong_is_told(options: tuple[str, ...], line: str) -> None:
-    ended = served(*options)
-    assert ended.returncode == 2
-    assert ended.stderr.startswith(f"steptwin: {' '.join(line.split())}")
+def test_what_is_wrong_is_told(options: tuple[str, ...], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["serve", "lab-scara", "--port", "0", *options]) == 2
+    assert capsys.readouterr().err.startswith(f"steptwin: {' '.join(line.split())}")

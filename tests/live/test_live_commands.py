@@ -4,7 +4,7 @@ import re
 import subprocess
 
 from tests.emulator.live.live_rig import TIMEOUT_S
-from tests.end_to_end.served import Server, in_real_time, serving
+from tests.end_to_end.served import Server, in_real_time, kept_serving
 
 ROBOT = "warehouse-scara"
 HOME = "0 0 100 0 60 30"
@@ -18,7 +18,7 @@ def await_streaming(server: Server, running: subprocess.Popen[str]) -> None:
 
 @in_real_time
 def test_a_homed_machine_runs_a_job_to_its_planned_end() -> None:
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         server.json("home", ROBOT, "--together")
         document = server.json("run", ROBOT, "pull-line", "--approach", "-o", "duration_s=4", "-o", "ramp_s=1")
     assert document["passed"]
@@ -28,7 +28,7 @@ def test_a_homed_machine_runs_a_job_to_its_planned_end() -> None:
 @in_real_time
 def test_a_run_that_is_stopped() -> None:
     """Another process stops it long before its end: exit code 3, and the machine's position stays known."""
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         running = server.start("run", ROBOT, "pull-line", "--approach", "-o", "duration_s=120")
         await_streaming(server, running)
@@ -44,7 +44,7 @@ def test_a_run_that_is_stopped() -> None:
 
 @in_real_time
 def test_programs_that_only_watch() -> None:
-    with serving(ROBOT) as server:
+    with kept_serving(ROBOT) as server:
         assert server.run("home", ROBOT, "--here", HOME) == 0
         assert server.json("doctor", ROBOT)["passed"]
         frames = server.json("monitor", ROBOT, "--service", "tpdo", "--node", "th1", "--count", "3")["frames"]
