@@ -94,7 +94,7 @@ from steptwin.host.twin.live.served_board import ServedBoard as ServedBoard
 from steptwin.host.twin.machine.input_changes import InputChange as InputChange
 from steptwin.host.twin.machine.kernels import kernel_named as kernel_named
 from steptwin.host.twin.motor_limits import motor_limits as motor_limits
-from steptwin.protocol.eds import render_eds as render_eds
+from steptwin.protocol.exports import render_eds as render_eds
 from steptwin.protocol.frame import Frame as Frame
 
 __all__: list[str]

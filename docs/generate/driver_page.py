@@ -11,9 +11,9 @@ from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.pictures import write_picture
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.chip.excitation import excitations
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import Module, delay_of, fitted
+from steptwin.emulator.drivers.excitation import excitations
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT

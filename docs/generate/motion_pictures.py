@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from docs.generate.commands import DOCS
@@ -215,10 +214,11 @@ def _fastest() -> Figure:
         _, color, style = _LAWS[label]
         t_s = np.arange(round(1000 * motion.duration_s) + 1) / 1000
         velocities = motion.velocities(t_s)
-        _draw_use(rows[0], t_s, velocities, [joint.speed_max for joint in _ROBOT.joints], color, style)
-        accelerations = np.diff(velocities, axis=0) / 1e-3
+        speeds = _use_percent(velocities, [joint.speed_max for joint in _ROBOT.joints])
+        rows[0].plot(t_s, speeds, style, color=color)
         limits = [joint.acceleration_max for joint in _ROBOT.joints]
-        _draw_use(rows[1], t_s[1:], accelerations, limits, color, style, f"{label}: {motion.duration_s:.2f} s")
+        accelerations = _use_percent(np.diff(velocities, axis=0) / 1e-3, limits)
+        rows[1].plot(t_s[1:], accelerations, style, color=color, label=f"{label}: {motion.duration_s:.2f} s")
     for axes, name in zip(rows, ("speed", "acceleration"), strict=True):
         axes.axhline(100.0, color=LIMIT, linewidth=1.0)
         axes.set(ylabel=f"{name} [% of the limit]", ylim=(0.0, 118.0), xlim=(0.0, None))
@@ -227,8 +227,7 @@ def _fastest() -> Figure:
     return figure
 
 
-def _draw_use(
-    axes: Axes, t_s: FloatArray, values: FloatArray, limits: list[float], color: str, style: str, label: str = ""
-) -> None:
-    """Draw the largest part of a limit that a joint uses."""
-    axes.plot(t_s, 100 * (np.abs(values) / np.array(limits)).max(axis=1), style, color=color, label=label)
+def _use_percent(values: FloatArray, limits: list[float]) -> FloatArray:
+    """Return the largest part of a limit that a joint uses at each time, of values of shape (n, joints)."""
+    percent: FloatArray = 100 * (np.abs(values) / np.array(limits)).max(axis=1)
+    return percent

@@ -16,9 +16,9 @@ from steptwin.emulator.board.inputs import BoardInputs
 from steptwin.emulator.board.local_clock import CRYSTAL_PPM_MAX, LocalClock
 from steptwin.emulator.board.own_program import OwnProgram
 from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.drivers.chip import OutputFollower
 from steptwin.emulator.drivers.driver_bank import SUPPLIES, AxisTrace, DriverBank, DriverMonitor
 from steptwin.emulator.drivers.driver_module import Module
+from steptwin.emulator.drivers.output_follower import OutputFollower
 from steptwin.emulator.faults.harm import AxisSurroundings, BoardOperation, Surroundings
 from steptwin.emulator.faults.wiring import Condition, Wire
 from steptwin.emulator.world.switches import Switch, Travel

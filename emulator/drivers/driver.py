@@ -3,7 +3,7 @@
 from typing import Final
 
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.chip.chip import DriverChip
+from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.drivers.input_stage import InputStage
 from steptwin.emulator.drivers.limits import Violations, merged

@@ -20,7 +20,7 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICK_COUNTS, TICKS_PER_MS
 from steptwin.emulator.board.board import Board, Shaft
 from steptwin.emulator.board.edges import FloatArray
-from steptwin.emulator.drivers.chip import FieldTurns, OutputChanges, Steady
+from steptwin.emulator.drivers.output_follower import FieldTurns, OutputChanges, Steady
 from steptwin.emulator.drivers.power_supply import PowerSupply
 from steptwin.emulator.motors.arm import Arm
 from steptwin.emulator.motors.rotor_backend import RotorBackend

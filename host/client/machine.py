@@ -20,7 +20,7 @@ from steptwin.host.client.waits import HOLD_MS, Waits
 from steptwin.host.common.errors import BusError, DeviceFaultError, WaitTimeoutError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, AbortConnection, Control, Mode, Status
-from steptwin.protocol.eds import render_eds
+from steptwin.protocol.exports import render_eds
 from steptwin.protocol.frame import FIRST_NODE_ID
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.objects import TPDO_DEFAULTS

@@ -17,7 +17,7 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.urdf.urdf_export import urdf_of
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
-from steptwin.protocol.eds import render_eds
+from steptwin.protocol.exports import render_eds
 from steptwin.protocol.frame import FIRST_NODE_ID, HOST_NODE_ID
 
 PERIOD_MS: Final = 10

@@ -12,7 +12,7 @@ from steptwin.host.cli.output import print_text, say
 @command("", "> axis.eds")
 def eds() -> None:
     """Print the axis nodes' electronic data sheet (CiA 306)."""
-    from steptwin.protocol.eds import render_eds
+    from steptwin.protocol.exports import render_eds
 
     print_text(render_eds())
 
@@ -21,7 +21,7 @@ def eds() -> None:
 def dbc(robot: RobotName = None, robot_file: RobotFile = None) -> None:
     """Print a CAN database (DBC): a robot's axes in mm and degrees, or eight axes in wire units."""
     from steptwin.host.robots.robot import AXES_MAX
-    from steptwin.protocol.dbc import AxisNames, render_dbc
+    from steptwin.protocol.exports import AxisNames, render_dbc
 
     if robot is None and robot_file is None:
         axes = tuple(AxisNames(f"Axis{i}") for i in range(AXES_MAX))

@@ -24,8 +24,9 @@ def ros2_bridge(
     A goal that is canceled, and a lost connection, stop all axes.
     """
     from steptwin.host.client.links import address_text
-    from steptwin.host.operate.rosbridge import GoalState, RosBridge, RosNames
-    from steptwin.host.operate.rosbridge.bridge import PORT, RosbridgeSocket, require_websockets
+    from steptwin.host.operate.rosbridge import RosNames
+    from steptwin.host.operate.rosbridge.bridge import PORT, RosBridge, RosbridgeSocket, require_websockets
+    from steptwin.host.operate.rosbridge.goals import GoalState
 
     loaded = live.robot(robot)
     host, port = host_and_port("--rosbridge", rosbridge, PORT, optional=True)

@@ -21,6 +21,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, 
 from steptwin.host.common.file_limits import MIB
 from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.joint_positions import JointReading, axis_readings
+from steptwin.host.operate.rosbridge import CancelAsked, FollowCode, GoalSent, RosNames
 from steptwin.host.operate.rosbridge.goals import (
     ActiveGoal,
     FollowGoal,
@@ -29,7 +30,6 @@ from steptwin.host.operate.rosbridge.goals import (
     RefusedGoalError,
     follow_goal,
 )
-from steptwin.host.operate.rosbridge.messages import CancelAsked, FollowCode, GoalSent, RosNames
 from steptwin.host.operate.running import SETTLED_S
 from steptwin.host.operate.session import Session
 from steptwin.host.planning.plan import highest_speed

@@ -17,7 +17,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, number_at
-from steptwin.host.operate.rosbridge.messages import PER_ROS_UNIT, FollowCode
+from steptwin.host.operate.rosbridge import PER_ROS_UNIT, FollowCode
 from steptwin.host.operate.running import END_ERROR_STEPS_MAX
 from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.plan import Plan

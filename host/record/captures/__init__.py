@@ -18,8 +18,7 @@ from steptwin.host.record.captures.binary_files import MAGIC, rate_of, read_sale
 from steptwin.host.record.captures.capture import Capture, Channel
 from steptwin.host.record.captures.channel_map import AxisSignals, ChannelMap, capture_facts, wired
 from steptwin.host.record.captures.clock_fit import ClockFit, fit_clock
-from steptwin.host.record.captures.csv_files import read_csv
-from steptwin.host.record.captures.vcd_file import read_vcd
+from steptwin.host.record.captures.text_files import read_csv, read_vcd
 
 __all__ = [
     "AxisSignals",

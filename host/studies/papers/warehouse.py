@@ -292,12 +292,12 @@ def planar_arm(lengths_mm: tuple[float, float, float], joints_deg: tuple[float, 
         beside = (16 * directions[i].imag, -16 * directions[i].real)
         axes.annotate(f"l{i + 1}", middle, beside, textcoords="offset points", ha="center", va="center")
     alpha_deg = float(np.rad2deg(np.arctan2(wrist[1], wrist[0])))
-    _angle(axes, points[0], 62, 0.0, joints_deg[0], "theta1", _ARM)
-    _angle(axes, points[0], 105, joints_deg[0], alpha_deg, "beta", LIMIT)
-    _angle(axes, points[0], 150, 0.0, alpha_deg, "alpha", COUNTED)
-    _angle(axes, points[1], 45, turned_deg[0], turned_deg[1], "theta2", _ARM)
-    _angle(axes, points[2], 36, turned_deg[1], turned_deg[2], "theta3", _ARM)
-    _angle(axes, points[3], 30, 0.0, turned_deg[2], "phi", _ARM)
+    _angle(axes, points[0], 62, (0.0, joints_deg[0]), "theta1", _ARM)
+    _angle(axes, points[0], 105, (joints_deg[0], alpha_deg), "beta", LIMIT)
+    _angle(axes, points[0], 150, (0.0, alpha_deg), "alpha", COUNTED)
+    _angle(axes, points[1], 45, (turned_deg[0], turned_deg[1]), "theta2", _ARM)
+    _angle(axes, points[2], 36, (turned_deg[1], turned_deg[2]), "theta3", _ARM)
+    _angle(axes, points[3], 30, (0.0, turned_deg[2]), "phi", _ARM)
     for point, turned in zip(points[1:], turned_deg, strict=True):
         ray = 55 * np.array([np.cos(np.deg2rad(turned)), np.sin(np.deg2rad(turned))])
         axes.plot(*np.array([point, point + ray]).T, color="0.6", linewidth=0.8, linestyle=":")
@@ -310,11 +310,11 @@ def planar_arm(lengths_mm: tuple[float, float, float], joints_deg: tuple[float, 
     return figure
 
 
-def _angle(axes: Axes, at: FloatArray, radius: float, start_deg: float, end_deg: float, name: str, colour: str) -> None:
-    """Draw an angle's arc, counted from start to end, with its name beside its first third."""
-    lower_deg, upper_deg = min(start_deg, end_deg), max(start_deg, end_deg)
+def _angle(axes: Axes, at: FloatArray, radius: float, ends_deg: tuple[float, float], name: str, colour: str) -> None:
+    """Draw an angle's arc, counted from the first end to the second, with its name beside its first third."""
+    lower_deg, upper_deg = min(ends_deg), max(ends_deg)
     axes.add_patch(Arc((at[0], at[1]), 2 * radius, 2 * radius, theta1=lower_deg, theta2=upper_deg, color=colour))
-    middle = np.deg2rad(start_deg + 0.3 * (end_deg - start_deg))
+    middle = np.deg2rad(ends_deg[0] + 0.3 * (ends_deg[1] - ends_deg[0]))
     axes.text(at[0] + (radius + 6) * np.cos(middle), at[1] + (radius + 6) * np.sin(middle), name, color=colour,
               ha="left", va="center", fontsize=9)  # fmt: skip
 

@@ -21,8 +21,8 @@ from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.robots.board_settings import BoardSettings
+from steptwin.host.studies.step_methods import AxisPulses, Method
 from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import AxisPulses, Method
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module
 from steptwin.host.verify.matching import SLOW_CROSSING
 from steptwin.host.verify.oracle import THRESHOLD_STEPS, IdealSteps, IndexArray, ideal_steps

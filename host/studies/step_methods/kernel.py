@@ -15,8 +15,8 @@ from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.studies.step_methods import REPEATS, AxisPulses, PlacedPulses
 from steptwin.host.studies.step_methods.motions import AXES, MICROSTEPS, POINT_MS, UNITS_PER_STEP, PlannedMotion
-from steptwin.host.studies.step_methods.pulses import REPEATS, AxisPulses, PlacedPulses
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
 POINTS_AHEAD = 60

@@ -8,11 +8,11 @@ from functools import partial
 from typing import Any
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
+from steptwin.host.studies.step_methods import Method
 from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures, core_figures
 from steptwin.host.studies.step_methods.evaluation import MethodErrors, figures_of, ideal_of
 from steptwin.host.studies.step_methods.kernel import kernel_method
 from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import Method
 from steptwin.host.studies.step_methods.usual_methods import austin, bresenham, dda
 
 COLUMNS = (

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import Int64Array
-from steptwin.host.studies.step_methods.motions import PlannedMotion
-from steptwin.host.studies.step_methods.pulses import (
+from steptwin.host.studies.step_methods import (
     THRESHOLD_Q16,
     PinTimes,
     PlacedPulses,
@@ -17,6 +16,7 @@ from steptwin.host.studies.step_methods.pulses import (
     place_axes,
     place_with,
 )
+from steptwin.host.studies.step_methods.motions import PlannedMotion
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 Q32 = 1 << 32

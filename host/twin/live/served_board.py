@@ -11,7 +11,7 @@ from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.live.live_loop import LiveLoop
 from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN
-from steptwin.emulator.native.process import FirmwareError
+from steptwin.emulator.native import FirmwareError
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot

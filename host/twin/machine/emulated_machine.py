@@ -14,7 +14,7 @@ from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
-from steptwin.emulator.native.process import FirmwareError
+from steptwin.emulator.native import FirmwareError
 from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.shelf_watch import ShelfWiring
 from steptwin.host.common.errors import InputError

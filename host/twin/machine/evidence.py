@@ -14,9 +14,9 @@ from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.board.board import Board
 from steptwin.emulator.board.edges import NO_COUNTS, Int64Array
 from steptwin.emulator.board.local_clock import LocalClock
-from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.drivers.limits import LimitUnit, Violations
+from steptwin.emulator.drivers.outputs import ChipOutputs
 from steptwin.host.faults.target import Target
 from steptwin.host.verify import (
     AS_PLANNED,

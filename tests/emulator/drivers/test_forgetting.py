@@ -9,9 +9,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from steptwin.emulator.drivers.chip import ChipOutputs
 from steptwin.emulator.drivers.driver import Driver
 from steptwin.emulator.drivers.driver_module import Module, fitted
+from steptwin.emulator.drivers.outputs import ChipOutputs
 from steptwin.emulator.drivers.terminals import LevelChange, Rail
 from steptwin.protocol.drivers import Cooling, Coupler, Fact
 from steptwin.protocol.drivers.tb6560 import SLOW_BLUE_BOARD, THREE_AMP_MODULE, tb6560

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from steptwin.emulator.faults.machine import EmergencyStop, Supply
-from steptwin.emulator.native import interface_files
-from steptwin.emulator.native.process import FirmwareError
+from steptwin.emulator.native import FirmwareError, interface_files
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan

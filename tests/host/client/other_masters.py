@@ -8,7 +8,7 @@ from canopen.profiles.p402 import BaseNode402
 from canopen.sdo.base import SdoVariable
 
 from steptwin.protocol import od
-from steptwin.protocol.eds import render_eds
+from steptwin.protocol.exports import render_eds
 
 
 class Node402(BaseNode402):

@@ -5,7 +5,7 @@ import pytest
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.drivers.chip import DriverChip
-from steptwin.emulator.drivers.chip.excitation import excitations
+from steptwin.emulator.drivers.excitation import excitations
 from steptwin.emulator.drivers.limits import Rule
 from steptwin.emulator.drivers.terminals import LevelChange
 from tests.emulator.pins import CHIP, MODES, POWER_UP, TERMINALS, a_tb6560, at, pins

@@ -5,7 +5,8 @@ import pytest
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.board.edges import Int8Array, Int64Array
-from steptwin.emulator.drivers.chip import DriverChip, FieldTurns, OutputChanges
+from steptwin.emulator.drivers.chip import DriverChip
+from steptwin.emulator.drivers.output_follower import FieldTurns, OutputChanges
 from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import Cooling
 from steptwin.protocol.timer import COUNTS_PER_MS

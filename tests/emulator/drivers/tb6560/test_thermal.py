@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.drivers.chip import DriverChip
-from steptwin.emulator.drivers.chip.protection import Junction
 from steptwin.emulator.drivers.limits import Rule
+from steptwin.emulator.drivers.protection import Junction
 from steptwin.protocol.drivers import Cooling, Release, Shutdown
 from tests.emulator.pins import POWER_UP, a_tb6560, at, pins
 from tests.emulator.simulations import SECOND

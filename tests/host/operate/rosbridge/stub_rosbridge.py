@@ -5,7 +5,8 @@ from collections.abc import Callable
 from math import pi
 from typing import Any, Final
 
-from steptwin.host.operate.rosbridge import RosBridge, RosbridgeLostError, RosNames
+from steptwin.host.operate.rosbridge import RosNames
+from steptwin.host.operate.rosbridge.bridge import RosBridge, RosbridgeLostError
 from steptwin.host.operate.session import Session
 from tests.host.operate.sessions import HOME, ROBOT
 

@@ -10,7 +10,8 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import BusError
 from steptwin.host.operate.recovering import stop
-from steptwin.host.operate.rosbridge import GoalState, RosBridge, RosbridgeLostError
+from steptwin.host.operate.rosbridge.bridge import RosBridge, RosbridgeLostError
+from steptwin.host.operate.rosbridge.goals import GoalState
 from steptwin.host.operate.session import Session
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.operate.rosbridge import RosNames, duration
 from steptwin.host.operate.rosbridge.goals import (
     TRANSITIONS,
     ActiveGoal,
@@ -20,7 +21,6 @@ from steptwin.host.operate.rosbridge.goals import (
     follow_goal,
     step_tolerances,
 )
-from steptwin.host.operate.rosbridge.messages import RosNames, duration
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.operate.rosbridge.stub_rosbridge import FORTH, arguments, moved, point
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.rosbridge import GoalState
-from steptwin.host.operate.rosbridge.goals import RefusedGoalError, follow_goal
+from steptwin.host.operate.rosbridge.goals import GoalState, RefusedGoalError, follow_goal
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import State
 from tests.host.operate.rosbridge.stub_rosbridge import ACTION, END, FORTH, NAMES, cancel, goal, served

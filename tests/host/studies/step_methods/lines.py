@@ -7,8 +7,8 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching
 from steptwin.host.robots import load_robot
+from steptwin.host.studies.step_methods import AxisPulses
 from steptwin.host.studies.step_methods.motions import UNITS_PER_STEP, PlannedMotion
-from steptwin.host.studies.step_methods.pulses import AxisPulses
 
 STEPS = 100
 BOARD = load_robot("warehouse-scara").board

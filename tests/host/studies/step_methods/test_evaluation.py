@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from steptwin.host.studies.step_methods import AxisPulses, Method, PlacedPulses
 from steptwin.host.studies.step_methods.evaluation import (
     StepErrors,
     figures_of,
@@ -13,7 +14,6 @@ from steptwin.host.studies.step_methods.evaluation import (
     step_errors,
     violations,
 )
-from steptwin.host.studies.step_methods.pulses import AxisPulses, Method, PlacedPulses
 from steptwin.protocol.drivers import ActiveEdge
 from tests.host.studies.step_methods.lines import BOARD, EXACT_COUNTS, LINE, STEPS, upward
 

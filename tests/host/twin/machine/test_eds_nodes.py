@@ -11,8 +11,8 @@ from steptwin.emulator.bus.node_objects import NodeDescription, ValueForm
 from steptwin.host.cli.app import run
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.eds_nodes import read_node
-from steptwin.protocol.eds import render_eds
 from steptwin.protocol.entry import Access
+from steptwin.protocol.exports import render_eds
 from steptwin.protocol.objects import ENTRIES
 from tests.emulator.bus.test_simple_node import EDS
 

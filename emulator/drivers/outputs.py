@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Delay, FloatArray, Int8Array, Int64Array, merged
-from steptwin.emulator.drivers.chip.excitation import CYCLE_FULL_STEPS, Excitation, excitations
+from steptwin.emulator.drivers.excitation import CYCLE_FULL_STEPS, Excitation, excitations
 from steptwin.emulator.drivers.terminals import LevelChange
 from steptwin.protocol.drivers import ChipSheet
 from steptwin.protocol.timer import counts_of_ns

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steptwin.emulator.board.edges import NO_COUNTS, NO_LEVELS, Int8Array, Int64Array, joined, levels_at
-from steptwin.emulator.drivers.chip.excitation import Excitation
-from steptwin.emulator.drivers.chip.output_follower import OutputFollower
-from steptwin.emulator.drivers.chip.outputs import ChipOutputs, Origin, Wiring
-from steptwin.emulator.drivers.chip.protection import Junction, Protection
+from steptwin.emulator.drivers.excitation import Excitation
 from steptwin.emulator.drivers.limits import Limit, LimitUnit, Rule, ViolationLog, Violations
+from steptwin.emulator.drivers.output_follower import OutputFollower
+from steptwin.emulator.drivers.outputs import ChipOutputs, Origin, Wiring
+from steptwin.emulator.drivers.protection import Junction, Protection
 from steptwin.emulator.drivers.terminals import LevelChange, Moves, Rail, TerminalEdges
 from steptwin.protocol.drivers import ChipSheet, Cooling, Oscillator, Release, Shutdown
 from steptwin.protocol.timer import COUNTS_PER_MS

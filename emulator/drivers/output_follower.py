@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.emulator.board.edges import FloatArray, Int8Array, Int64Array, joined
-from steptwin.emulator.drivers.chip.outputs import ChipOutputs, Origin, Wiring
-from steptwin.emulator.drivers.chip.protection import Protection
+from steptwin.emulator.drivers.outputs import ChipOutputs, Origin, Wiring
+from steptwin.emulator.drivers.protection import Protection
 from steptwin.emulator.drivers.terminals import LevelChange
 from steptwin.protocol.timer import COUNTS_PER_MS
 
