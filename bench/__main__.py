@@ -18,10 +18,9 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
+from steptwin.bench.bulk_speed import driver_table, kinematics_table, rotor_table, waveform_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.fastest_motions import corners_text, gcode_table, motions_table, motor_limited_table, random_text
-from steptwin.bench.hardware_speed import driver_table, rotor_table
-from steptwin.bench.host_speed import kinematics_table, waveform_table
 from steptwin.bench.kernel_speed import kernel_table, scaling_tables
 from steptwin.bench.live_board import live_motors_table, live_tables
 from steptwin.bench.own_firmware import firmware_tables

@@ -19,8 +19,8 @@ import numpy as np
 from rich.table import Table
 
 from steptwin.bench import bench_table
+from steptwin.bench.bulk_speed import BATCH, best_s
 from steptwin.bench.drawer_pull import bare_bus_s
-from steptwin.bench.host_speed import BATCH, best_s
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings

@@ -18,7 +18,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.operate.ros2_files import ros2_files, scale_to_dev
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.twin.board_under_test import BoardUnderTest
-from tests.protocol.test_eds import concise, run_lely
+from tests.protocol.test_exports import concise, run_lely
 
 ROBOT = load_robot("teaching-scara")
 NODE = 0x10

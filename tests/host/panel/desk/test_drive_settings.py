@@ -3,7 +3,8 @@
 import pytest
 
 from steptwin.host.common.errors import InputError
-from steptwin.host.operate.drive_settings import (
+from steptwin.host.operate.session import Session
+from steptwin.host.panel.desk.settings import (
     DRIVE_SETTINGS,
     DriveSetting,
     drive_setting,
@@ -11,7 +12,6 @@ from steptwin.host.operate.drive_settings import (
     read_drive_setting,
     write_drive_setting,
 )
-from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from tests.host.client.machines import TH1
 from tests.host.operate.sessions import ROBOT
