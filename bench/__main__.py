@@ -21,13 +21,12 @@ from rich.table import Table
 from steptwin.bench.bulk_speed import driver_table, kinematics_table, rotor_table, waveform_table
 from steptwin.bench.drawer_pull import compiled_text, drawer_pull_table, workers_table
 from steptwin.bench.fastest_motions import corners_text, gcode_table, motions_table, motor_limited_table, random_text
-from steptwin.bench.kernel_speed import kernel_table, scaling_tables
+from steptwin.bench.kernel_speed import cyclic_table, kernel_table, scaling_tables, timing_table
 from steptwin.bench.live_board import live_motors_table, live_tables
 from steptwin.bench.own_firmware import firmware_tables
 from steptwin.bench.package_size import package_tables
 from steptwin.bench.panel_delays import panel_tables
 from steptwin.bench.six_axis_arms import arms_table, programs_tables
-from steptwin.bench.timing import cyclic_table, timing_table
 from steptwin.controller.motion.backend import KERNELS, Kernel
 from steptwin.host.cli.run.bench import print_figures
 from steptwin.host.studies.step_methods.motions import all_motions
