@@ -349,6 +349,8 @@ class AxisNode:
         if self._resetting and not self._motion.running:
             self._end_reset()
         if self.process_data.refresh(self._context.now_us) or self._heartbeats.changed:
+            if self._heartbeats.changed:
+                self._charge.watch_changed()
             self._heartbeats.changed = False
             self.routes_changed = True
         self.drive.settle(self._context.now_us)

@@ -38,8 +38,15 @@ class Charge:
         """Let the axis be free: the program in charge has released it, was lost, or the node is reset."""
         self.token, self._claimed, self.due_us = CHARGE_FREE, False, None
 
+    def watch_changed(self) -> None:
+        """Wait for a monitored heartbeat from now on: a program has changed which ones are.
+
+        One that ends its monitoring and then gives the axis back would else lose it in between, by chance.
+        """
+        self._claimed |= self.token != CHARGE_FREE
+
     def settle(self, now_us: int) -> None:
-        """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis, or claimed it again."""
+        """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis or changed the monitoring."""
         if self._claimed:
             self._claimed, self.due_us = False, now_us + _UNWATCHED_US
 

@@ -18,6 +18,8 @@ TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
 """A command acts at a servo tick, which may be the next one on one side only."""
 SEGMENT_S: Final = 0.016
 """Time by which a change of a profile on the way may act later on one side: it waits for the segment in execution."""
+FOLLOW_S: Final = 0.01
+"""Longest time between two looks at a moving axis of the twin."""
 DRIFT: Final = 100e-6
 """Most by which the board's crystal and the computer's clock may differ, in parts of the time."""
 STEPS: Final = 2.0
@@ -37,6 +39,8 @@ _TWICE: Final = 2
 
 
 _BY_PROFILE = (Mode.PROFILE_POSITION, Mode.PROFILE_VELOCITY)
+_WITHOUT_TARGET = (Mode.PROFILE_VELOCITY, Mode.HOMING)
+"""Modes in which jitter decides where an axis comes to rest."""
 
 
 class DriveReport(NamedTuple):
@@ -60,11 +64,13 @@ class TwinAxis(NamedTuple):
         position_units: 0x6064.
         velocity_units_per_s: 0x606C.
         leaving_units_per_s: speed at which a homing leaves the switch, 0x6099:02.
+        ramp_units_per_s2: the steeper of a profile's two ramps, 0x6083 and 0x6084.
     """
 
     position_units: int
     velocity_units_per_s: int
     leaving_units_per_s: int
+    ramp_units_per_s2: int
 
 
 class _Leg(NamedTuple):
@@ -153,12 +159,14 @@ class ComparedAxis:
         self._anchored = False
         self._accepted_units = 0
         """Difference that jitter has left where a motion without a target ended."""
-        self._homed_units = 0.0
-        """What jitter may have made of the place where a homing ended, until the axis has rested."""
+        self._left_units = 0.0
+        """Most that jitter may have left where homings and motions without a target ended since the axis has rested."""
         self._off_times = 0
         self._position_told = False
         self._moved_counts = 0
         """Instant at which the twin last moved."""
+        self._judged_at_rest = True
+        """True once both sides' places have been compared since then."""
         self._rested_counts = 0
         """Instant at which the twin began to move."""
         self._peak_units_per_s = 0
@@ -167,6 +175,10 @@ class ComparedAxis:
         """Sum of all changes of the twin's velocity since it began to move."""
         self._commanded = False
         """True if a host has changed the profile since then."""
+        self._ramp_units_per_s2 = 0
+        """The steepest ramp of a profile since then."""
+        self._without_target = False
+        """True if the twin's motion, now or last, has none."""
         self._last_units: int | None = None
         self._judged_homing: int | None = None
         self._board_leg = self._board_leg_before = self._twin_leg = _Leg(0, 0)
@@ -196,9 +208,14 @@ class ComparedAxis:
         before_units_per_s, self._last_units_per_s = self._last_units_per_s, now.velocity_units_per_s
         if now.velocity_units_per_s:
             if now_counts - self._moved_counts > RESTS_COUNTS:
+                if self._without_target and not self._judged_at_rest:
+                    self._left_units += self._ending_units
                 self._rested_counts = now_counts
-                self._peak_units_per_s = self._varied_units_per_s = 0
+                self._peak_units_per_s = self._varied_units_per_s = self._ramp_units_per_s2 = 0
                 self._commanded = False
+            self._judged_at_rest = False
+            self._without_target = self.board.mode in _WITHOUT_TARGET
+            self._ramp_units_per_s2 = max(self._ramp_units_per_s2, now.ramp_units_per_s2)
             self._moved_counts = now_counts
             self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
             if self.twin.homing:
@@ -212,8 +229,19 @@ class ComparedAxis:
 
     @property
     def _segment_units(self) -> float:
-        """How far the sides may be apart because a change of the profile waited for the next segment on one side."""
-        return self._varied_units_per_s * SEGMENT_S if self._commanded else 0.0
+        """How far the sides may be apart because a change of the profile waited for the next segment on one side.
+
+        A ramp that goes on for so long there makes that side faster, by more than the twin's own changes of speed. So
+        does the ramp between two looks, where the twin's speed was highest.
+        """
+        if not self._commanded:
+            return 0.0
+        return (self._varied_units_per_s + self._ramp_units_per_s2 * (SEGMENT_S + FOLLOW_S)) * SEGMENT_S
+
+    @property
+    def _ending_units(self) -> float:
+        """How far the sides may be apart where a motion without a target has ended."""
+        return self._jitter_units(self._peak_units_per_s) + self._segment_units
 
     def positions(self, now_counts: int, units: int, now: TwinAxis) -> Iterator[_Finding]:
         """Yield the difference of the board's position at this instant, if it is one and was not told."""
@@ -229,16 +257,14 @@ class ComparedAxis:
         if not self._anchored:
             self._anchored = rests and abs(error_units) <= REST_STEPS * self._units_per_step
             return
-        own_units = min((error_units, error_units - self._accepted_units), key=abs)
-        by_jitter_units = self._homed_units
-        if not self._at_target:
-            by_jitter_units = self._jitter_units(self._peak_units_per_s) + self._segment_units
+        own_units = self._own_units(error_units, rests=rests)
+        by_jitter_units = self._left_units + (0.0 if self._at_target else self._ending_units)
         if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0
         bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
-        bound_units += 0 if rests else self._homed_units + self._segment_units
+        bound_units += 0 if rests else self._left_units + self._segment_units
         if rests:
-            self._homed_units = 0.0
+            self._left_units, self._judged_at_rest = 0.0, True
         if abs(own_units) <= bound_units:
             self._off_times, self._position_told = 0, False
             return
@@ -252,11 +278,30 @@ class ComparedAxis:
             yield _Finding(DiscrepancyKind.REST if rests else DiscrepancyKind.MOVING, board, at, round(error_steps, 3))
 
     @property
+    def later_s(self) -> float:
+        """How much later than the board the twin may come to rest at a target, because it has begun farther from it."""
+        if not self._peak_units_per_s:
+            return 0.0
+        return (abs(self._accepted_units) + self._left_units) / self._peak_units_per_s
+
+    def _own_units(self, error_units: int, *, rests: bool) -> int:
+        """Return what of a difference is not the one that was accepted.
+
+        A way to a target makes up for that one: the sides begin it apart and end it at the same place. In between they
+        are apart by a part of it, since one of them brakes earlier. A way by PVT records keeps it.
+        """
+        if rests:
+            return min((error_units, error_units - self._accepted_units), key=abs)
+        return error_units - min(max(error_units, min(self._accepted_units, 0)), max(self._accepted_units, 0))
+
+    @property
     def _at_target(self) -> bool:
-        """True where the drive has reached a target: after velocity mode and homing, jitter decides where it rests."""
-        status = Status.TARGET_REACHED
-        without_target = (Mode.PROFILE_VELOCITY, Mode.HOMING)
-        return self.board.mode not in without_target and bool(self.board.statusword & self.twin.statusword & status)
+        """True where the drive has reached a target: after velocity mode and homing, jitter decides where it rests.
+
+        By the mode of the motion: a host may have chosen the next one since.
+        """
+        reached = self.board.statusword & self.twin.statusword & Status.TARGET_REACHED
+        return not self._without_target and bool(reached)
 
     def _bound_units(self, now_counts: int, velocity_units_per_s: int, *, rests: bool) -> float:
         if rests:
@@ -293,7 +338,7 @@ class ComparedAxis:
             return
         self._judged_homing = board.began_counts
         self._anchored, self._accepted_units = True, 0
-        self._homed_units = self._jitter_units(self._peak_units_per_s)
+        self._left_units, self._without_target = self._jitter_units(self._peak_units_per_s), False
         self._off_times, self._position_told, self._last_units = 0, False, None
         places_units = (
             self._place(self._board_leg, board.attained_counts),

@@ -1,12 +1,13 @@
 """Compare what the nodes of both sides say once: boot-ups, answers to requests, errors, each in its order."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Final, NamedTuple
 
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.twin.replay.differences import KEYS, NOTHING, words_of
 from steptwin.host.twin.shadow.discrepancy import SETTLED_COUNTS, DiscrepancyKind
+from steptwin.protocol import od
 from steptwin.protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, NODE_ID_MAX, Frame
 
 KINDS: Final[Mapping[int, DiscrepancyKind]] = {
@@ -15,6 +16,8 @@ KINDS: Final[Mapping[int, DiscrepancyKind]] = {
     COB_EMCY: DiscrepancyKind.ERROR,
 }
 """The services by which a node says something once."""
+_MULTIPLEXER_BYTES: Final = 4
+"""An answer's command, index and sub-index."""
 
 
 class _Saying(NamedTuple):
@@ -30,6 +33,8 @@ class Sayings:
 
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
+        self.past: Collection[int] = ()
+        """Entries whose values are not compared, since they tell of a time that the twin has not heard."""
         self._board: dict[int, deque[_Saying]] = {}
         self._twin: dict[int, deque[_Saying]] = {}
 
@@ -39,6 +44,8 @@ class Sayings:
         if base not in KINDS:
             return
         key = KEYS[base](frame.data)
+        if base == COB_SDO_RESPONSE and key is not None and _address(frame.data) in self.past:
+            key = frame.data[:_MULTIPLEXER_BYTES]
         if key is not None:
             side = self._board if of_board else self._twin
             side.setdefault(frame.cob_id, deque()).append(_Saying(counts, key, frame))
@@ -61,6 +68,11 @@ class Sayings:
 
     def _words(self, saying: _Saying | None) -> str:
         return NOTHING if saying is None else words_of(saying.frame, self._decoder)
+
+
+def _address(data: bytes) -> int:
+    """Return the address of the entry that an answer names."""
+    return od.address_of(int.from_bytes(data[1:3], "little"), data[3]) if len(data) >= _MULTIPLEXER_BYTES else 0
 
 
 def _without_like(board: deque[_Saying], twin: deque[_Saying]) -> tuple[_Saying | None, _Saying | None]:

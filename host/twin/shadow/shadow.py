@@ -4,7 +4,7 @@ The twin is driven by the stamps, not by this computer's clock: how late frames 
 has no way to send: it takes frames, and tells discrepancies.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
@@ -14,9 +14,11 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.replay.power_up import MachineAtPowerUp
 from steptwin.host.twin.replay.replaying import WallClockPlayer, machine_at
-from steptwin.host.twin.shadow.axes import ComparedAxis, DriveReport, TwinAxis
+from steptwin.host.twin.shadow.asking import NodeValues
+from steptwin.host.twin.shadow.axes import FOLLOW_S, ComparedAxis, DriveReport, TwinAxis
 from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
 from steptwin.host.twin.shadow.sayings import Sayings
+from steptwin.host.twin.shadow.standing import PAST, stand
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import (
@@ -38,6 +40,9 @@ _FOLLOWS_US: Final = 10_000
 _BOOT_UP: Final = bytes((NmtState.INITIALISING,))
 _LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
 """Longest time between two looks at whether something has differed for long enough."""
+_FOLLOW_COUNTS: Final = round(FOLLOW_S * COUNTS_PER_SECOND)
+_FRAME_US: Final = 2_000
+"""More than a frame lasts: a host's frame begins so long before its stamp at the earliest."""
 _BOOTED_COUNTS: Final = COUNTS_PER_SECOND
 """Time within which boards have said their boot-ups after power-up."""
 _AHEAD_COUNTS: Final = COUNTS_PER_MS
@@ -119,6 +124,21 @@ class Shadow:
         self._muted = False
         self._shift_us = None
 
+    def take_standing(self, standing: Mapping[int, NodeValues], us: int) -> None:
+        """Begin with a machine at rest that has told how it stands, at a time by the stamps' clock, in microseconds.
+
+        Raises:
+            InputError: the twin cannot stand so; the value is named.
+        """
+        simulation = self.machine.simulation
+        simulation.run_until(simulation.now_counts + _BOOTED_COUNTS)
+        for frame in stand(simulation, self._names, standing):
+            self._identifiers.sender_of(frame)  # it may move the identifier of a PDO
+        self._sayings.past = PAST
+        simulation.bus.listen(self._twin_says)
+        self._last_us, self._looked_counts = us, simulation.now_counts
+        self._player = WallClockPlayer(simulation, simulation.now_counts - us * COUNTS_PER_US)
+
     def hear(self, us: int, frame: Frame) -> None:
         """Take the next frame on the machine's bus, which became valid at this time by its stamp, in microseconds."""
         if self._shift_us is None:
@@ -136,6 +156,7 @@ class Shadow:
         if sender is Sender.HOST and _gives(frame) and (node_id := frame.cob_id & NODE_ID_MAX) in self._node_ids:
             axis = node_id - FIRST_NODE_ID
             self._axes[axis].command(self._dictionaries[axis].get(od.VELOCITY_ACTUAL))
+        self._pass_time(self._player, us - _FRAME_US)
         self._player.play(us, frame, sender)
         if sender is Sender.BOARD:
             self._pass_time(self._player, us)
@@ -163,7 +184,7 @@ class Shadow:
         def heard(frame: Frame, counts: int) -> None:
             if _is_boot_up(frame):
                 first_counts.append(counts)
-            self._twin_says(counts, frame)
+            self._twin_says(frame, counts)
 
         simulation.bus.listen(heard)
         while not first_counts and simulation.now_counts < _BOOTED_COUNTS:
@@ -171,9 +192,15 @@ class Shadow:
         return WallClockPlayer(simulation, first_counts[0] - us * COUNTS_PER_US)
 
     def _pass_time(self, player: WallClockPlayer, us: int) -> None:
-        self.machine.simulation.run_until(player.counts_of(us))
+        """Let the twin go on to an instant; look often enough at how fast its axes are."""
+        simulation, until_counts = self.machine.simulation, player.counts_of(us)
+        while simulation.now_counts + _FOLLOW_COUNTS < until_counts:
+            simulation.run_until(simulation.now_counts + _FOLLOW_COUNTS)
+            for compared, dictionary in zip(self._axes, self._dictionaries, strict=True):
+                compared.follow(simulation.now_counts, _twin_axis(dictionary))
+        simulation.run_until(until_counts)
 
-    def _twin_says(self, counts: int, frame: Frame) -> None:
+    def _twin_says(self, frame: Frame, counts: int) -> None:
         if frame.cob_id & NODE_ID_MAX in self._node_ids:
             self._take(counts, frame, of_board=False)
 
@@ -193,7 +220,7 @@ class Shadow:
         (compared.board if of_board else compared.twin).take(counts, told)
         if of_board and compared.waits_for_the_twin:
             self._catch_up(axis, counts)
-        if of_board and not rested and compared.board.rests and dictionary.get(od.VELOCITY_ACTUAL):
+        if of_board and not rested and compared.board.rests:
             self._let_rest(counts)
         if of_board and told.position_units is not None:
             for finding in compared.positions(counts, told.position_units, _twin_axis(dictionary)):
@@ -252,9 +279,13 @@ class Shadow:
         does not come to rest, it moves by what the host has sent since, and keeps its time.
         """
         assert self._player is not None
-        simulation, until_counts = self.machine.simulation, counts + _REST_AHEAD_COUNTS
+        later_s = max(compared.later_s for compared in self._axes)
+        later_counts = min(_REST_AHEAD_COUNTS + round(later_s * COUNTS_PER_SECOND), _AHEAD_MAX_COUNTS)
+        simulation, until_counts = self.machine.simulation, counts + later_counts
         velocities = [dictionary.get(od.VELOCITY_ACTUAL) for dictionary in self._dictionaries]
         if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
+            return
+        if not self._twin_moves:
             return
         while self._twin_moves and simulation.now_counts < until_counts:
             simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
@@ -307,6 +338,6 @@ def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport
 
 
 def _twin_axis(dictionary: ObjectDictionary) -> TwinAxis:
-    return TwinAxis(
-        dictionary.get(od.POSITION_ACTUAL), dictionary.get(od.VELOCITY_ACTUAL), dictionary.get(od.HOMING_ZERO_SPEED)
-    )
+    get = dictionary.get
+    ramp_units_per_s2 = max(get(od.PROFILE_ACCELERATION), get(od.PROFILE_DECELERATION))
+    return TwinAxis(get(od.POSITION_ACTUAL), get(od.VELOCITY_ACTUAL), get(od.HOMING_ZERO_SPEED), ramp_units_per_s2)

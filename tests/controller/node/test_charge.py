@@ -97,6 +97,23 @@ def test_a_program_that_ends_its_monitoring_and_dies_is_forgotten(pair: BenchBoa
     assert in_charge(pair) == CHARGE_FREE
 
 
+@pytest.mark.parametrize("held_ms", [CHARGE_UNWATCHED_MS - 2, CHARGE_UNWATCHED_MS - 1, 2 * CHARGE_UNWATCHED_MS - 1])
+def test_a_program_that_ends_its_monitoring_keeps_the_axis_until_it_gives_it_back(
+    pair: BenchBoard, held_ms: int
+) -> None:
+    """Whenever it does: the axis looks each second from the claim on whether it monitors a heartbeat."""
+    claim(pair, ALICE)
+    watch(pair)
+    for waited_ms in range(held_ms):
+        if waited_ms % 100 == 0:
+            beat(pair)
+        pair.wait(1)
+    pair.write(od.CONSUMER_HEARTBEATS[0], 0)
+    pair.wait(CHARGE_UNWATCHED_MS - 2)
+    assert in_charge(pair) == ALICE
+    assert release(pair, ALICE) == 0
+
+
 @pytest.mark.parametrize("command", [RESET_NODE, RESET_COMMUNICATION])
 def test_a_reset_frees_the_axis(pair: BenchBoard, command: int) -> None:
     claim(pair, ALICE)
