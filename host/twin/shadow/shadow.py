@@ -283,9 +283,9 @@ class Shadow:
         later_counts = min(_REST_AHEAD_COUNTS + round(later_s * COUNTS_PER_SECOND), _AHEAD_MAX_COUNTS)
         simulation, until_counts = self.machine.simulation, counts + later_counts
         velocities = [dictionary.get(od.VELOCITY_ACTUAL) for dictionary in self._dictionaries]
-        if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
+        if not any(velocities):
             return
-        if not self._twin_moves:
+        if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
             return
         while self._twin_moves and simulation.now_counts < until_counts:
             simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)

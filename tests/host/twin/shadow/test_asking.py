@@ -71,7 +71,9 @@ def test_each_request_is_an_upload_and_all_is_told() -> None:
     assert asked.questions.standing is not None
     assert asked.questions.standing[0x11][od.POSITION_ACTUAL] == -123_456
     assert asked.questions.standing[0x11][od.PROFILE_VELOCITY] == 777
-    assert asked.sent[0] == (pytest.approx(0.301), Frame(0x610, bytes.fromhex("40 4160 00 00000000")))
+    first_s, first = asked.sent[0]
+    assert first_s == pytest.approx(0.301)
+    assert first == Frame(0x610, bytes.fromhex("40 4160 00 00000000"))
     assert len(asked.sent) == QUESTIONS
     assert {(frame.cob_id, frame.data[0], frame.data[4:]) for _, frame in asked.sent} == {
         (0x610, 0x40, bytes(4)),
