@@ -27,12 +27,13 @@ def hurried(fast_kernel: Kernel) -> Real:
     """A machine whose th1 is jogged for less than its ramp takes, then moved or jogged again with hardly a pause."""
     real = Real(ROBOT, fast_kernel)
     home_robot(real.session)
-    for i in range(12):
+    for i in range(16):
         speed = (1 - 2 * (i % 2)) * 0.97 * ROBOT.joints[0].speed_max
         jog(real.session, "th1", speed, 0.6 * RAMP_S + 0.0013 * i)
         real.board.wait(PAUSES_S[i % 4])
         if i % 3:
-            move(real.session, [12.0 * (i % 2), 5.0 * (i % 3), 0.0, 0.0], speed_percent=(100.0, 15.0)[i % 2])
+            goal = [(12.0, -12.0)[i // 2 % 2], 5.0 * (i % 3), 0.0, 0.0]
+            move(real.session, goal, speed_percent=(100.0, 15.0)[i % 2])
     real.board.wait(0.6)
     return real
 
