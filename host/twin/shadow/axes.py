@@ -177,8 +177,8 @@ class ComparedAxis:
         """True if a host has changed the profile since then."""
         self._ramp_units_per_s2 = 0
         """The steepest ramp of a profile since then."""
-        self._without_target = False
-        """True if the twin's motion, now or last, has none."""
+        self._motion_mode: int | None = None
+        """Mode of the twin's motion, now or last; None after a homing that has ended on both sides."""
         self._last_units: int | None = None
         self._judged_homing: int | None = None
         self._board_leg = self._board_leg_before = self._twin_leg = _Leg(0, 0)
@@ -207,14 +207,14 @@ class ComparedAxis:
         """Note whether the twin moves, and where while it searches a switch."""
         before_units_per_s, self._last_units_per_s = self._last_units_per_s, now.velocity_units_per_s
         if now.velocity_units_per_s:
-            if now_counts - self._moved_counts > RESTS_COUNTS:
-                if self._without_target and not self._judged_at_rest:
+            if not before_units_per_s:
+                if self._motion_mode in _WITHOUT_TARGET and not self._judged_at_rest:
                     self._left_units += self._ending_units
                 self._rested_counts = now_counts
                 self._peak_units_per_s = self._varied_units_per_s = self._ramp_units_per_s2 = 0
                 self._commanded = False
             self._judged_at_rest = False
-            self._without_target = self.board.mode in _WITHOUT_TARGET
+            self._motion_mode = self.board.mode
             self._ramp_units_per_s2 = max(self._ramp_units_per_s2, now.ramp_units_per_s2)
             self._moved_counts = now_counts
             self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
@@ -259,6 +259,8 @@ class ComparedAxis:
             return
         own_units = self._own_units(error_units, rests=rests)
         by_jitter_units = self._left_units + (0.0 if self._at_target else self._ending_units)
+        if self._at_target and self._motion_mode == Mode.PROFILE_POSITION:
+            by_jitter_units = 0.0  # the target is a place, wherever the way to it has begun
         if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0
         bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
@@ -301,7 +303,7 @@ class ComparedAxis:
         By the mode of the motion: a host may have chosen the next one since.
         """
         reached = self.board.statusword & self.twin.statusword & Status.TARGET_REACHED
-        return not self._without_target and bool(reached)
+        return self._motion_mode not in _WITHOUT_TARGET and bool(reached)
 
     def _bound_units(self, now_counts: int, velocity_units_per_s: int, *, rests: bool) -> float:
         if rests:
@@ -338,7 +340,7 @@ class ComparedAxis:
             return
         self._judged_homing = board.began_counts
         self._anchored, self._accepted_units = True, 0
-        self._left_units, self._without_target = self._jitter_units(self._peak_units_per_s), False
+        self._left_units, self._motion_mode = self._jitter_units(self._peak_units_per_s), None
         self._off_times, self._position_told, self._last_units = 0, False, None
         places_units = (
             self._place(self._board_leg, board.attained_counts),

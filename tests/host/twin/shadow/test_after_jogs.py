@@ -27,7 +27,7 @@ def hurried(fast_kernel: Kernel) -> Real:
     """A machine whose th1 is jogged for less than its ramp takes, then moved or jogged again with hardly a pause."""
     real = Real(ROBOT, fast_kernel)
     home_robot(real.session)
-    for i in range(16):
+    for i in range(17):
         speed = (1 - 2 * (i % 2)) * 0.97 * ROBOT.joints[0].speed_max
         jog(real.session, "th1", speed, 0.6 * RAMP_S + 0.0013 * i)
         real.board.wait(PAUSES_S[i % 4])
@@ -47,6 +47,7 @@ def test_no_false_alarm(hurried: Real, jitter_us: int, seed: int, fast_kernel: K
 
 @pytest.mark.parametrize("steps", [2, -2])
 def test_a_step_too_many_at_the_end_is_told(hurried: Real, steps: int, fast_kernel: Kernel) -> None:
+    """Also where the last jog was not seen at rest before the way to the target."""
     heard = hurried.heard()
     cob_id = COB_TPDO[0] + TH1_NODE
     last = sum(frame.cob_id == cob_id for _, frame in heard)
