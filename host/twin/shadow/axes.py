@@ -207,7 +207,8 @@ class ComparedAxis:
         """Note whether the twin moves, and where while it searches a switch."""
         before_units_per_s, self._last_units_per_s = self._last_units_per_s, now.velocity_units_per_s
         if now.velocity_units_per_s:
-            if not before_units_per_s:
+            pause_counts = RESTS_COUNTS if self.board.mode == Mode.HOMING else 0  # a search has several strokes
+            if not before_units_per_s and now_counts - self._moved_counts > pause_counts:
                 if self._motion_mode in _WITHOUT_TARGET and not self._judged_at_rest:
                     self._left_units += self._ending_units
                 self._rested_counts = now_counts
