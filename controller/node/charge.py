@@ -46,7 +46,7 @@ class Charge:
         self._claimed |= self.token != CHARGE_FREE
 
     def settle(self, now_us: int) -> None:
-        """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis or changed the monitoring."""
+        """Begin to wait for a monitored heartbeat if the call that ends has claimed the axis, or `watch_changed`."""
         if self._claimed:
             self._claimed, self.due_us = False, now_us + _UNWATCHED_US
 

@@ -29,7 +29,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.robot_name import NO_NAME, checksum, stored_name
+from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
 _UPLOAD: Final = 0x40
 """First byte of the request: initiate an upload."""

@@ -20,7 +20,7 @@ from steptwin.protocol.frame import COB_ID_INVALID, COB_NMT, COB_SDO_REQUEST, FI
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.objects import ENTRIES
-from steptwin.protocol.robot_name import NO_NAME
+from steptwin.protocol.storage import NO_NAME
 from steptwin.protocol.timer import COUNTS_PER_MS
 
 _ANSWERED_COUNTS: Final = 4 * COUNTS_PER_MS

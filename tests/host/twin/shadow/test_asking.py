@@ -12,8 +12,8 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import COB_EMCY, COB_NMT, COB_RPDO, COB_SDO_REQUEST, COB_SDO_RESPONSE, COB_SYNC, Frame
-from steptwin.protocol.robot_name import checksum
 from steptwin.protocol.sdo_server import SdoServer
+from steptwin.protocol.storage import checksum
 
 NAMES = {0x10: "th1", 0x11: "th2"}
 QUESTIONS = 2 * 201
