@@ -16,7 +16,8 @@ IDEAL = ideal_steps(MOTION.axis_motion, MOTION.steps_per_unit, (0, 0, round(9.7 
 
 def seen(plan: IdealSteps, offset_s: float, ppm: float, lost: list[int], before: int) -> SeenSteps:
     """Return the steps of a plan by another clock, without some, and with others before the motion."""
-    keep = np.setdiff1d(np.arange(plan.time_s.size), np.array(lost, np.int64) % max(plan.time_s.size, 1))
+    keep = np.ones(plan.time_s.size, np.bool_)
+    keep[np.array(lost, np.int64) % plan.time_s.size] = False
     time_s = offset_s + plan.time_s[keep] * (1.0 + ppm * 1e-6)
     early_s = offset_s - 1.0 - 2e-3 * np.arange(before)[::-1]
     signs = np.concatenate([np.full(before, -1, np.int8), plan.signs[keep]])

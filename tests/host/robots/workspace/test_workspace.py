@@ -186,15 +186,20 @@ class TestSections:
         assert (wrist_mm.min(), wrist_mm.max()) == pytest.approx((102.657078, 350.0), abs=1e-6)
 
     def test_the_warehouse_arm_in_any_attitude(self) -> None:
-        """The area is that of the points of a polar grid at which one of many attitudes has the wrist in its region."""
+        """The area is that of the points of a polar grid at which one of many attitudes has the wrist in its region.
+
+        How far the wrist is from the shoulder depends on the tool's angle to the point's azimuth, not on the azimuth.
+        """
         radius_mm = np.linspace(60.0, 392.0, 250)
         azimuth_rad = np.deg2rad(np.arange(-179.5, 180.0, 1.0))
         tool_rad = np.deg2rad(np.arange(0.0, 360.0, 3.0))
-        tip = radius_mm[:, None, None] * np.exp(1j * azimuth_rad[None, :, None])
-        wrist = tip - 40.0 * np.exp(1j * (azimuth_rad[None, :, None] + tool_rad))
+        wrist = radius_mm[:, None] - 40.0 * np.exp(1j * tool_rad)
         cosine = (np.abs(wrist) ** 2 - 200.0**2 - 150.0**2) / (2.0 * 200.0 * 150.0)
         width_rad = reachable_rad(200.0, 150.0, 120.0, np.arccos(np.clip(cosine, -1.0, 1.0)))
-        within = (cosine <= 1.0) & (cosine >= np.cos(np.deg2rad(150.0))) & (2.0 * np.abs(np.angle(wrist)) <= width_rad)
+        bends = (cosine <= 1.0) & (cosine >= np.cos(np.deg2rad(150.0)))
+        wrist_rad = azimuth_rad[:, None] + np.angle(wrist)[:, None, :]
+        turns = 2.0 * np.abs((wrist_rad + pi) % (2.0 * pi) - pi) <= width_rad[:, None, :]
+        within = bends[:, None, :] & turns
         circles_mm = radius_mm * 2.0 * pi * within.any(axis=2).mean(axis=1)
         area_mm2 = scanned("warehouse-scara").plan.area_mm2
         assert area_mm2 == pytest.approx(float(np.trapezoid(circles_mm, radius_mm)), rel=3e-3)
