@@ -73,6 +73,9 @@ _STANDS: Final = (
     od.ROBOT_NAME_CRC,
 )
 
+_FACTORS: Final = (od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS, od.FEED_UNITS, od.FEED_SHAFT_REVOLUTIONS)
+"""What makes user units of wire units; the twin is compared in wire units."""
+
 NodeValues = Mapping[int, int]
 """The values of a node's entries, by their addresses."""
 
@@ -212,6 +215,9 @@ class Questions:
             self._look(now_s, asked.node_id, values)
         if asked.address == od.ROBOT_NAME_CRC and value not in (NO_NAME, self._crc):
             raise InputError(f"{self._at(asked.node_id)} belongs to another robot than {self._robot_name}")
+        if asked.address in _FACTORS and value != entry.default:
+            place = od.place_text(asked.address)
+            raise InputError(f"{self._at(asked.node_id)} has user units ({place} is {value}): join by its boot-up")
         if not self._left and self._pending is None:
             self.standing = self._values
 

@@ -135,7 +135,7 @@ def test_it_joins_a_machine_that_runs(
     summary = json.loads(line)
     assert summary.pop("board_frames") > 500
     assert summary == {"joined": True, "discrepancies": 0}
-    assert len(bus.sent) == 4 * 201
+    assert len(bus.sent) == 4 * 206
 
 
 def test_a_slip_is_found_as_after_a_boot_up(

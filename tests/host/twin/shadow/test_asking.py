@@ -16,7 +16,7 @@ from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import checksum
 
 NAMES = {0x10: "th1", 0x11: "th2"}
-QUESTIONS = 2 * 201
+QUESTIONS = 2 * 206
 ENABLED = 0x0637
 FAULT = 0x0608
 ELSES_REQUEST = Frame(COB_SDO_REQUEST + 0x11, bytes.fromhex("40 6460 00 00000000"))
@@ -179,6 +179,13 @@ def test_a_node_without_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BusError, match="th1: node 0x10 does not answer: is it switched on, and not stopped"):
         asked.run(3.0)
     assert asked.now_s == pytest.approx(1.3, abs=0.01)
+
+
+def test_user_units() -> None:
+    asked = Asked()
+    asked.nodes[0x11].set(od.FEED_UNITS, 360_000)
+    with pytest.raises(InputError, match=r"th2: node 0x11 has user units \(0x6092:01 is 360000\): join by its boot-up"):
+        asked.run(3.0)
 
 
 def test_another_robot_and_another_firmware(monkeypatch: pytest.MonkeyPatch) -> None:
