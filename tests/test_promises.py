@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from steptwin.controller.modes import profile, profile_feed
+from steptwin.controller.modes import profile_feed, ramps
 from steptwin.controller.motion import kernel
 from steptwin.controller.node import transmit_queue
 from steptwin.controller.node import transmit_queue as outbox
@@ -90,8 +90,8 @@ PROMISES = [
     Promise("docs/canopen.md", "If a mailbox is not free after 5 ms", transmit_queue.PAUSE_COUNTS_MAX, 5 * MS),
     Promise("docs/canopen.md", "until a second has passed without a loss", outbox.QUIET_US, 1_000_000),
     Promise("docs/canopen.md", "two minutes at power-up", objects.ENTRIES[od.HOMING_TIMEOUT_MS].default, 120_000),
-    Promise("docs/overview.md", "segments of 8 to 16 ms", profile.GRAIN_MS, 8),
-    Promise("docs/overview.md", "segments of 8 to 16 ms", profile.PIECE_MS, 16),
+    Promise("docs/overview.md", "segments of 8 to 16 ms", ramps.GRAIN_MS, 8),
+    Promise("docs/overview.md", "segments of 8 to 16 ms", ramps.PIECE_MS, 16),
     Promise("docs/overview.md", "keeps some 50 ms of them queued", profile_feed.AHEAD_MS, 48),
     Promise("docs/run-folder.md", "72 000 000", timer.COUNTS_PER_SECOND, SECOND),
     # --- the verdict
