@@ -322,9 +322,14 @@ class ComparedAxis:
 
     @property
     def waits_for_the_twin(self) -> bool:
-        """True if the board has ended its homing, and the twin still searches."""
-        ended = self.board.attained_counts is not None and self.board.began_counts != self._left
-        return self.twin.homing and ended
+        """True if the board has ended its homing, and the twin still searches.
+
+        The end must be that of the same homing: the twin may tell the beginning of the next one before the board does.
+        """
+        board, twin = self.board, self.twin
+        if board.attained_counts is None or twin.began_counts is None or board.began_counts == self._left:
+            return False
+        return twin.homing and board.attained_counts > twin.began_counts
 
     def leave(self) -> None:
         """Wait no more for the twin's end of this homing."""

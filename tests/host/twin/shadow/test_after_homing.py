@@ -8,6 +8,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.shadow.axes import ComparedAxis, DriveReport
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, Mode
 from steptwin.protocol.frame import COB_RPDO, COB_SDO_REQUEST
@@ -122,3 +123,18 @@ def test_a_motion_by_ways_from_where_the_homing_ended(later_ms: float, fast_kern
     stand_at[AXIS] -= later_ms / 1000 * SEARCH_UNITS_PER_S / float(ROBOT.wire_units_per_unit[AXIS])
     told, _ = shadowed(ROBOT, host.real.heard(), fast_kernel, stand_at)
     assert told == []
+
+
+def test_the_twin_may_tell_the_beginning_of_the_next_homing_first() -> None:
+    """It is not let ahead then: the end that the board has told is that of the homing before."""
+    searches, found = DriveReport(0x0237, Mode.HOMING, 0), DriveReport(0x1637, Mode.HOMING, 0)
+    axis = ComparedAxis(1.0)
+    for counts, told in ((100, searches), (200, found)):
+        axis.board.take(counts, told)
+        axis.twin.take(counts, told)
+    axis.twin.take(300, searches)
+    assert not axis.waits_for_the_twin
+    axis.board.take(301, searches)
+    assert not axis.waits_for_the_twin
+    axis.board.take(400, found)
+    assert axis.waits_for_the_twin
