@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from math import nan
 from typing import Final, NamedTuple
@@ -202,7 +202,7 @@ def _more_words(count: int) -> str:
 
 
 class _Gathered(NamedTuple):
-    """A step that flows; `has_leg` is False for one whose end is where it begins."""
+    """A step before it has its row; `has_leg` is False for one that flows and ends where it begins."""
 
     place: Place
     step: Step
@@ -321,7 +321,8 @@ class _Walk:
                 way: BranchesOnWay = ("", ())
                 if isinstance(part, ToolMove):
                     way = part.branch, tuple((from_s + t_s, name) for t_s, name in part.changes)
-                self._add_row(place, step, before, part, from_s, moves.composer.now_s - from_s, way, notes)
+                made = self._made(_Gathered(place, step, before), part, from_s)
+                self.rows.append(StepRow(made, from_s, moves.composer.now_s - from_s, *way, notes))
 
     def _fail(self, place: Place, step: Step, error: InputError) -> None:
         """Go on after a step that cannot be made: those that flowed into it have no motion."""
@@ -353,31 +354,19 @@ class _Walk:
         for each in self._gathered:
             time = next(times) if each.has_leg else None
             if time is None:
-                self._add_row(each.place, each.step, each.before, None, now_s, 0.0)
+                self.rows.append(StepRow(self._made(each, None, now_s), now_s, 0.0))
             else:
-                duration_s = round(time.until_s - time.from_s, 3)
-                self._add_row(
-                    each.place, each.step, each.before, time.motion, time.from_s, duration_s, time.branches, time.notes
-                )
-                self.rows[-1] = replace(self.rows[-1], drives=time.drives)
+                made, duration_s = self._made(each, time.motion, time.from_s), round(time.until_s - time.from_s, 3)
+                self.rows.append(StepRow(made, time.from_s, duration_s, *time.branches, time.notes, time.drives))
         self._gathered.clear()
         self._moves.leg_times = []
 
-    def _add_row(
-        self,
-        place: Place,
-        step: Step,
-        before: Moves,
-        part: Trajectory | None,
-        from_s: float,
-        duration_s: float,
-        way: BranchesOnWay = ("", ()),
-        notes: tuple[str, ...] = (),
-    ) -> None:
-        made = MadeStep(self._robot, place, step, before, round(1000 * from_s), part)
+    def _made(self, gathered: _Gathered, part: Trajectory | None, from_s: float) -> MadeStep:
+        """Return a step as it was made; complain of the joints that leave their limits on its part of the motion."""
+        made = MadeStep(self._robot, gathered.place, gathered.step, gathered.before, round(1000 * from_s), part)
         if part is not None and not (isinstance(part, ToolMove) and part.keeps_limits):
             self._check_positions(made, part)
-        self.rows.append(StepRow(made, from_s, duration_s, *way, notes))
+        return made
 
     def _stand_after(self, step: Step) -> None:
         """Stand where a step ends without making it; raise InputError if the robot cannot."""
