@@ -175,7 +175,8 @@ def test_what_is_to_be_filled_in_is_told_until_it_is_set(tmp_path: Path) -> None
         "fill in ratio of J1: 20 stands there",
         "fill in travel_per_turn of J2: 8 stands there",
         "fill in microsteps of J1, J2: 8 stands there",
-        "fill in drivers, switches and homing: [board] has those of a TB6560, switches are 5 beyond each range",
+        "fill in drivers: [board] has those of a TB6560; --set driver_profile takes others",
+        "fill in switches and homing: switches are 5 beyond each range",
     ]
     some = {"J1__lower": "-720", "J1__upper": "720", "J1__ratio": "50", "J2__microsteps": "16"}
     text = urdf(endless, sliding, links="abc")
