@@ -24,12 +24,11 @@ panel: $(VENV)/.installed-panel
 test test-commands test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
 test test-commands test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
-# Tests that start processes, a browser or servers: they wait as long as they compute. In their order: files that only
-# compute stand between those that wait, so that neither the processors nor the last worker have nothing to do.
-LIVE := tests/end_to_end/test_programs.py tests/live tests/end_to_end/test_machines_page.py tests/package \
-	$(addprefix tests/end_to_end/test_,readme.py docs.py) tests/host/panel tests/emulator/native \
-	tests/host/client/test_live.py tests/host/client/test_socketcand_bus.py \
-	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py hostile_files.py interrupts.py)
+# Tests that start processes, a browser or servers: they wait as long as they compute.
+LIVE := tests/live tests/package tests/emulator/native tests/host/panel tests/host/client/test_live.py \
+	tests/host/client/test_socketcand_bus.py \
+	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py docs.py hostile_files.py \
+		interrupts.py machines_page.py programs.py readme.py)
 # Tests of whole commands and studies.
 WHOLE := tests/end_to_end tests/host/cli tests/host/studies
 
@@ -39,7 +38,7 @@ test: $(VENV)/.installed-dev
 test-commands: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE) $(LIVE:%=--ignore %)
 
-# More workers than cores; each file by one of them, for what its tests share, and the files in their order.
+# More workers than cores; each file by one of them, for what its tests share, and the longest files first.
 test-live: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE)
 
