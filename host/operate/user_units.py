@@ -10,10 +10,14 @@ from steptwin.host.client.axis import AxisClient
 from steptwin.host.common.errors import DeviceFaultError
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import INCREMENTS, SI_UNITS
+from steptwin.protocol.dictionary import FACTORS
 
 
 class AxisUnits(NamedTuple):
-    """The factor objects of an axis: gear ratio (6091h), feed constant (6092h) and SI unit (60A8h) of positions."""
+    """The factor objects of an axis: gear ratio (6091h), feed constant (6092h) and SI unit (60A8h) of positions.
+
+    The factors are in the order of `FACTORS`.
+    """
 
     motor_revolutions: int
     shaft_revolutions: int
@@ -38,9 +42,8 @@ WIRE_UNITS: Final = AxisUnits(1, 1, od.UNITS_PER_REVOLUTION, 1, INCREMENTS << 16
 
 def read_units(axis: AxisClient) -> AxisUnits:
     """Read an axis' units; one that has no such objects counts in wire units and cannot do otherwise."""
-    factors = (od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS, od.FEED_UNITS, od.FEED_SHAFT_REVOLUTIONS)
     try:
-        return AxisUnits(*map(axis.read, (*factors, od.SI_UNIT_POSITION)))
+        return AxisUnits(*map(axis.read, (*FACTORS, od.SI_UNIT_POSITION)))
     except DeviceFaultError:
         return WIRE_UNITS
 

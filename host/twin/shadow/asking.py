@@ -1,9 +1,9 @@
-"""Ask the nodes of a running machine how they stand, by SDO uploads only, while it rests and nobody gives it anything.
+"""Ask the nodes of a running machine how they stand, by SDO uploads only, while it rests and no host commands it.
 
 No I/O: frames and times come in, requests go out. There is one request on the bus at a time, and each is an expedited
 upload (CiA 301, section 7.2.4.3.5). A node has one SDO server for all clients, so a request between the frames of
-another client's transfer would break that. So the questions wait until nobody has given the nodes anything for a while,
-and begin again if somebody does.
+another client's transfer would break that. So the questions wait until no other client or host has sent the nodes
+anything for a while, and begin again if one does.
 """
 
 from collections import deque
@@ -16,6 +16,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, 
 from steptwin.host.record.recorded_bus import Identifiers, Sender
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State
+from steptwin.protocol.dictionary import FACTORS
 from steptwin.protocol.entry import Access, DataType, decode
 from steptwin.protocol.frame import (
     COB_EMCY,
@@ -73,9 +74,6 @@ _STANDS: Final = (
     od.ROBOT_NAME_CRC,
 )
 
-_FACTORS: Final = (od.GEAR_MOTOR_REVOLUTIONS, od.GEAR_SHAFT_REVOLUTIONS, od.FEED_UNITS, od.FEED_SHAFT_REVOLUTIONS)
-"""What makes user units of wire units; the twin is compared in wire units."""
-
 NodeValues = Mapping[int, int]
 """The values of a node's entries, by their addresses."""
 
@@ -86,7 +84,7 @@ class _Question(NamedTuple):
 
     @property
     def request(self) -> Frame:
-        data = bytes((_UPLOAD, *_multiplexer(self.address), 0, 0, 0, 0))
+        data = bytes((_UPLOAD, *multiplexer(self.address), 0, 0, 0, 0))
         return Frame(COB_SDO_REQUEST + self.node_id, data)
 
 
@@ -215,7 +213,7 @@ class Questions:
             self._look(now_s, asked.node_id, values)
         if asked.address == od.ROBOT_NAME_CRC and value not in (NO_NAME, self._crc):
             raise InputError(f"{self._at(asked.node_id)} belongs to another robot than {self._robot_name}")
-        if asked.address in _FACTORS and value != entry.default:
+        if asked.address in FACTORS and value != entry.default:
             place = od.place_text(asked.address)
             raise InputError(f"{self._at(asked.node_id)} has user units ({place} is {value}): join by its boot-up")
         if not self._left and self._pending is None:
@@ -244,7 +242,7 @@ class Questions:
             self._put_off(now_s, InputError(f"{name}: moves, or has records to execute"))
 
 
-def _multiplexer(address: int) -> bytes:
+def multiplexer(address: int) -> bytes:
     """Return the index and the sub-index as they are in a request and in its answer."""
     index, subindex = od.index_and_subindex(address)
     return index.to_bytes(2, "little") + bytes((subindex,))
@@ -254,7 +252,7 @@ def _answers(frame: Frame, asked: _Question) -> bool:
     """Return whether a response answers a question: with its value, or with an abort."""
     data = frame.data
     of_node = frame.cob_id == COB_SDO_RESPONSE + asked.node_id and len(data) == _SDO_BYTES
-    return of_node and data[1:4] == _multiplexer(asked.address) and data[0] & _SPECIFIER in (_UPLOAD, _ABORT)
+    return of_node and data[1:4] == multiplexer(asked.address) and data[0] & _SPECIFIER in (_UPLOAD, _ABORT)
 
 
 def _is_boot_up(frame: Frame) -> bool:

@@ -13,9 +13,10 @@ from steptwin.controller.node.axis_node import AxisNode
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.shadow.asking import KEPT, NodeValues
+from steptwin.host.twin.shadow.asking import KEPT, NodeValues, multiplexer
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, QUICK_STOP, SHUTDOWN, SWITCH_ON, Control, Mode, State, Status
+from steptwin.protocol.entry import encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_NMT, COB_SDO_REQUEST, FIRST_NODE_ID, Frame
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.nmt import NmtCommand
@@ -150,10 +151,8 @@ class TwinNode:
             self._write(address, self._values[address])
 
     def _write(self, address: int, value: int) -> None:
-        data_type = ENTRIES[address].data_type
-        index, subindex = od.index_and_subindex(address)
-        data = value.to_bytes(data_type.size, "little", signed=data_type.signed)
-        head = bytes((_EXPEDITED | (4 - data_type.size) << 2,)) + index.to_bytes(2, "little") + bytes((subindex,))
+        data = encode(ENTRIES[address].data_type, value)
+        head = bytes((_EXPEDITED | (4 - len(data)) << 2, *multiplexer(address)))
         self._send(Frame(COB_SDO_REQUEST + self._node.node_id, head + data.ljust(4, b"\0")))
 
     def _send(self, frame: Frame) -> None:
