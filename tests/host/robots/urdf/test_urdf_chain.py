@@ -184,7 +184,7 @@ def test_what_is_to_be_filled_in_is_told_until_it_is_set(tmp_path: Path) -> None
     assert [note for note in made.notes if note.startswith("fill in ")] == [
         fill[2],
         "fill in microsteps of J1: 8 stands there",
-        fill[4],
+        *fill[4:],
     ]
     first, second = read_robot(made.text).joints
     assert (first.lower, first.upper, first.transmission.ratio, second.transmission.microsteps) == (-720, 720, 50, 16)
