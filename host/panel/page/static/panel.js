@@ -208,11 +208,16 @@
 
   // Words and buttons come as NiceGUI's own messages. Where one of them was lost, as while the connection was made again,
   // the page is loaded again: it must not show who operated, or what was in the way, some time ago. `due` is the number of
-  // a change that was sent to this page seconds ago, before this message.
+  // a change that was sent to this page seconds ago, before this message. It asks once: another request would end the first,
+  // and where the answer takes longer than the next message, the page would ask for ever.
+  let loadsAgain = false;
   function alive(due) {
     lastTick = performance.now();
     const shownChange = document.querySelector("[data-revision]")?.dataset.revision;
-    if (shownChange !== undefined && Number(shownChange) < due) window.location.reload();
+    if (!loadsAgain && shownChange !== undefined && Number(shownChange) < due) {
+      loadsAgain = true;
+      window.location.reload();
+    }
     setSilent(false);
   }
 

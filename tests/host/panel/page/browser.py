@@ -23,9 +23,8 @@ _FLAGS: Final = (
     "--headless=new",
     "--no-sandbox",  # in containers, as in CI, the user is root
     "--disable-dev-shm-usage",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
+    "--disable-gpu",  # without a graphics card, drawing the page as one would take a processor for each browser
+    "--enable-unsafe-swiftshader",  # but the 3D view is drawn, in software
 )
 TIMEOUT_S: Final = 120.0
 """For the page, the browser and each script in it, on a busy computer."""
