@@ -12,7 +12,15 @@ from collections.abc import Generator
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from steptwin.protocol.abort import AbortCode, SdoAbortError
-from steptwin.protocol.od import address_of, index_and_subindex
+from steptwin.protocol.sdo_frames import (
+    ABORT,
+    EXPEDITED,
+    OBJECT,
+    SDO_BYTES,
+    SIZE_INDICATED,
+    named_address,
+    object_bytes,
+)
 
 SEGMENT_BYTES = 7
 BLOCK_SIZE_MAX = 127
@@ -28,8 +36,6 @@ _ABORT: Final = 4
 _BLOCK_UPLOAD: Final = 5
 _BLOCK_DOWNLOAD: Final = 6
 
-_EXPEDITED: Final = 0x02
-_SIZE_INDICATED: Final = 0x01
 _TOGGLE: Final = 0x10
 _LAST_SEGMENT: Final = 0x01
 
@@ -99,7 +105,7 @@ class SdoServer:
 
     def handle(self, request: bytes) -> list[bytes]:
         """Answer one request: with one frame, with a block of frames, or with none where the standard says so."""
-        if len(request) != 8:
+        if len(request) != SDO_BYTES:
             self.dropped += 1
             return []
         transfer, first = self._transfer, request[0]
@@ -109,13 +115,12 @@ class SdoServer:
         begins = initiates(first)
         address = transfer.address if transfer else 0
         if begins:
-            address = address_of(int.from_bytes(request[1:3], "little"), request[3])
+            address = named_address(request)
         try:
             return self._begin(request, address) if begins else self._go_on(transfer, request)
         except SdoAbortError as error:
             self.reset()
-            index, subindex = index_and_subindex(address)
-            return [bytes((0x80, index & 0xFF, index >> 8, subindex)) + error.code.to_bytes(4, "little")]
+            return [bytes((ABORT,)) + object_bytes(address) + error.code.to_bytes(4, "little")]
 
     def _begin(self, request: bytes, address: int) -> list[bytes]:
         """Begin a transfer, or make one of a single request."""
@@ -130,8 +135,8 @@ class SdoServer:
             steps = _block_upload(request, self._dictionary.read(address))
         else:
             limit = self._dictionary.size_to_write(address)
-            if command == DOWNLOAD_INITIATE and request[0] & _EXPEDITED:
-                size = 4 - (request[0] >> 2 & 3) if request[0] & _SIZE_INDICATED else limit
+            if command == DOWNLOAD_INITIATE and request[0] & EXPEDITED:
+                size = 4 - (request[0] >> 2 & 3) if request[0] & SIZE_INDICATED else limit
                 self._dictionary.write(address, request[4 : 4 + size])
                 return [_answer(0x60, request)]
             download = self._download if command == DOWNLOAD_INITIATE else self._block_download
@@ -151,7 +156,7 @@ class SdoServer:
 
     def _download(self, request: bytes, address: int, limit: int) -> _Steps:
         """Take the segments of an entry, then write it."""
-        announced = _announced(request, _SIZE_INDICATED, limit)
+        announced = _announced(request, SIZE_INDICATED, limit)
         data, toggle, last = b"", 0, 0
         answer = _answer(0x60, request)
         while not last:
@@ -206,7 +211,7 @@ class SdoServer:
 
 def _upload(request: bytes, data: bytes) -> _Steps:
     """Give an entry's bytes in segments."""
-    answer, toggle = _answer(0x40 | _SIZE_INDICATED, request, len(data).to_bytes(4, "little")), 0
+    answer, toggle = _answer(0x40 | SIZE_INDICATED, request, len(data).to_bytes(4, "little")), 0
     while True:
         request = yield [answer]
         _expect(request, _UPLOAD_SEGMENT, toggle)
@@ -264,7 +269,7 @@ def _block_size(size: int) -> int:
 
 def _answer(command: int, request: bytes, data: bytes = b"") -> bytes:
     """Return the answer to a request that names an object."""
-    return bytes((command,)) + request[1:4] + data.ljust(4, b"\0")
+    return bytes((command,)) + request[OBJECT] + data.ljust(4, b"\0")
 
 
 def _announced(request: bytes, indicated: int, limit: int) -> int | None:

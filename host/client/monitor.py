@@ -26,6 +26,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.objects import ENTRIES, RPDO_DEFAULTS, TPDO_DEFAULTS
+from steptwin.protocol.sdo_frames import EXPEDITED, SDO_BYTES, SIZE_INDICATED, named_address, value_bytes
 
 # --- names and values by the object table
 
@@ -104,7 +105,6 @@ _VALUES: Final = {
 
 # --- services
 
-_EXPEDITED, _SIZED = 0x02, 0x01
 _CLIENT: Final = {0: "download segment", 3: "upload segment", 5: "block upload", 6: "block download"}
 _SERVER: Final = {0: "upload segment", 1: "download segment taken", 5: "block download", 6: "block upload"}
 
@@ -121,7 +121,7 @@ def response_text(data: bytes) -> str:
 
 def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[int, str]) -> str:
     """Describe a frame by its command specifier; those in `initiates` carry an object, `with_value` a value, too."""
-    if len(data) != 8:
+    if len(data) != SDO_BYTES:
         return f"malformed: {len(data)} bytes"
     specifier = data[0] >> 5
     if specifier == 4:
@@ -132,18 +132,16 @@ def _text(data: bytes, initiates: dict[int, str], with_value: int, others: dict[
 
 
 def _object(data: bytes) -> str:
-    index, subindex = int.from_bytes(data[1:3], "little"), data[3]
+    index, subindex = od.index_and_subindex(named_address(data))
     entry = named_entry(index, subindex)
     return f"{index:04X}:{subindex:02X}" + (f" {entry.name}" if entry else "")
 
 
 def _value(data: bytes) -> str:
-    if not data[0] & _EXPEDITED:
+    if not data[0] & EXPEDITED:
         size = int.from_bytes(data[4:], "little")
-        return f" in segments of {size} bytes together" if data[0] & _SIZED else " in segments"
-    unused = data[0] >> 2 & 3 if data[0] & _SIZED else 0
-    index, subindex = int.from_bytes(data[1:3], "little"), data[3]
-    return f" {entry_text(index, subindex, data[4 : 8 - unused])}"
+        return f" in segments of {size} bytes together" if data[0] & SIZE_INDICATED else " in segments"
+    return f" {entry_text(*od.index_and_subindex(named_address(data)), value_bytes(data))}"
 
 
 def _abort(code: int) -> str:

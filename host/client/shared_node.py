@@ -23,21 +23,27 @@ from typing import Final
 from canopen import Network, RemoteNode
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
-from canopen.sdo.constants import EXPEDITED, REQUEST_DOWNLOAD, RESPONSE_ABORTED, SDO_STRUCT, SIZE_SPECIFIED
+from canopen.sdo.constants import RESPONSE_ABORTED
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
+from steptwin.protocol.od import address_of
+from steptwin.protocol.sdo_frames import (
+    ABORT,
+    DOWNLOAD,
+    EXPEDITED,
+    EXPEDITED_BYTES_MAX,
+    OBJECT,
+    SDO_BYTES,
+    SPECIFIER,
+    UPLOAD,
+    download_request,
+)
 from steptwin.protocol.sdo_server import initiates
 
-_COMMAND: Final = 0xE0
-_REFUSED: Final = 0x80
-_VALUE: Final = 0x40
-_EXPEDITED: Final = 0x02
-_ANSWERS: Final = {0x20: 0x60, 0x40: _VALUE, 0x00: 0x20, 0x60: 0x00}
+_ANSWERS: Final = {DOWNLOAD: 0x60, UPLOAD: UPLOAD, 0x00: 0x20, 0x60: 0x00}
 """The server's command specifier that answers each of the client's: initiate download, upload; segments of both."""
 _SEGMENTS: Final = (0x00, 0x20)
 """Server's command specifiers whose frames carry no object."""
-_FRAME_BYTES: Final = 8
-_OBJECT: Final = slice(1, 4)
 _NO_OBJECT: Final = bytes(3)
 """The object of a refusal when the server has no transfer under way."""
 
@@ -70,25 +76,25 @@ class OpenRequests:
     def ask(self, request: bytes) -> None:
         """Take note of a request of this program, which takes the place of the one before."""
         with self._lock:
-            self._request = request if request[0] & _COMMAND in _ANSWERS else b""
+            self._request = request if request[0] & SPECIFIER in _ANSWERS else b""
             if self._request and initiates(request[0]):
-                self._object, self._disturbed = request[_OBJECT], False
+                self._object, self._disturbed = request[OBJECT], False
                 self._open[self._object] += 1
 
     def overhear(self, request: bytes) -> None:
         """Take note of a request of another program; one that is equal to this program's has the same answer."""
-        if len(request) != _FRAME_BYTES:
+        if len(request) != SDO_BYTES:
             return
         with self._lock:
             if request == self._request:
                 return
             self._disturbed = True
             if initiates(request[0]):
-                self._open[request[_OBJECT]] += 1
+                self._open[request[OBJECT]] += 1
 
     def answer(self, answer: bytes) -> Whose:
         """Take note of an answer and return whom it is to."""
-        command, about = answer[0] & _COMMAND, answer[_OBJECT]
+        command, about = answer[0] & SPECIFIER, answer[OBJECT]
         with self._lock:
             rivals = self._open[self._object] > 1
             if command not in _SEGMENTS and self._open[about]:
@@ -97,7 +103,7 @@ class OpenRequests:
                 return Whose.OTHERS
             first, self._request = initiates(self._request[0]), b""
             if first:
-                in_one_frame = command == _VALUE and answer[0] & _EXPEDITED  # any program's is the object's value
+                in_one_frame = command == UPLOAD and answer[0] & EXPEDITED  # any program's is the object's value
                 return Whose.DOUBTFUL if rivals and not in_one_frame else Whose.OWN
             uploads = command == _ANSWERS[0x60]
             return Whose.DOUBTFUL if uploads and self._disturbed else Whose.OWN
@@ -105,9 +111,9 @@ class OpenRequests:
     def _fits(self, command: int, about: bytes) -> bool:
         if not self._request:
             return False
-        if command == _REFUSED:
+        if command == ABORT:
             return about == self._object or (about == _NO_OBJECT and not initiates(self._request[0]))
-        fits = command == _ANSWERS[self._request[0] & _COMMAND]
+        fits = command == _ANSWERS[self._request[0] & SPECIFIER]
         return fits and (command in _SEGMENTS or about == self._object)
 
     @property
@@ -123,12 +129,8 @@ class OpenRequests:
             self._open.clear()
 
 
-_COMMAND_MASK: Final = 0xE0
 _NEXT_SEGMENT: Final = 0x60
 """Client command specifier that asks for a segment."""
-_ANSWER_BYTES: Final = 8
-_EXPEDITED_BYTES_MAX: Final = 4
-"""Length of the longest value that fits the request itself (CiA 301, 7.2.4.3.3)."""
 SEGMENTS_MAX: Final = 64
 """Greatest number of segments of an answer, 448 bytes: the longest string of these nodes has 40."""
 _PATIENCE_S: Final = 0.8
@@ -177,17 +179,15 @@ class SharedSdoClient(SdoClient):
 
     def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
         """Write an object. What fits one request is sent without the library's stream, which costs most of a set-up."""
-        unused = _EXPEDITED_BYTES_MAX - len(data)
-        if force_segment or not 0 <= unused < _EXPEDITED_BYTES_MAX:
+        if force_segment or not 1 <= len(data) <= EXPEDITED_BYTES_MAX:
             super().download(index, subindex, data, force_segment)
             return
-        command = REQUEST_DOWNLOAD | EXPEDITED | SIZE_SPECIFIED | unused << 2
-        request = SDO_STRUCT.pack(command, index, subindex) + data.ljust(_EXPEDITED_BYTES_MAX, b"\0")
+        request = download_request(address_of(index, subindex), data)
         self.request_response(request)  # type: ignore[no-untyped-call]
 
     def send_request(self, request: bytearray) -> None:
         """Send a request; raise SdoCommunicationError at an endless answer."""
-        command = request[0] & _COMMAND_MASK
+        command = request[0] & SPECIFIER
         self._segments = self._segments + 1 if command == _NEXT_SEGMENT else 0
         if self._segments > SEGMENTS_MAX:
             raise SdoCommunicationError(f"an answer of more than {SEGMENTS_MAX} segments")
@@ -230,7 +230,7 @@ class SharedSdoClient(SdoClient):
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Take an answer, unless it is to another program."""
         del can_id, timestamp
-        if len(data) != _ANSWER_BYTES:
+        if len(data) != SDO_BYTES:
             self.malformed += 1
         elif (whose := self._requests.answer(bytes(data))) is not Whose.OTHERS:
             self.responses.put((bytes(data), whose))

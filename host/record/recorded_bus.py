@@ -41,6 +41,8 @@ from steptwin.protocol.frame import (
     TO_NODE,
     Frame,
 )
+from steptwin.protocol.od import address_of
+from steptwin.protocol.sdo_frames import DOWNLOAD, expedited_value
 
 if TYPE_CHECKING:
     import can
@@ -257,11 +259,8 @@ def _other_kind(message: "can.Message") -> str | None:
 
 
 _COB_TIME: Final = 0x100
-_MOVABLE: Final = {(0x1014, 0), *((0x1800 + i, 1) for i in range(len(COB_TPDO)))}
+_MOVABLE: Final = frozenset((address_of(0x1014), *(address_of(0x1800 + i, 1) for i in range(len(COB_TPDO)))))
 """Objects that hold the identifiers of a node's own frames."""
-_SDO_BYTES: Final = 8
-_EXPEDITED_DOWNLOAD: Final = 0x22
-_SPECIFIER_AND_EXPEDITED: Final = 0xE2
 
 
 class Sender(Enum):
@@ -325,14 +324,12 @@ def _of_no_board(cob_id: int, node_ids: Collection[int]) -> Sender | None:
 
 def _moved_identifier(frame: Frame, node_ids: Collection[int]) -> int | None:
     """Return the identifier that an SDO request gives to a board's PDO or EMCY; None for any other frame."""
-    data = frame.data
-    if frame.cob_id - COB_SDO_REQUEST not in node_ids or len(data) != _SDO_BYTES:
+    if frame.cob_id - COB_SDO_REQUEST not in node_ids:
         return None
-    if data[0] & _SPECIFIER_AND_EXPEDITED != _EXPEDITED_DOWNLOAD:
+    written = expedited_value(frame.data, DOWNLOAD)
+    if written is None or written.address not in _MOVABLE:
         return None
-    if (int.from_bytes(data[1:3], "little"), data[3]) not in _MOVABLE:
-        return None
-    value = int.from_bytes(data[4:], "little")
+    value = int.from_bytes(written.data, "little")
     return None if value & COB_ID_INVALID else value & COB_ID_MASK
 
 

@@ -95,12 +95,14 @@ def shadow(
             stood = MachineOptions(stand_at=joints_told(loaded, standing))
             twin, run = twin_at(replace(power_up, options=power_up.options.over(stood)))
             twin.take_standing(standing, us)
+        joined = _joined(twin)
         try:
             for us, frame in _heard(bus.recv, found.title, wanted.seconds):
                 if frame is None:
                     twin.pass_time(us)
                 else:
                     twin.hear(us, frame)
+                joined = joined or _joined(twin)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
                 if discrepancies and wanted.until_difference:
@@ -182,6 +184,13 @@ def _heard(
             continue
         last_us, last_s = round(1e6 * message.timestamp), time.monotonic()
         yield last_us, Frame(message.arbitration_id, bytes(message.data))
+
+
+def _joined(twin: "Shadow") -> bool:
+    """Return whether the twin knows how the machine stands; say it if so."""
+    if twin.joined:
+        say("joined: the twin goes along with the machine", err=True)
+    return twin.joined
 
 
 def _keep(folder: Path, frames: "list[tuple[int, Frame]]", discrepancies: "list[Discrepancy]") -> None:

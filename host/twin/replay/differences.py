@@ -18,7 +18,6 @@ from steptwin.host.common.arrays import Int64Array
 from steptwin.host.record.folder.edges_file import angle_column, edge_arrays
 from steptwin.host.record.recorded_bus import RecordedFrame
 from steptwin.host.verify import AxisEvidence, Evidence
-from steptwin.protocol import od
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.entry import Access, Mapping
 from steptwin.protocol.frame import (
@@ -31,6 +30,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_frames import OBJECT, UPLOAD, expedited_value
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
 
@@ -70,12 +70,8 @@ def instant(counts: int) -> str:
 
 _STATUS: Final = COB_TPDO[0]
 """The PDO that begins with the statusword and is sent with each of its changes."""
-_EXPEDITED_UPLOAD: Final = 0x42
-_SPECIFIER_AND_EXPEDITED: Final = 0xE2
-_MULTIPLEXER_BYTES: Final = 4
 _CODE_BYTES: Final = 3
 """Error code and error register of an EMCY; the detail after them may be a time."""
-_SDO_BYTES: Final = 8
 _AT_REST: Final = 2
 """Equal status PDOs at the end of a recording by which an axis rests: they come every 100 ms."""
 _SETTLING_COUNTS: Final = 100 * COUNTS_PER_MS
@@ -205,10 +201,11 @@ def _other_end(
 
 def _answer(data: bytes) -> bytes:
     """Return an SDO response without the value of a measured object."""
-    if len(data) == _SDO_BYTES and data[0] & _SPECIFIER_AND_EXPEDITED == _EXPEDITED_UPLOAD:
-        entry = ENTRIES.get(od.address_of(int.from_bytes(data[1:3], "little"), data[3]))
+    told = expedited_value(data, UPLOAD)
+    if told is not None:
+        entry = ENTRIES.get(told.address)
         if entry and entry.access is Access.READ_ONLY and entry.mapping in (Mapping.TRANSMIT, Mapping.BOTH):
-            return data[:_MULTIPLEXER_BYTES]
+            return data[: OBJECT.stop]
     return data
 
 

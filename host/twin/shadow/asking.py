@@ -30,14 +30,17 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_frames import (
+    ABORT,
+    SDO_BYTES,
+    SPECIFIER,
+    UPLOAD,
+    expedited_value,
+    named_address,
+    upload_request,
+)
 from steptwin.protocol.storage import NO_NAME, checksum, stored_name
 
-_UPLOAD: Final = 0x40
-"""First byte of the request: initiate an upload."""
-_ABORT: Final = 0x80
-_SPECIFIER: Final = 0xE0
-_EXPEDITED: Final = 0x02
-_SDO_BYTES: Final = 8
 _QUIET_S: Final = 0.3
 """Time without anything given to the nodes before they are asked: longer than a pause within a client's transfer."""
 _ANSWER_S: Final = 1.0
@@ -84,8 +87,7 @@ class _Question(NamedTuple):
 
     @property
     def request(self) -> Frame:
-        data = bytes((_UPLOAD, *multiplexer(self.address), 0, 0, 0, 0))
-        return Frame(COB_SDO_REQUEST + self.node_id, data)
+        return Frame(COB_SDO_REQUEST + self.node_id, upload_request(self.address))
 
 
 class Questions:
@@ -201,11 +203,11 @@ class Questions:
     def _answer(self, now_s: float, asked: _Question, data: bytes) -> None:
         """Take an answer to a question; look at a node when all is known by which it rests."""
         entry = ENTRIES[asked.address]
-        size = entry.data_type.size
-        if data[0] & _SPECIFIER == _ABORT or not data[0] & _EXPEDITED or _SDO_BYTES // 2 - (data[0] >> 2 & 3) != size:
+        told = expedited_value(data, UPLOAD)
+        if told is None or len(told.data) != entry.data_type.size:
             place = od.place_text(asked.address)
             raise InputError(f"{self._at(asked.node_id)} does not tell {place} as its twin does: {data.hex(' ')}")
-        value, values = decode(entry.data_type, data[4 : 4 + size]), self._values[asked.node_id]
+        value, values = decode(entry.data_type, told.data), self._values[asked.node_id]
         if values.setdefault(asked.address, value) != value:
             self._put_off(now_s, InputError(f"{self._names[asked.node_id]}: does not stay as it is"))
             return
@@ -242,17 +244,11 @@ class Questions:
             self._put_off(now_s, InputError(f"{name}: moves, or has records to execute"))
 
 
-def multiplexer(address: int) -> bytes:
-    """Return the index and the sub-index as they are in a request and in its answer."""
-    index, subindex = od.index_and_subindex(address)
-    return index.to_bytes(2, "little") + bytes((subindex,))
-
-
 def _answers(frame: Frame, asked: _Question) -> bool:
     """Return whether a response answers a question: with its value, or with an abort."""
     data = frame.data
-    of_node = frame.cob_id == COB_SDO_RESPONSE + asked.node_id and len(data) == _SDO_BYTES
-    return of_node and data[1:4] == multiplexer(asked.address) and data[0] & _SPECIFIER in (_UPLOAD, _ABORT)
+    of_node = frame.cob_id == COB_SDO_RESPONSE + asked.node_id and len(data) == SDO_BYTES
+    return of_node and named_address(data) == asked.address and data[0] & SPECIFIER in (UPLOAD, ABORT)
 
 
 def _is_boot_up(frame: Frame) -> bool:

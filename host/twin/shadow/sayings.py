@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 from steptwin.host.client.monitor import Decoder
 from steptwin.host.twin.replay.differences import KEYS, NOTHING, words_of
 from steptwin.host.twin.shadow.discrepancy import SETTLED_COUNTS, DiscrepancyKind
-from steptwin.protocol import od
 from steptwin.protocol.frame import COB_EMCY, COB_HEARTBEAT, COB_SDO_RESPONSE, NODE_ID_MAX, Frame
+from steptwin.protocol.sdo_frames import OBJECT, named_address
 
 KINDS: Final[Mapping[int, DiscrepancyKind]] = {
     COB_HEARTBEAT: DiscrepancyKind.BOOT_UP,
@@ -16,7 +16,6 @@ KINDS: Final[Mapping[int, DiscrepancyKind]] = {
     COB_EMCY: DiscrepancyKind.ERROR,
 }
 """The services by which a node says something once."""
-_MULTIPLEXER_BYTES: Final = 4
 """An answer's command, index and sub-index."""
 
 
@@ -45,7 +44,7 @@ class Sayings:
             return
         key = KEYS[base](frame.data)
         if base == COB_SDO_RESPONSE and key is not None and _address(frame.data) in self.past:
-            key = frame.data[:_MULTIPLEXER_BYTES]
+            key = frame.data[: OBJECT.stop]
         if key is not None:
             side = self._board if of_board else self._twin
             side.setdefault(frame.cob_id, deque()).append(_Saying(counts, key, frame))
@@ -72,7 +71,7 @@ class Sayings:
 
 def _address(data: bytes) -> int:
     """Return the address of the entry that an answer names."""
-    return od.address_of(int.from_bytes(data[1:3], "little"), data[3]) if len(data) >= _MULTIPLEXER_BYTES else 0
+    return named_address(data) if len(data) >= OBJECT.stop else 0
 
 
 def _without_like(board: deque[_Saying], twin: deque[_Saying]) -> tuple[_Saying | None, _Saying | None]:

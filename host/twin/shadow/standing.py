@@ -13,7 +13,7 @@ from steptwin.controller.node.axis_node import AxisNode
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.shadow.asking import KEPT, NodeValues, multiplexer
+from steptwin.host.twin.shadow.asking import KEPT, NodeValues
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ENABLE_OPERATION, QUICK_STOP, SHUTDOWN, SWITCH_ON, Control, Mode, State, Status
 from steptwin.protocol.entry import encode
@@ -21,6 +21,7 @@ from steptwin.protocol.frame import COB_ID_INVALID, COB_NMT, COB_SDO_REQUEST, FI
 from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_frames import download_request
 from steptwin.protocol.storage import NO_NAME
 from steptwin.protocol.timer import COUNTS_PER_MS
 
@@ -29,8 +30,6 @@ _ANSWERED_COUNTS: Final = 4 * COUNTS_PER_MS
 _SETTLED_COUNTS: Final = (od.SETTLING_US_MAX // 1000 + 100) * COUNTS_PER_MS
 _PASSES: Final = 3
 """Times that the settings are written: some are refused as long as others are not."""
-_EXPEDITED: Final = 0x23
-"""First byte of a request that writes: the data are in it, and their number."""
 _LED: Final = frozenset((od.CONTROLWORD, od.MODE_OF_OPERATION, od.CHARGE_TOKEN))
 """What leads the drive, and is written last, in its order."""
 _BY_STATE: Final[Mapping[State, tuple[int, ...]]] = {
@@ -152,8 +151,7 @@ class TwinNode:
 
     def _write(self, address: int, value: int) -> None:
         data = encode(ENTRIES[address].data_type, value)
-        head = bytes((_EXPEDITED | (4 - len(data)) << 2, *multiplexer(address)))
-        self._send(Frame(COB_SDO_REQUEST + self._node.node_id, head + data.ljust(4, b"\0")))
+        self._send(Frame(COB_SDO_REQUEST + self._node.node_id, download_request(address, data)))
 
     def _send(self, frame: Frame) -> None:
         self.sent.append(frame)

@@ -62,10 +62,12 @@ def test_nothing_differs(
     assert shadowing(heard[:before], monkeypatch) == 0
     assert capsys.readouterr().out.endswith(" frames of the board: the board does what its twin does\n")
     assert shadowing(heard[:before], monkeypatch, "--json") == 0
-    (line,) = capsys.readouterr().out.splitlines()
+    told = capsys.readouterr()
+    (line,) = told.out.splitlines()
     summary = json.loads(line)
     assert summary.pop("board_frames") > 500
     assert summary == {"joined": True, "discrepancies": 0}
+    assert told.err == "joined: the twin goes along with the machine\n"  # once, at the boot-up
 
 
 def test_each_discrepancy_is_a_line(

@@ -158,7 +158,9 @@ def test_it_joins_a_board_that_nobody_has_led_yet(
 ) -> None:
     bus = AskedBus(Real(ROBOT, fast_kernel), lambda real: home_robot(real.session, joints=["th2"], stay=True))
     assert asking(bus, monkeypatch) == 0
-    assert capsys.readouterr().out.endswith("the board does what its twin does\n")
+    told = capsys.readouterr()
+    assert told.out.endswith("the board does what its twin does\n")
+    assert told.err == "joined: the twin goes along with the machine\n"
 
 
 def test_a_fault_is_refused(
