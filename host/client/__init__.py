@@ -4,9 +4,8 @@ from steptwin.host.client.axis import AxisClient, AxisSettings
 from steptwin.host.client.axis_homing import HomingSettings
 from steptwin.host.client.links import Link
 from steptwin.host.client.machine import Machine, Progress, object_dictionary
-from steptwin.host.client.output_schedule import OutputCommand
 from steptwin.host.client.stream import Stream, StreamedMotion
-from steptwin.host.client.waits import InputWait
+from steptwin.host.client.waits import InputWait, OutputCommand
 
 __all__ = [
     "AxisClient",

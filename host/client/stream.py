@@ -6,11 +6,10 @@ from typing import Final, NamedTuple
 
 from steptwin.host.client.axis import AxisClient
 from steptwin.host.client.links import Link
-from steptwin.host.client.output_schedule import OutputCommand, OutputSchedule
 from steptwin.host.client.queue_feed import QueueFeed, TrajectoryTime, fill
 from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.client.waiting import POLL_S, REPLY_TIMEOUT_S, require
-from steptwin.host.client.waits import InputWait, Waits, divide
+from steptwin.host.client.waits import InputWait, OutputCommand, OutputSchedule, Waits, divide
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.protocol import od

@@ -9,9 +9,8 @@ from steptwin.host.client.words import state_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
 from steptwin.host.operate.joint_positions import fault_and_remedy
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.setting_up import axis_settings
+from steptwin.host.operate.setting_up import WIRE_UNITS, axis_settings, read_units
 from steptwin.host.operate.status import active_inputs, error_history
-from steptwin.host.operate.user_units import WIRE_UNITS, read_units
 from steptwin.host.robots.board_settings import Microsteps
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State, Status

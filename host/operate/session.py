@@ -15,8 +15,7 @@ from steptwin.host.client.reports import await_reports
 from steptwin.host.client.stopping import quick_stop, unsure
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
 from steptwin.host.operate.joint_positions import check_skews, faulty_drive
-from steptwin.host.operate.setting_up import clear_targets, objects_of
-from steptwin.host.operate.user_units import WIRE_UNITS, read_units
+from steptwin.host.operate.setting_up import WIRE_UNITS, clear_targets, objects_of, read_units
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import PoseDocument
 from steptwin.host.robots.robot import Robot

@@ -6,6 +6,7 @@ The verifier shares no code with the firmware that it judges.
 from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import contradictions, motor_moves
 from steptwin.host.verify.evidence import (
+    AS_PLANNED,
     NO_SLIPS,
     SIXTEENTHS,
     AxisEvidence,
@@ -15,6 +16,7 @@ from steptwin.host.verify.evidence import (
     LevelEdges,
     OutputChange,
     Phases,
+    RateRamps,
     ShelfEvent,
     ShelfEvidence,
     Slips,
@@ -26,7 +28,6 @@ from steptwin.host.verify.gates import (
     Gates,
     any_step_rule,
 )
-from steptwin.host.verify.rates import AS_PLANNED, RateRamps
 from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.verifier import verify, verify_comparison

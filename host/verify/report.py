@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from steptwin.host.verify.evidence import AxisEvidence, Evidence
-from steptwin.host.verify.rates import SpeedReport
+from steptwin.host.verify.evidence import AxisEvidence, Evidence, SpeedReport
 from steptwin.host.verify.switching import OutputReport
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir, keep_files
-from steptwin.host.cli.live.panel_process import require_extra
+from steptwin.host.cli.live.served_programs import require_extra
 from steptwin.host.cli.options import argument, naming_options, option, switch
 from steptwin.host.cli.output import progress_bar, say, warn
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import (
+    OrientationOptions,
     PositionsFile,
     RobotName,
     check_percent,
@@ -14,7 +15,6 @@ from steptwin.host.cli.arguments import (
 )
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.options import argument, naming_options, option, switch
-from steptwin.host.cli.orientation_options import OrientationOptions
 from steptwin.host.cli.output import fixed, pose_text, progress_bar
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.choices import name_value_pairs

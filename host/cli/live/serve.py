@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
 from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions
-from steptwin.host.cli.live.panel_process import panel_process, panel_words, require_extra, require_free
-from steptwin.host.cli.live.served_command import CommandOptions, ServedCommand
+from steptwin.host.cli.live.served_programs import (
+    CommandOptions,
+    ServedCommand,
+    panel_process,
+    panel_words,
+    require_extra,
+    require_free,
+)
 from steptwin.host.cli.options import option, switch
 from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options

@@ -5,9 +5,15 @@ from math import hypot, isfinite, isnan, nan
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotAndJoints, RobotName, RobotOptions, finite_number, joint_values
+from steptwin.host.cli.arguments import (
+    OrientationOptions,
+    RobotAndJoints,
+    RobotName,
+    RobotOptions,
+    finite_number,
+    joint_values,
+)
 from steptwin.host.cli.options import option, switch
-from steptwin.host.cli.orientation_options import OrientationOptions
 from steptwin.host.cli.output import fixed, pose_words, print_table, say
 from steptwin.host.common.errors import InputError
 

@@ -16,8 +16,7 @@ from steptwin.host.panel.desk.state import Snapshot
 from steptwin.host.panel.page.elements import View
 from steptwin.host.panel.page.hardware import HardwareTab
 from steptwin.host.panel.page.header import Banner, EventLogView, PageHead
-from steptwin.host.panel.page.jog import JogTab
-from steptwin.host.panel.page.joints import Joints, OutputsTab
+from steptwin.host.panel.page.joints import JogTab, Joints, OutputsTab
 from steptwin.host.panel.page.move import MoveTab
 from steptwin.host.panel.page.plots_card import PlotsCard
 from steptwin.host.panel.page.result import ResultTab

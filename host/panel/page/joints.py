@@ -1,27 +1,36 @@
-"""The table of the joints, the tool's pose, and the buttons for the machine as a whole."""
+"""The table of the joints, the tool's pose, the buttons for the machine as a whole, and the Jog tab.
 
+In the Jog tab a joint or the tool moves for as long as a button is held, or by steps.
+"""
+
+import json
 from functools import partial
 from typing import Final
 
-from nicegui import ui
+from nicegui import events, ui
 
 from steptwin.host.client.words import state_words
-from steptwin.host.panel.desk.commands import Disable, Enable, HomeAll, HomeJoint, SwitchOutput
+from steptwin.host.panel.desk.commands import Disable, Enable, HomeAll, HomeJoint, StepJoint, StepTool, SwitchOutput
+from steptwin.host.panel.desk.jogs import Jog, JointJog, ToolJog
 from steptwin.host.panel.desk.state import JointView, Snapshot
+from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.panel.page.elements import (
     Chip,
     Tone,
     act,
     card,
     cell,
+    choice,
     heading,
     line,
     live,
     note,
     plain,
+    stack,
     table,
 )
-from steptwin.host.panel.page.visitor import Visitor
+from steptwin.host.panel.page.visitor import SHOWN, Visitor
+from steptwin.host.planning.tool_by_hand import StepFrame, tool_speed_max
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.protocol.cia402 import State
 
@@ -148,3 +157,130 @@ def _state(joint: JointView) -> tuple[str, Tone]:
     if joint.error:
         return joint.error, "bad"
     return (f"{joint.state}: {joint.hindrance}", "bad") if joint.hindrance else (joint.state, "")
+
+
+HOLD: Final = "hold"
+_STEPS: Final = {HOLD: "while held", 10.0: "10", 1.0: "1", 0.1: "0.1"}
+"""Ways of a press: mm and degrees of a step, or for as long as it is held."""
+_FRAMES: Final = {StepFrame.WORLD: "world's axes", StepFrame.TOOL: "its own"}
+_TURN_NAMES: Final = {f"r{axis}": f"about {axis}" for axis in "xyz"}
+"""Turns of a tool as buttons name them."""
+_PERCENTS: Final = {5: "5 %", 20: "20 %", 50: "50 %", 100: "100 %"}
+
+
+class JogTab:
+    """Buttons to move each joint and each coordinate of the tool."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self._visitor = visitor
+        task = make_kinematics(visitor.desk.robot).task
+        self._tool_steps = task.steps
+        self._frame = StepFrame.WORLD
+        self._percent = 20
+        self._step: float | str = HOLD
+        self._buttons: list[ui.button] = []
+        self._refused = ""
+        with line("between"):
+            with line():
+                ui.label("A press moves").classes("muted")
+                choice("what a press moves", _STEPS, HOLD, self._choose_step)
+            with line():
+                ui.label("Speed").classes("muted")
+                choice("speed of a jog", _PERCENTS, self._percent, self._choose_speed)
+        with ui.element("div").classes("jog-sides"):
+            with stack("tight"):
+                heading("Joints")
+                for i, joint in enumerate(visitor.desk.robot.joints):
+                    self._row(joint.name, str(joint.unit), f"q{i}")
+            with stack("tight") as tool:
+                with line("between"):
+                    heading("Tool")
+                    choice("axes that the tool moves along", _FRAMES, StepFrame.WORLD, self._choose_frame)
+                coordinates = list(task.coordinates)
+                for name, unit in self._tool_steps.items():
+                    self._row(name, unit, f"pose{coordinates.index(name)}" if name in coordinates else None)
+                self._why_no_tool = note("The tool can be jogged when every joint is homed.")
+            tool.set_visibility(bool(self._tool_steps))
+        ui.on("jog_beat", self._beat, args=[["press", "what", "sign"]])
+        ui.on("jog_release", self._release, args=[["press"]])
+        self._mark_buttons()
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Say why the tool cannot be jogged."""
+        self._why_no_tool.set_visibility(not snapshot.homed)
+
+    def _row(self, name: str, unit: str, position: str | None) -> None:
+        """Make the buttons of a joint or a step of the tool, with its position if it has one of its own."""
+        with ui.element("div").classes("jog-row"):
+            with ui.element("div"):
+                ui.label(f"{_TURN_NAMES.get(name, name)}, {unit}")
+                if position is not None:
+                    live(position, "number muted small")
+            self._button(name, -1, "−")
+            self._button(name, +1, "+")
+
+    def _button(self, name: str, sign: int, text: str) -> None:
+        button = ui.button(text, on_click=lambda: self._by_step(name, sign), color=None).props("unelevated no-caps")
+        button.classes("jog").props["aria-label"] = f"jog {name} {'forward' if sign > 0 else 'backward'}"
+        button.props["data-what"] = json.dumps({"what": name, "sign": sign})
+        self._buttons.append(button)
+
+    def _choose_speed(self, percent: int) -> None:
+        self._percent = percent
+
+    def _choose_frame(self, frame: StepFrame) -> None:
+        self._frame = frame
+
+    def _choose_step(self, step: float | str) -> None:
+        self._step = step
+        self._mark_buttons()
+
+    def _mark_buttons(self) -> None:
+        """Let the panel's script hold the buttons, or leave them to be clicked."""
+        for button in self._buttons:
+            if self._step == HOLD:
+                button.props["data-jog"] = button.props["data-what"]
+            else:
+                button.props.pop("data-jog", None)
+            button.update()
+
+    def _by_step(self, name: str, sign: int) -> None:
+        if self._step == HOLD:
+            return  # the script has told of the press and of its end
+        distance = sign * float(self._step)
+        if name in self._visitor.desk.robot.joint_names:
+            self._visitor.ask(StepJoint(joint=name, distance=distance, speed_percent=self._percent))
+        else:
+            self._visitor.ask(StepTool({name: distance}, self._percent, self._frame))
+
+    def _jog(self, name: str, sign: float) -> Jog:
+        part = (1 if sign > 0 else -1) * self._percent / 100
+        robot = self._visitor.desk.robot
+        if name in robot.joint_names:
+            return JointJog(name, part * robot.joint(name).speed_max)
+        return ToolJog(name, part * tool_speed_max(name), self._frame)
+
+    def _beat(self, event: events.GenericEventArguments) -> None:
+        """Pass a beat of a held button on; say a refusal once, not with each beat. Anything else is dropped."""
+        match event.args:
+            case {"press": int(press), "what": str(name), "sign": int(sign)}:
+                pass
+            case _:
+                return
+        if name not in (*self._visitor.desk.robot.joint_names, *self._tool_steps):
+            return
+        try:
+            self._visitor.desk.beat(self._visitor.tab, press, self._jog(name, sign), SHOWN.get())
+        except RefusedError as error:
+            self._tell_once(press, str(error))
+
+    def _tell_once(self, press: int, why: str | None) -> None:
+        """Say why a press has ended, unless that was said of it already."""
+        if why is not None and self._refused != f"{press} {why}":
+            self._refused = f"{press} {why}"
+            self._visitor.tell(why)
+
+    def _release(self, event: events.GenericEventArguments) -> None:
+        match event.args:
+            case {"press": int(press)}:
+                self._tell_once(press, self._visitor.desk.release(self._visitor.tab, press))

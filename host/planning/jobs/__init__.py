@@ -13,8 +13,7 @@ from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job, fitted
 from steptwin.host.planning.jobs.options import OptionField, number
-from steptwin.host.planning.jobs.pull_line import PULL_LINE
-from steptwin.host.planning.jobs.shelf_jobs import DRAWER_PULL, EVERY_SLOT, FETCH, STORE
+from steptwin.host.planning.jobs.shelf_jobs import DRAWER_PULL, EVERY_SLOT, FETCH, PULL_LINE, STORE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove

@@ -1,12 +1,11 @@
 """Kinematics: tool poses from joint positions and back, a module for each kind of mechanism."""
 
 from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limits
-from steptwin.host.robots.kinematics.hybrid import HybridArm
+from steptwin.host.robots.kinematics.hybrid import AssemblyMode, HybridArm, SliderPair, WorkingMode
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role
 from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
 from steptwin.host.robots.kinematics.scara import Scara
-from steptwin.host.robots.kinematics.slider_pair import AssemblyMode, SliderPair, WorkingMode
 
 __all__ = [
     "ArmPart",

@@ -1,8 +1,8 @@
 """The hybrid arm as a multibody program sees it: constraint equations of its loop, solved by Newton's method.
 
-It is the independent check that the paper made with ADAMS. Nothing of the closed forms in `slider_pair` and `hybrid` is
-used: the unknowns are the coordinates of the bodies, waist th1, sliders Z5 and Z6, both links' slopes b5 and b6, and
-the gripper th4; the equations say that the links end at one point c and that the tool is at its pose:
+It is the independent check that the paper made with ADAMS. Nothing of the closed forms in `hybrid` is used:
+the unknowns are the coordinates of the bodies, waist th1, sliders Z5 and Z6, both links' slopes b5 and b6, and the
+gripper th4; the equations say that the links end at one point c and that the tool is at its pose:
 
     (-h + L cos b5) - (h + L cos b6) = 0          Z5 + L sin b5 - (Z6 + L sin b6) = 0
     rho cos th1 = X        rho sin th1 = Y        rho = l2 + (-h + L cos b5) + l3

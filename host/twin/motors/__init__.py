@@ -8,9 +8,8 @@ from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.motors.after_run import MotionSlip, RotorTrace, first_of, rotors_after_run
 from steptwin.host.twin.motors.drives import check_described
 from steptwin.host.twin.motors.driving import Driving, Progress
-from steptwin.host.twin.motors.reached import ToolPaths, ToolReached
 from steptwin.host.twin.motors.torques import Torques, torques_of_plan
-from steptwin.host.twin.motors.verdict import JointLoad, MotorVerdict, motor_verdict
+from steptwin.host.twin.motors.verdict import JointLoad, MotorVerdict, ToolPaths, ToolReached, motor_verdict
 from steptwin.host.verify import Comparison
 from steptwin.protocol.drivers import DriverProfile
 

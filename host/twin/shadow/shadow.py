@@ -16,8 +16,7 @@ from steptwin.host.twin.replay.power_up import MachineAtPowerUp
 from steptwin.host.twin.replay.replaying import WallClockPlayer, machine_at
 from steptwin.host.twin.shadow.asking import NodeValues
 from steptwin.host.twin.shadow.axes import FOLLOW_S, ComparedAxis, DriveReport, TwinAxis
-from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
-from steptwin.host.twin.shadow.sayings import Sayings
+from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind, Sayings
 from steptwin.host.twin.shadow.standing import PAST, stand
 from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.controller.modes.positioning import TurnDirection, way_units
+from steptwin.controller.modes.profile_position import TurnDirection, way_units
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
 from steptwin.protocol.abort import AbortCode

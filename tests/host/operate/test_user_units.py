@@ -5,7 +5,7 @@ import json
 import pytest
 
 from steptwin.host.operate.session import Session
-from steptwin.host.operate.user_units import WIRE_UNITS, AxisUnits, read_units
+from steptwin.host.operate.setting_up import WIRE_UNITS, AxisUnits, read_units
 from steptwin.protocol import od
 from tests.host.client.machines import TH1
 from tests.host.operate.sessions import ROBOT, CommandLine

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.host.verify.rates import AS_PLANNED, RateRamps
+from steptwin.host.verify.evidence import AS_PLANNED, RateRamps
 
 TICK = 18_000
 SECOND = 72_000_000

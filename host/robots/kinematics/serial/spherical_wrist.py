@@ -25,8 +25,14 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
-from steptwin.host.robots.kinematics.serial.vectors import Column, ConstantAxis, Vectors, constant, weighted
-from steptwin.host.robots.kinematics.serial.wrist_rates import WristRates
+from steptwin.host.robots.kinematics.serial.wrist_rates import (
+    Column,
+    ConstantAxis,
+    Vectors,
+    WristRates,
+    constant,
+    weighted,
+)
 
 MISS_MAX_MM: Final = 1e-4
 """Distance by which the wrist's axes may miss each other: the rounding of angles in files."""

@@ -8,9 +8,8 @@ import pytest
 from steptwin.host.twin.motors import MotorRun
 from steptwin.host.twin.motors.after_run import first_slip, rotors_after_run
 from steptwin.host.twin.motors.driving import PayloadTimes
-from steptwin.host.twin.motors.reached import ToolPaths, ToolReached
 from steptwin.host.twin.motors.torques import needs_of_plan, torques_of_plan
-from steptwin.host.twin.motors.verdict import MARGIN_MIN, MotorVerdict, motor_verdict
+from steptwin.host.twin.motors.verdict import MARGIN_MIN, MotorVerdict, ToolPaths, ToolReached, motor_verdict
 from steptwin.host.verify import Comparison
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
