@@ -56,7 +56,7 @@ def render_eds() -> str:
     eds["FileInfo"] = _file_info()
     eds["DeviceInfo"] = _device_info()
     eds["DummyUsage"] = {f"Dummy{index:04X}": "1" for index in DUMMY_BITS}
-    eds["Comments"] = {"Lines": "1", "Line1": "StepTwin: a simulated STM32F103 + TB6560 axis"}
+    eds["Comments"] = {"Lines": "1", "Line1": "StepTwin: a simulated STM32F103 axis with a STEP/DIR driver"}
     for title, objects in _groups().items():
         indices = {str(i): f"0x{o.index:04X}" for i, o in enumerate(objects, start=1)}
         eds[title] = {"SupportedObjects": str(len(objects)), **indices}
@@ -73,7 +73,7 @@ def _file_info() -> dict[str, str]:
         "FileVersion": "1",
         "FileRevision": "0",
         "EDSVersion": "4.0",
-        "Description": "StepTwin TB6560 axis",
+        "Description": "StepTwin stepper axis",
         "CreationTime": _FILE_DATE["Time"],
         "CreationDate": _FILE_DATE["Date"],
         "CreatedBy": "StepTwin",
@@ -88,7 +88,7 @@ def _device_info() -> dict[str, str]:
     return {
         "VendorName": "StepTwin",
         "VendorNumber": "0x0",
-        "ProductName": "StepTwin TB6560 axis",
+        "ProductName": "StepTwin stepper axis",
         "ProductNumber": "0x6560",
         "RevisionNumber": "0x10000",
         "OrderCode": "steptwin-axis",

@@ -202,8 +202,8 @@ ERROR_HISTORY: Final = tuple(
 """The newest error first."""
 SYNC_COB_ID = const(0x1005_00, U32, "COB-ID SYNC", COB_SYNC)
 COMMUNICATION_CYCLE_PERIOD = rw(0x1006_00, U32, "Communication cycle period in {unit}", unit=US)
-DEVICE_NAME = const(0x1008_00, STRING, "Manufacturer device name", "StepTwin TB6560 axis (SIMULATED)")
-HARDWARE_VERSION = const(0x1009_00, STRING, "Manufacturer hardware version", "STM32F103 + TB6560")
+DEVICE_NAME = const(0x1008_00, STRING, "Manufacturer device name", "StepTwin stepper axis (SIMULATED)")
+HARDWARE_VERSION = const(0x1009_00, STRING, "Manufacturer hardware version", "STM32F103 + STEP/DIR")
 # The firmware's own version: RELEASING.md says when it rises. 0x1018:03 has its first two parts.
 SOFTWARE_VERSION = const(0x100A_00, STRING, "Manufacturer software version", "1.0.0")
 _GROUPS: Final = ("all parameters", "communication parameters", "application parameters", "board parameters")

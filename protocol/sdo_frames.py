@@ -21,7 +21,8 @@ UPLOAD: Final = 0x40
 """Client's specifier: read. The server's answer with the value has the same."""
 ABORT: Final = 0x80
 """Either side's specifier: the transfer ends, for the reason in the last four bytes."""
-_VALUE_BYTES_MAX: Final = 4
+EXPEDITED_BYTES_MAX: Final = 4
+"""Length of the longest value that goes in the frame itself."""
 
 
 class ObjectValue(NamedTuple):
@@ -44,7 +45,7 @@ def named_address(frame: bytes) -> int:
 
 def upload_request(address: int) -> bytes:
     """Return the request that asks for an object's value."""
-    return bytes((UPLOAD,)) + object_bytes(address) + bytes(_VALUE_BYTES_MAX)
+    return bytes((UPLOAD,)) + object_bytes(address) + bytes(EXPEDITED_BYTES_MAX)
 
 
 def download_request(address: int, data: bytes) -> bytes:
@@ -53,11 +54,11 @@ def download_request(address: int, data: bytes) -> bytes:
     Raises:
         ValueError: the data are empty, or do not fit one frame.
     """
-    unused = _VALUE_BYTES_MAX - len(data)
-    if not 0 <= unused < _VALUE_BYTES_MAX:
-        raise ValueError(f"{len(data)} bytes do not fit a request: 1 to {_VALUE_BYTES_MAX} do")
+    unused = EXPEDITED_BYTES_MAX - len(data)
+    if not 0 <= unused < EXPEDITED_BYTES_MAX:
+        raise ValueError(f"{len(data)} bytes do not fit a request: 1 to {EXPEDITED_BYTES_MAX} do")
     command = DOWNLOAD | EXPEDITED | SIZE_INDICATED | unused << 2
-    return bytes((command,)) + object_bytes(address) + data.ljust(_VALUE_BYTES_MAX, b"\0")
+    return bytes((command,)) + object_bytes(address) + data.ljust(EXPEDITED_BYTES_MAX, b"\0")
 
 
 def expedited_value(frame: bytes, specifier: int) -> ObjectValue | None:
@@ -75,4 +76,4 @@ def expedited_value(frame: bytes, specifier: int) -> ObjectValue | None:
 def value_bytes(frame: bytes) -> bytes:
     """Return the value in an expedited frame: all four bytes where the frame does not say how many count."""
     unused = frame[0] >> 2 & 3 if frame[0] & SIZE_INDICATED else 0
-    return frame[SDO_BYTES - _VALUE_BYTES_MAX : SDO_BYTES - unused]
+    return frame[SDO_BYTES - EXPEDITED_BYTES_MAX : SDO_BYTES - unused]

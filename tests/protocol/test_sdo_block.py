@@ -16,7 +16,7 @@ from tests.compiled import on_sources_only
 
 pytestmark = on_sources_only
 NODE = 0x10
-NAME = b"StepTwin TB6560 axis (SIMULATED)"
+NAME = b"StepTwin stepper axis (SIMULATED)"
 BLOB = bytes(i * 7 % 251 for i in range(2000))
 
 
@@ -166,12 +166,12 @@ def abort(code: int, head: str) -> list[str]:
 class TestRawUpload:
     def test_the_frames(self) -> None:
         server = SdoServer(ObjectDictionary(NODE))
-        assert exchange(server, READ_NAME) == ["c6 08 10 00 20 00 00 00"]
+        assert exchange(server, READ_NAME) == ["c6 08 10 00 21 00 00 00"]
         segments = [bytes.fromhex(line) for line in exchange(server, START)]
         assert [segment[0] for segment in segments] == [1, 2, 3, 4, 0x85]
-        assert b"".join(segment[1:] for segment in segments) == NAME + bytes(3)
+        assert b"".join(segment[1:] for segment in segments) == NAME + bytes(2)
         crc = crc_hqx(NAME, 0).to_bytes(2, "little").hex(" ")
-        assert exchange(server, "a2 05 7f 00 00 00 00 00") == [f"cd {crc} 00 00 00 00 00"]
+        assert exchange(server, "a2 05 7f 00 00 00 00 00") == [f"c9 {crc} 00 00 00 00 00"]
         assert exchange(server, "a1 00 00 00 00 00 00 00") == []
         assert exchange(server, START) == abort(0x0504_0001, "00 00 00")
 
@@ -180,7 +180,7 @@ class TestRawUpload:
         exchange(server, READ_NAME, START)
         again = exchange(server, "a2 02 02 00 00 00 00 00")
         assert [bytes.fromhex(line) for line in again] == [b"\1" + NAME[14:21], b"\2" + NAME[21:28]]
-        assert exchange(server, "a2 02 02 00 00 00 00 00") == [(b"\x81" + NAME[28:] + bytes(3)).hex(" ")]
+        assert exchange(server, "a2 02 02 00 00 00 00 00") == [(b"\x81" + NAME[28:] + bytes(2)).hex(" ")]
 
     @pytest.mark.parametrize("size", ["00", "80", "ff"])
     def test_block_sizes_that_do_not_exist(self, size: str) -> None:
@@ -240,7 +240,7 @@ class TestRawDownload:
         [
             ("40 00 10 00 00 00 00 00", "43 00 10 00 92 01 04 00"),
             ("2b 17 10 00 f4 01 00 00", "60 17 10 00 00 00 00 00"),
-            (READ_NAME, "c6 08 10 00 20 00 00 00"),
+            (READ_NAME, "c6 08 10 00 21 00 00 00"),
             (WRITE_OFFSET, "a4 7c 60 00 1f 00 00 00"),
         ],
     )

@@ -11,7 +11,7 @@ def test_a_block_goes_up_and_down(board: EmbeddedBoard) -> None:
     board.network.add_node(node)
     sdo: SdoClient = node.sdo
     with sdo.open(0x1008, 0, "rb", block_transfer=True) as stream:  # type: ignore[no-untyped-call]
-        assert stream.read() == b"StepTwin TB6560 axis (SIMULATED)"
+        assert stream.read() == b"StepTwin stepper axis (SIMULATED)"
     with sdo.open(0x607C, 0, "wb", size=4, block_transfer=True) as stream:  # type: ignore[no-untyped-call]
         stream.write((-5).to_bytes(4, "little", signed=True))
     assert sdo.upload(0x607C, 0) == (-5).to_bytes(4, "little", signed=True)

@@ -22,7 +22,7 @@ CLAIM, CHARGE = bytes.fromhex("23172001"), bytes.fromhex("4017200100000000")
 """The head of a claim of an axis (2017h:01), and the request for the token in charge."""
 NAME = bytes.fromhex("4009100000000000")
 """The request for the hardware version (1009h), which comes in three segments."""
-VERSION = b"STM32F103 + TB6560"
+VERSION = b"STM32F103 + STEP/DIR"
 REFUSED = 0x80
 Step = Generator[bytes, bytes, object]
 """A program's work: it yields requests and gets the answers that are its own."""

@@ -132,7 +132,7 @@ def test_reading_in_segments(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, code: str
 ) -> None:
     answers_first(board, monkeypatch, bytes.fromhex("80081000" + code), times=2)
-    assert axis.read_text(od.DEVICE_NAME).startswith("StepTwin TB6560 axis")
+    assert axis.read_text(od.DEVICE_NAME).startswith("StepTwin stepper axis")
 
 
 def test_a_refusal_is_final(axis: AxisClient) -> None:

@@ -23,7 +23,7 @@ def test_a_healthy_machine(steptwin: CommandLine, session: Session) -> None:
     lines = out.splitlines()
     assert all(line.startswith("[ OK ] ") for line in lines)
     assert lines[0] == "[ OK ] bus: 127.0.0.1:29536"
-    assert lines[1].startswith("[ OK ] sx node 0x10: type 0x00040192, StepTwin TB6560 axis (SIMULATED), ")
+    assert lines[1].startswith("[ OK ] sx node 0x10: type 0x00040192, StepTwin stepper axis (SIMULATED), ")
     assert len(lines) == 1 + len(ROBOT.joints) * 9
     assert session.machine.axes[0].read(od.STATUSWORD)
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from steptwin.host.twin.motors.reached import ToolReached
 
 from steptwin.host.common.choices import MotorsTurn
 from steptwin.host.faults.reaction import GOES_ON, RUN_DRY, stops
@@ -21,6 +20,7 @@ from steptwin.host.studies.campaign.recovery import Recovery, steps_off
 from steptwin.host.studies.campaign.running import run_trial
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.motors import JointLoad, MotorVerdict
+from steptwin.host.twin.motors.verdict import ToolReached
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.drivers import bare_chip
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
