@@ -32,8 +32,7 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.kinematics.base import read_geometry
-from steptwin.host.robots.kinematics.serial.arm_axes import axes_of
-from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry
+from steptwin.host.robots.kinematics.serial.chain_geometry import ChainGeometry, axes_of
 from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.poses.rotations import matrix
 from steptwin.host.robots.robot import Robot

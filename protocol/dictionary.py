@@ -13,10 +13,10 @@ from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.entry import QUANTITIES, Access, DataType, Entry, decode, encode
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
 """COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""

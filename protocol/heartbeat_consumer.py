@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.nmt import NmtState
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _MS_US: Final = 1000
 _STATE_MASK: Final = 0x7F

@@ -18,13 +18,13 @@ from collections.abc import Set as AbstractSet
 from typing import Final, NamedTuple, Protocol
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary, check_cob_id
 from steptwin.protocol.entry import Access, Entry, Mapping
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK, COB_ID_NO_RTR, Frame
 from steptwin.protocol.objects import ANY_CHANGE, DUMMY_BITS
 from steptwin.protocol.od import address_of
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _LAST_SYNCHRONOUS: Final = 240
 ANNOUNCED: Final = frozenset(

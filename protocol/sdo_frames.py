@@ -1,12 +1,48 @@
-"""SDO requests and responses of one frame, as clients send and watchers read them (CiA 301, section 7.2.4.3).
+"""SDO requests and responses of one frame (CiA 301, section 7.2.4.3), and the codes with which a transfer is aborted.
 
 A request names an object; a value of up to four bytes goes in the same frame, as an expedited transfer. Longer values
-are the matter of the server, sdo_server.py, and of the client's library.
+are the matter of the server, sdo_server.py, and of the client's library. The abort codes are those of CiA 301 table 22.
 """
 
+from enum import IntEnum
 from typing import Final, NamedTuple
 
 from steptwin.protocol.od import address_of, index_and_subindex
+
+
+class AbortCode(IntEnum):
+    """Reason why an SDO transfer is aborted."""
+
+    TOGGLE_NOT_ALTERNATED = 0x0503_0000
+    COMMAND_UNKNOWN = 0x0504_0001
+    BLOCK_SIZE_INVALID = 0x0504_0002
+    SEQUENCE_INVALID = 0x0504_0003
+    CRC_WRONG = 0x0504_0004
+    WRITE_ONLY = 0x0601_0001
+    READ_ONLY = 0x0601_0002
+    NO_OBJECT = 0x0602_0000
+    CANNOT_BE_MAPPED = 0x0604_0041
+    PDO_TOO_LONG = 0x0604_0042
+    INCOMPATIBLE = 0x0604_0043
+    LENGTH_MISMATCH = 0x0607_0010
+    LENGTH_TOO_HIGH = 0x0607_0012
+    LENGTH_TOO_LOW = 0x0607_0013
+    NO_SUBINDEX = 0x0609_0011
+    VALUE_RANGE = 0x0609_0030
+    VALUE_TOO_HIGH = 0x0609_0031
+    VALUE_TOO_LOW = 0x0609_0032
+    MAX_BELOW_MIN = 0x0609_0036
+    NOT_STORED = 0x0800_0020
+    DEVICE_STATE = 0x0800_0022
+
+
+class SdoAbortError(Exception):
+    """Refusal of an access to the object dictionary: SDO answers with the code, a PDO drops the value."""
+
+    def __init__(self, code: AbortCode) -> None:
+        super().__init__(f"{code.name} (0x{code:08X})")
+        self.code = code
+
 
 SDO_BYTES: Final = 8
 OBJECT: Final = slice(1, 4)

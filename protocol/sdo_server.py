@@ -11,13 +11,14 @@ from binascii import crc_hqx
 from collections.abc import Generator
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.sdo_frames import (
     ABORT,
     EXPEDITED,
     OBJECT,
     SDO_BYTES,
     SIZE_INDICATED,
+    AbortCode,
+    SdoAbortError,
     named_address,
     object_bytes,
 )

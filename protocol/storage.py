@@ -13,9 +13,9 @@ from collections.abc import Callable
 from typing import Final, TypeVar
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, FlashPage, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, Entry, Mapping
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 NO_NAME: Final = 0
 """Checksum of an empty name."""

@@ -42,9 +42,9 @@ from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.stops import AxisStop
 from steptwin.controller.node.sync_clock import TICK_US, Slot
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Mode, Status
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _PER_UNIT_PER_US = 1000 * VELOCITY_PER_UNIT_PER_MS
 

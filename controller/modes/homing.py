@@ -28,10 +28,10 @@ from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.modes.switch_search import Phase, Speeds, SwitchSearch
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
 from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class _State(Enum):

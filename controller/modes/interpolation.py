@@ -15,9 +15,9 @@ from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.soft_limits import hull
 from steptwin.controller.node.stops import AxisStop, StopKind
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, ErrorCode, Status
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtFlag, PvtRecord, Verdict, judge
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _STICKY = {Verdict.GAP: PvtFlag.GAP, Verdict.FULL: PvtFlag.OVERFLOW}
 

@@ -35,11 +35,11 @@ from steptwin.controller.modes.profile import Limits, Passing
 from steptwin.controller.modes.profile_feed import ProfileFeed
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import Control, Status
 from steptwin.protocol.entry import DataType
 from steptwin.protocol.od import WINDOW_OFF
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class RelativeTo(IntEnum):

@@ -17,9 +17,9 @@ from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, Axi
 from steptwin.controller.node.supervision import Supervision
 from steptwin.controller.node.touch_probe import TouchProbes
 from steptwin.protocol import cia402, od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import AbortConnection, Control, DigitalInput, ErrorCode, Mode, State, Status
 from steptwin.protocol.entry import DataType
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _ABORT_CONTROLWORDS = {
     AbortConnection.DISABLE_VOLTAGE: cia402.DISABLE_VOLTAGE,

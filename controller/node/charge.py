@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _UNWATCHED_US: Final = 1000 * CHARGE_UNWATCHED_MS
 

@@ -12,7 +12,7 @@ from steptwin.controller.motion.step_config import INVERT_DIR, REVERSED, StepCon
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.pins import DECAY_LEVELS, MODE_LEVELS, TORQUE_LEVELS, Pin
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 _STEP_ENTRIES: Final = (
     od.STEPLEN_NS,

@@ -6,9 +6,9 @@ ends of the i32 range, which switches them off.
 
 from steptwin.controller.motion.kernel import I32_MAX
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class SoftLimits:

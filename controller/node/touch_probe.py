@@ -22,8 +22,8 @@ from typing import Final, NamedTuple
 
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import DigitalInput, TouchProbeBit
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 class _Latch(NamedTuple):

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import Final
 
-from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.bus.can_controller import CanController, ErrorState
 from steptwin.emulator.bus.can_timing import INTERMISSION_BITS, UNSTUFFED_TAIL_BITS, VALID_BEFORE_END_BITS, frame_bits
-from steptwin.emulator.bus.fault_confinement import ErrorState
 from steptwin.emulator.faults.bus import BusFault, FaultsInForce, StrikeEffect
 from steptwin.protocol.frame import BITRATES, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND

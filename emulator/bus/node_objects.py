@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.entry import Access
 from steptwin.protocol.objects import DUMMY_BITS
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 RPDOS: Final = range(0x1400, 0x1600)
 RPDO_MAPS: Final = range(0x1600, 0x1800)

@@ -19,7 +19,6 @@ from steptwin.emulator.bus.node_objects import (
     NodeValue,
 )
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import check_cob_id
 from steptwin.protocol.frame import (
@@ -37,6 +36,7 @@ from steptwin.protocol.frame import (
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
 from steptwin.protocol.objects import ANY_CHANGE
 from steptwin.protocol.pdo import PdoParameters, ReceivePdo, TransmitPdo
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.timer import COUNTS_PER_US
 

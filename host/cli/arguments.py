@@ -1,18 +1,21 @@
 """Arguments and options that several commands share, the answer of a command, and the reading of texts.
 
-A tool's orientation has one of several notations, whose options carry their conventions in their names.
+A tool's orientation has one of several notations, whose options carry their conventions in their names. An emulated
+machine differs from its robot's file by options, whose names stand in errors.
 """
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from steptwin.host.cli.options import argument, naming_options, option, switch
-from steptwin.host.cli.output import print_json, say, say_no_pictures
+from steptwin.host.cli.output import print_json, say, say_no_pictures, warn
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 
 if TYPE_CHECKING:
     from steptwin.host.planning.programs.positions import Position
@@ -267,3 +270,32 @@ class OrientationOptions:
             raise InputError(f"--{others[0][0]}: beside --{name}; a pose has one orientation")
         with prefixed(f"--{name}: "):
             return Orientation(_KEYS[name], values)
+
+
+def naming_machine_options(*parameters: str, **options: str) -> AbstractContextManager[None]:
+    """Name the command line's options in errors about the machine, and about further parameters."""
+    spelled = {
+        field.name: field.metadata[SPELLING].option for field in fields(MachineOptions) if field.name != "motors"
+    }
+    return naming_options(*parameters, **spelled, **options)
+
+
+def check_standing(robot: "Robot", machine: MachineOptions) -> None:
+    """Raise InputError unless --stand-at says where each joint stands, if it is given."""
+    if machine.stand_at is not None:
+        check_one_each(machine.stand_at, robot.joint_names, "--stand-at")
+
+
+def machine_for(robot: "Robot", machine: MachineOptions) -> MachineOptions:
+    """Return the options with their scenario read; warn of settings of the robot's file that do not apply.
+
+    Raises:
+        InputError: the number of joints is wrong, no drivers have this name, or something is wrong in the scenario.
+    """
+    from steptwin.host.twin.machine.drivers import settings_left_out
+
+    check_standing(robot, machine)
+    scenario = machine.scenario_for(robot)
+    if keys := settings_left_out(robot, machine.driver_profile):
+        warn(f"--driver-profile {machine.driver_profile}: has its usual settings, not the robot's {', '.join(keys)}")
+    return replace(machine, scenario=scenario)

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from steptwin.host.client.words import error_text, mode_text, state_text, words
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import ErrorCode, Mode, Overrun, State
 from steptwin.protocol.entry import DataType, Entry
 from steptwin.protocol.frame import (
@@ -26,7 +25,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import NmtCommand, NmtState
 from steptwin.protocol.objects import ENTRIES, RPDO_DEFAULTS, TPDO_DEFAULTS
-from steptwin.protocol.sdo_frames import EXPEDITED, SDO_BYTES, SIZE_INDICATED, named_address, value_bytes
+from steptwin.protocol.sdo_frames import EXPEDITED, SDO_BYTES, SIZE_INDICATED, AbortCode, named_address, value_bytes
 
 # --- names and values by the object table
 

@@ -19,9 +19,8 @@ from steptwin.host.common.file_limits import NAME_CHARS_MAX, SCENARIO_BYTES_MAX
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Reading, Table, integer_from, number_from, toml_table
-from steptwin.host.faults.frames import read_identifier
 from steptwin.host.faults.reaction import Motion, Reaction
-from steptwin.host.faults.requests import read_harm
+from steptwin.host.faults.requests import read_harm, read_identifier
 from steptwin.host.faults.triggers import (
     AtPosition,
     AtRandom,

@@ -3,8 +3,8 @@
 import pytest
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 GAPS, MODE = od.PVT_GAPS, od.MODE_OF_OPERATION
 GAPS_MAX = 0xFFFF

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
 from steptwin.protocol.pdo import ProcessData
 from steptwin.protocol.pvt import PvtRecord
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 NODE = 0x10
 INVALID = COB_ID_INVALID

@@ -2,10 +2,10 @@
 
 import pytest
 
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
 from steptwin.protocol.objects import OBJECTS
+from steptwin.protocol.sdo_frames import AbortCode
 from steptwin.protocol.sdo_server import SdoServer
 
 NODE = 0x12

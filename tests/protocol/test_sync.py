@@ -3,9 +3,9 @@
 import pytest
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 
 @pytest.mark.parametrize(

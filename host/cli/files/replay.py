@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, RobotOptions, run_folder
+from steptwin.host.cli.arguments import RobotName, RobotOptions, check_standing, naming_machine_options, run_folder
 from steptwin.host.cli.options import Without, argument, naming_options, option, switch
 from steptwin.host.cli.output import say
-from steptwin.host.cli.run.emulated_machine import check_standing, naming_machine_options
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:

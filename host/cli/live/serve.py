@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions
+from steptwin.host.cli.arguments import AnswerOptions, RobotName, RobotOptions, machine_for, naming_machine_options
 from steptwin.host.cli.live.served_programs import (
     CommandOptions,
     ServedCommand,
@@ -19,7 +19,6 @@ from steptwin.host.cli.live.served_programs import (
 )
 from steptwin.host.cli.options import option, switch
 from steptwin.host.cli.output import Columns, print_rows, say, warn
-from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import end_unless_struck, print_struck
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common import listening as socketcand

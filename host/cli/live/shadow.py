@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from steptwin.host.cli.app import command, end_unless
-from steptwin.host.cli.arguments import RobotName, run_folder
+from steptwin.host.cli.arguments import RobotName, check_standing, naming_machine_options, run_folder
 from steptwin.host.cli.live.connection import LiveOptions
 from steptwin.host.cli.options import Without, naming_options, option, switch
 from steptwin.host.cli.output import say, warn
-from steptwin.host.cli.run.emulated_machine import check_standing, naming_machine_options
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.machine_options import MachineOptions
 

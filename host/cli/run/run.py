@@ -8,9 +8,8 @@ from steptwin.host.cli.live.connection import SessionOptions, live_option, live_
 from steptwin.host.cli.options import argument, given_options, naming_options, option
 from steptwin.host.cli.output import fixed, print_table, progress_bar, say
 from steptwin.host.cli.run.chosen_motion import ChosenMotion, FileOptions, SpeedOptions, choose_motion
-from steptwin.host.cli.run.shelf_errand import choose_errand
 from steptwin.host.cli.run.verdict_text import print_waits
-from steptwin.host.cli.run.virtual_run import VirtualRunOptions, run_virtual
+from steptwin.host.cli.run.virtual_run import VirtualRunOptions, choose_errand, run_virtual
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 

@@ -1,6 +1,9 @@
-"""Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
+"""Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i.
 
-from collections.abc import Callable
+What a run does with the boxes of a robot's shelf is said by its job's options, or by an inventory file.
+"""
+
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -8,11 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from steptwin.host.cli.app import end_unless
-from steptwin.host.cli.arguments import AnswerOptions, finite_number, run_folder
+from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
 from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, option
 from steptwin.host.cli.output import progress_bar, say
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
-from steptwin.host.cli.run.emulated_machine import machine_for, naming_machine_options
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.run.motor_report import (
     check_motors,
@@ -22,19 +24,72 @@ from steptwin.host.cli.run.motor_report import (
     telling_time,
     with_motors,
 )
-from steptwin.host.cli.run.shelf_errand import ShelfErrand
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.errand import Errand
+    from steptwin.host.planning.inventory import Inventory
     from steptwin.host.planning.plan import Plan
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
     from steptwin.host.twin.machine.kernels import Kernel
     from steptwin.host.twin.motors import MotorRun
+
+
+@dataclass(frozen=True, slots=True)
+class ShelfErrand:
+    """An errand, the job's options with its slot, and the inventory file that it changes.
+
+    Attributes:
+        options: the job's options.
+        errand: what is done with the boxes; None for a motion that carries none.
+        path: the inventory file; empty without one.
+        inventory: what the file holds; None without one.
+    """
+
+    options: Mapping[str, str]
+    errand: "Errand | None" = None
+    path: str = ""
+    inventory: "Inventory | None" = None
+
+    def keep(self, answer: AnswerOptions, robot: "Robot") -> None:
+        """Write the inventory as it is after the run; raises as `write_inventory`."""
+        if self.inventory is None or self.errand is None or robot.shelf is None:
+            return
+        from steptwin.host.planning.inventory import write_inventory, written_after
+
+        after = written_after(self.inventory, self.errand, robot.shelf)
+        write_inventory(self.path, self.inventory, after, robot)
+        held = ", ".join(f"{slot} {box}" for slot, box in after.boxes.items())
+        answer.add(f"{self.path}: {held or 'the shelf is empty'}")
+
+
+def choose_errand(
+    robot: "Robot", job: str, options: Mapping[str, str], inventory_path: str | None, box: str | None
+) -> ShelfErrand:
+    """Return the errand of a job; raise InputError, with the inventory's file, if it cannot be done."""
+    from steptwin.host.planning.errand import Errand
+    from steptwin.host.planning.jobs import job_carries, job_names
+
+    if inventory_path is None:
+        if box is not None:
+            raise InputError(f"box {box!r}: boxes have names in an inventory: --inventory FILE")
+        carries = job_carries(robot, job, options) if job in job_names(robot) else ()
+        return ShelfErrand(options, Errand.alone(carries) if carries else None)
+    from steptwin.host.planning.inventory import assign, read_inventory
+
+    if job not in job_names(robot):
+        raise InputError(f"--inventory {inventory_path}: is for jobs that carry boxes, not for {job}")
+    inventory = read_inventory(inventory_path, robot)
+    with prefixed(f"{inventory_path}: "):
+        assigned = assign(robot, job, options, inventory, box)
+    return ShelfErrand(assigned.options, assigned.errand, inventory_path, inventory)
+
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
 """The forms of the firmware's kernel; all make the same edges."""

@@ -16,9 +16,8 @@ import scipy
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, timed_chains
+from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, driven, timed_chains
 from steptwin.host.planning.fastest.corners import CornerError, JointLeg, MotionLeg, ToolLeg
-from steptwin.host.planning.fastest.driven import driven
 from steptwin.host.planning.fastest.drives import DriveLimits, PathLoad
 from steptwin.host.planning.fastest.executed import timed
 from steptwin.host.planning.fastest.pieces import FollowedPath, JointPiece, Pace, PiecewisePath

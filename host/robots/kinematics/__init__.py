@@ -4,8 +4,7 @@ from steptwin.host.robots.kinematics.base import Branch, Kinematics, within_limi
 from steptwin.host.robots.kinematics.hybrid import AssemblyMode, HybridArm, SliderPair, WorkingMode
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from steptwin.host.robots.kinematics.links import ArmPart, Role
-from steptwin.host.robots.kinematics.planar2r import Elbow, Planar2R
-from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.scara import Elbow, Planar2R, Scara
 
 __all__ = [
     "ArmPart",

@@ -10,8 +10,7 @@ from steptwin.host.common.findings import check_all
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import dimension, read_geometry, require_joints
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
-from steptwin.host.robots.kinematics.planar2r import Planar2R
-from steptwin.host.robots.kinematics.scara import Scara
+from steptwin.host.robots.kinematics.scara import Planar2R, Scara
 from steptwin.host.robots.kinematics.usual_scara import Lift, ScaraGeometry, Vertical, chain, scara_of
 from steptwin.host.robots.robot import Robot
 

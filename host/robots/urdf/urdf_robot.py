@@ -14,8 +14,7 @@ from steptwin.host.common.own_files import read_text
 from steptwin.host.robots import read_robot
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.kinds import make_kinematics
-from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
-from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS
+from steptwin.host.robots.kinematics.serial.chain_geometry import JOINTS_MAX, TASKS, ArmAxes, axes_of
 from steptwin.host.robots.kinematics.serial.serial_arm import SerialArm
 from steptwin.host.robots.kinematics.serial.spherical_wrist import MISS_MAX_MM, TILT_MAX, wrist_miss_mm
 from steptwin.host.robots.new_file import DRIVER_PROFILE, robot_text

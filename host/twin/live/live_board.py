@@ -17,8 +17,7 @@ from steptwin.emulator.drivers.driver_bank import AxisTrace
 from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm, Surroundings
 from steptwin.emulator.faults.host import HostFault
-from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, warm_up
-from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.reporting import played_document

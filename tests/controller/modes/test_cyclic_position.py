@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from steptwin.controller.modes.cyclic_position import NO_SET_POINT, NO_SYNC
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, Mode, State, Status
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.modes.cyclic_bench import FIRST_SYNC_COUNTS, CyclicBench, first_tick, ramped
 from tests.controller.motion.exact_hermite import ExactHermite

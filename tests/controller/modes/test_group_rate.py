@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import KERNELS, Kernel, python_kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State, Status
 from steptwin.protocol.pvt import PvtFlag
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS, STEP
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import AbortConnection, DigitalInput, ErrorCode, HomingError, Mode, State, Status
 from steptwin.protocol.homing_methods import HOMING_METHODS
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.modes.homing_bench import (
     ACCELERATION_STEPS_PER_S2,

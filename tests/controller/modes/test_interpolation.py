@@ -1,9 +1,9 @@
 """Interpolated position with PVT records: the start with SYNC, flow control, refusals, the sequence's wrap."""
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.pvt import PvtFlag
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from steptwin.controller.modes.profile_position import TurnDirection, way_units
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import Mode, Status
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.modes.profile_bench import AT_ONCE, RELATIVE, ProfileBench
 from tests.controller.units import STEP
 

@@ -7,8 +7,8 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import ErrorCode, Mode, State, Status
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 

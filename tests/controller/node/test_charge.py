@@ -3,8 +3,8 @@
 import pytest
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 
 ALICE, BOB = 0x1234_5678, 0xFFFF_FFFF

@@ -3,8 +3,8 @@
 import pytest
 
 from steptwin.protocol import cia402, od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import Control, ErrorCode, Mode, State, Status
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 
 WORDS = {

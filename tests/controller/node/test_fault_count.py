@@ -3,8 +3,8 @@
 import pytest
 
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, State
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 
 NONE = 0xFFFF_FFFF

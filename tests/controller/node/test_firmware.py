@@ -8,11 +8,11 @@ from steptwin.controller.motion.backend import Kernel, python_kernel
 from steptwin.controller.node.firmware import Firmware
 from steptwin.controller.node.pins import OUTPUT_PINS, Pin, PinChange
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import AbortConnection, DigitalOutput, ErrorCode, Mode, State
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtFlag
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS, STEP
 

@@ -7,10 +7,10 @@ import pytest
 from steptwin.controller.node.pins import DECAY_LEVELS, TORQUE_LEVELS
 from steptwin.controller.node.stops import DISABLES, FAULT_REACTIONS, HALTS, QUICK_STOPS, SHUTDOWNS
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.dictionary import TEXT_BYTES_MAX, ObjectDictionary
 from steptwin.protocol.entry import Access, DataType, DictionaryObject, Entry, encode
 from steptwin.protocol.objects import ENTRIES, OBJECTS
+from steptwin.protocol.sdo_frames import AbortCode
 from steptwin.protocol.sdo_server import SdoServer
 from tests.controller.bench_board import BenchBoard
 

@@ -6,9 +6,9 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.controller.node.pins import Pin
 from steptwin.controller.node.stops import StopKind
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import AbortConnection, ErrorCode, Mode, State, Status
 from steptwin.protocol.pvt import PvtFlag
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP
 

@@ -6,9 +6,9 @@ import pytest
 
 from steptwin.controller.node.pins import Pin
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode, SdoAbortError
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import COB_ID_INVALID
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 from steptwin.protocol.storage import NO_NAME
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import STEP

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.protocol import od
-from steptwin.protocol.abort import AbortCode
 from steptwin.protocol.cia402 import DigitalInput, Mode, State, Status
 from steptwin.protocol.entry import Access
 from steptwin.protocol.exports import render_eds
 from steptwin.protocol.objects import ENTRIES
+from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.modes.profile_bench import ProfileBench
 

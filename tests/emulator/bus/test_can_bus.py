@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.bus.can_controller import CanController
+from steptwin.emulator.bus.can_controller import CanController, ErrorState
 from steptwin.emulator.bus.can_timing import frame_bits
-from steptwin.emulator.bus.fault_confinement import ErrorState
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import BITRATES, Frame
 from tests.emulator.bus.bus_rig import BusRig

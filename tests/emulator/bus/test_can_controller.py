@@ -5,8 +5,7 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
-from steptwin.emulator.bus.can_controller import CanController
-from steptwin.emulator.bus.fault_confinement import ErrorState, FaultConfinement
+from steptwin.emulator.bus.can_controller import CanController, ErrorState, FaultConfinement
 from steptwin.emulator.faults.bus import SenderOff
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol import od

@@ -2,8 +2,8 @@
 
 import pytest
 
+from steptwin.emulator.bus.can_controller import ErrorState
 from steptwin.emulator.bus.can_timing import frame_bits
-from steptwin.emulator.bus.fault_confinement import ErrorState
 from steptwin.emulator.faults.bus import (
     BusFault,
     FaultsInForce,

@@ -11,8 +11,7 @@ from steptwin.controller.motion.backend import fastest_kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.live.live_loop import LiveLoop
-from steptwin.emulator.live.live_simulation import LiveSimulation, warm_up
-from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.live.live_simulation import LiveSimulation, Pacer, warm_up
 from steptwin.emulator.live.socketcand import SocketcandServer
 from steptwin.emulator.simulation import Simulation
 from tests.emulator.pins import WIRES

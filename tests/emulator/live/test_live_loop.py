@@ -16,8 +16,7 @@ from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.live.live_loop import LiveLoop
-from steptwin.emulator.live.live_simulation import STALL_NS, LiveSimulation
-from steptwin.emulator.live.pacer import Pacer
+from steptwin.emulator.live.live_simulation import STALL_NS, LiveSimulation, Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord

@@ -17,10 +17,10 @@ from steptwin.emulator.live.live_simulation import (
     WORK_NS,
     Lateness,
     LiveSimulation,
+    Pacer,
     Sender,
     warm_up,
 )
-from steptwin.emulator.live.pacer import Pacer
 from steptwin.emulator.simulation import Simulation
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.pvt import PvtRecord

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.live.pacer import SPEED_MAX, SPEED_MIN, Pacer
+from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN, Pacer
 
 COUNTS = st.integers(0, 1 << 56)
 """30 years."""

@@ -39,12 +39,12 @@ from steptwin.emulator.faults.machine import (
 from steptwin.emulator.faults.wiring import Noise, SetWire, Wire, WireState
 from steptwin.host.common.choices import Stuck
 from steptwin.host.common.errors import InputError
-from steptwin.host.faults.frames import FRAMES as FRAME_NAMES
-from steptwin.host.faults.frames import cob_ids
+from steptwin.host.faults.requests import FRAMES as FRAME_NAMES
 from steptwin.host.faults.requests import (
     INJECTED,
     REQUESTS,
     STATE,
+    cob_ids,
     keys_of,
     metavar,
     read_request,

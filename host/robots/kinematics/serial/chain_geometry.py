@@ -8,11 +8,12 @@ urdf           xyz_mm, rpy_deg and axis of each joint: its place in the frame be
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Final
 
 import numpy as np
 
+from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import check_all
@@ -22,6 +23,7 @@ from steptwin.host.robots.kinematics.base import dimension
 from steptwin.host.robots.kinematics.dh import Convention, DhParameter, DhRow, DhTable
 from steptwin.host.robots.kinematics.serial.rows import FixedFrame, fixed_rows, rows_around, turned_onto
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
+from steptwin.host.robots.poses.base_frame import STATION
 from steptwin.host.robots.poses.rotations import of_matrix, rpy_deg
 
 JOINTS_MAX: Final = 8
@@ -237,3 +239,39 @@ def _dh_row(name: str, joint: ChainJoint) -> DhRow:
     d_mm = DhParameter(joint.d_mm, name if joint.slides else "")
     theta_deg = DhParameter(joint.theta_deg, "" if joint.slides else name)
     return DhRow(joint.alpha_deg, joint.a_mm, d_mm, theta_deg)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmAxes:
+    """The axes of a chain's joints with all joints at 0.
+
+    Attributes:
+        directions: shape (joints, 3), unit vectors.
+        points_mm: shape (joints, 3), a point on each axis.
+        slides: true for each joint that slides along its axis instead of turning about it.
+        home_mm: shape (3,), the tool's place.
+        home_rotation: shape (3, 3), the tool's axes as columns.
+    """
+
+    directions: FloatArray
+    points_mm: FloatArray
+    slides: tuple[bool, ...]
+    home_mm: FloatArray
+    home_rotation: FloatArray
+
+
+@lru_cache(maxsize=16)
+def axes_of(table: DhTable, joints: tuple[str, ...]) -> ArmAxes:
+    """Return the axes of a DH table whose variables are among the joints, in the joints' order."""
+    at_zero = {name: np.zeros(1) for name in joints}
+    frames = DhTable(table.convention, table.rows, STATION).frames(at_zero)[:, 0]
+    behind = table.convention is Convention.MODIFIED  # a modified row's joint turns about the z axis behind the row
+    found: dict[str, tuple[FloatArray, FloatArray, bool]] = {}
+    for i, row in enumerate(table.rows):
+        frame = frames[i + behind]
+        for parameter, slides in ((row.theta_deg, False), (row.d_mm, True)):
+            if parameter.variable:
+                found[parameter.variable] = parameter.sign * frame[:3, 2], frame[:3, 3], slides
+    axes, tool = [found[name] for name in joints], frames[-1]
+    directions, points_mm = (np.array([axis[i] for axis in axes]) for i in (0, 1))
+    return ArmAxes(directions, points_mm, tuple(axis[2] for axis in axes), tool[:3, 3], tool[:3, :3])

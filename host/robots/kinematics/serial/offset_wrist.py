@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 from steptwin.host.robots.kinematics.serial.levenberg import Found, NumericInverse
 from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.kinematics.serial.spherical_wrist import (

@@ -25,8 +25,7 @@ from steptwin.host.robots.kinematics.base import (
 )
 from steptwin.host.robots.kinematics.dh import Convention, DhTable
 from steptwin.host.robots.kinematics.links import ArmPart, Role, line
-from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes, axes_of
-from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ChainGeometry
+from steptwin.host.robots.kinematics.serial.chain_geometry import TASKS, ArmAxes, ChainGeometry, axes_of
 from steptwin.host.robots.kinematics.serial.following import find_along, find_near, follow, joints_near
 from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, Found, NumericInverse
 from steptwin.host.robots.kinematics.serial.offset_wrist import OffsetWrist, neighbour_of

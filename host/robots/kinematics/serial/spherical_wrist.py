@@ -24,7 +24,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
-from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 from steptwin.host.robots.kinematics.serial.wrist_rates import (
     Column,
     ConstantAxis,

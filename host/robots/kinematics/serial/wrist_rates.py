@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.serial.arm_axes import ArmAxes
+from steptwin.host.robots.kinematics.serial.chain_geometry import ArmAxes
 
 Column = FloatArray
 """A component of vectors, of shape (n,)."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.findings import Findings
+from steptwin.host.planning.fastest.chain import driven
 from steptwin.host.planning.fastest.corners import JointLeg, flowing
-from steptwin.host.planning.fastest.driven import driven
 from steptwin.host.planning.fastest.drives import LoadChange, PathLoad
 from steptwin.host.planning.fastest.pieces import Pace, PiecewisePath
 from steptwin.host.planning.jobs import make_job

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.robots.kinematics.serial.arm_axes import axes_of
+from steptwin.host.robots.kinematics.serial.chain_geometry import axes_of
 from steptwin.host.robots.poses.rotations import angle_deg, matrix
 from tests.host.robots.kinematics.serial.arms import arm, kinematics_of, random_joints
 
