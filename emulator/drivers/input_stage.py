@@ -72,11 +72,12 @@ class Switchboard:
         """Return the changes of torque: less when CLK has rested for the idle time, full with its next rise."""
         if not self._supplied:
             return []
-        times = np.concatenate(([self._last_rise_counts], rises))
         changes: list[LevelChange] = []
-        for rest in np.flatnonzero(np.diff(times) > self._idle_counts).tolist():
-            changes += self._begin(int(times[rest])) + self._end(int(times[rest + 1]))
-        self._last_rise_counts = int(times[-1])
+        if rises.size:
+            times = np.concatenate(([self._last_rise_counts], rises))
+            for rest in np.flatnonzero(np.diff(times) > self._idle_counts).tolist():
+                changes += self._begin(int(times[rest])) + self._end(int(times[rest + 1]))
+            self._last_rise_counts = int(times[-1])
         if self._last_rise_counts + self._idle_counts < until_counts:
             changes += self._begin(self._last_rise_counts)
         return changes
@@ -236,15 +237,18 @@ class InputStage:
         self._remember(edges)
         arrived_counts = edges.until_counts - self._foresight_counts
         settled = self._settled(edges.until_counts, arrived_counts)
-        meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
-        self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
-        pulses = self._not_lost(settled)
+        pulses = settled
+        if settled.edges.size:  # beside motors in the loop most stretches are of a tick, and few have a pulse
+            meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
+            self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
+            pulses = self._not_lost(settled)
         rises = pulses.edges + self._clk.to_high
         levels = self._levels(pulses.edges, rises)
         changes = self._arrived_changes(rises, arrived_counts)
         dir_counts, dir_levels = self._chip_direction(rises, levels, changes)
-        self._passed.append(rises)
-        self._origins.append(pulses.origins)
+        if rises.size:
+            self._passed.append(rises)
+            self._origins.append(pulses.origins)
         self._forget(settled.edges.size, arrived_counts)
         return TerminalEdges(
             clk_rise_counts=rises,
@@ -258,12 +262,14 @@ class InputStage:
     # --- memory
 
     def _remember(self, edges: TerminalEdges) -> None:
-        self._rises = np.concatenate((self._rises, edges.clk_rise_counts))
-        self._falls = np.concatenate((self._falls, edges.clk_fall_counts))
-        last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
-        turned = np.diff(edges.dir_levels, prepend=last) != 0
-        self._dir_counts = np.concatenate((self._dir_counts, edges.dir_counts[turned]))
-        self._dir_levels = np.concatenate((self._dir_levels, edges.dir_levels[turned]))
+        if edges.clk_rise_counts.size:
+            self._rises = np.concatenate((self._rises, edges.clk_rise_counts))
+            self._falls = np.concatenate((self._falls, edges.clk_fall_counts))
+        if edges.dir_counts.size:
+            last = self._dir_levels[-1] if self._dir_levels.size else np.int8(self._dir_before)
+            turned = np.diff(edges.dir_levels, prepend=last) != 0
+            self._dir_counts = np.concatenate((self._dir_counts, edges.dir_counts[turned]))
+            self._dir_levels = np.concatenate((self._dir_levels, edges.dir_levels[turned]))
         for change in edges.changes:
             self._remember_change(change)
 
@@ -311,6 +317,8 @@ class InputStage:
         high at least until now.
         """
         rises, falls = self._rises, self._falls
+        if not rises.size:
+            return _Pulses(rises, rises, rises, rises)
         if self._module.active_edge is ActiveEdge.RISING:
             falls_before = np.concatenate(([self._last_fall_counts], falls))[: rises.size]
             pulses = _Pulses(rises, rises, rises - falls_before, falls - rises)
@@ -334,6 +342,10 @@ class InputStage:
         Usually it is the level that has arrived through the coupler. Where an active edge breaks the module's
         requirements, DIR is read at the earliest or latest instant that they leave open.
         """
+        if not edges.size:
+            return np.empty(0, dtype=np.int8)
+        if not self._dir_counts.size:
+            return np.full(edges.size, self._dir_before, dtype=np.int8)
         counts, levels = self._dir.passed(self._dir_counts, self._dir_levels)
         read, late, early = (
             levels_at(instants, counts, levels, self._dir_before)
@@ -349,6 +361,8 @@ class InputStage:
     ) -> tuple[Int64Array, Int8Array]:
         """Return the edges of CW/CCW at the chip: its level as read at each rise of CLK, and low when VM falls."""
         off = [change.counts for change in changes if change.terminal == Rail.VM and not change.level]
+        if not off and not rises.size:
+            return rises, levels
         if off:
             at = np.searchsorted(rises, off)
             rises, levels = np.insert(rises, at, off), np.insert(levels, at, np.zeros(len(off), np.int8))
