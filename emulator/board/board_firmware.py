@@ -190,4 +190,4 @@ class BoardProgram(Protocol):
 
 
 class OtherFirmwareError(Exception):
-    """Somebody asks for what only our own firmware has, on a board that runs another."""
+    """A caller asks for what only our own firmware has, on a board that runs another."""

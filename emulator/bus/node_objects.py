@@ -1,4 +1,4 @@
-"""A simple node's object dictionary: its entries as data, whoever has read them, and their values with the checks."""
+"""A simple node's object dictionary: its entries as data, from whatever file, and their values with the checks."""
 
 import struct
 from collections.abc import Callable, Iterable, Mapping

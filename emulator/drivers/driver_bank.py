@@ -87,7 +87,7 @@ class DriverBank:
         self._wires: list[AxisWires | None] = [None] * len(self.drivers)
         """The wires to each driver that have had a fault."""
         self._strapped: set[tuple[int, Pin]] = set()
-        """Pins of the chips that somebody holds at a level, whatever the firmware does."""
+        """Pins of the chips that are strapped to a level, whatever the firmware does."""
         self._pin_levels: dict[tuple[int, Pin], int] = {}
         self._dir_levels = [0] * len(self.drivers)
         self._slips: list[list[tuple[int, int]]] = [[] for _ in self.drivers]

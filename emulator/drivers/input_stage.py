@@ -32,10 +32,10 @@ class Switchboard:
         self._idle = False
         self._last_rise_counts = 0
         self._turned: list[LevelChange] = []
-        """Changes by switches that somebody has turned, to be passed on."""
+        """Changes by switches that a user has turned, to be passed on."""
 
     def turn(self, levels: Mapping[str, int], counts: int) -> None:
-        """Let somebody set switches, which hold these levels from an instant on."""
+        """Let a user set switches, which hold these levels from an instant on."""
         self._running = {**self._running, **levels}
         if self._supplied:
             self._turned += [LevelChange(counts, pin, levels[pin]) for pin in self._running if pin in levels]
@@ -189,7 +189,7 @@ class InputStage:
         self._foresight_counts = self._make_foresight(pulse_min_counts)
 
     def turn_switches(self, levels: Mapping[str, int], counts: int) -> None:
-        """Let somebody set the module's switches for these inputs of the chip; a module without switches has none."""
+        """Let a user set the module's switches for these inputs of the chip; a module without switches has none."""
         if self._switchboard is not None:
             self._switchboard.turn(levels, counts)
 

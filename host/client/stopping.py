@@ -60,7 +60,7 @@ def await_rest(link: Link, axes: Sequence[AxisClient]) -> None:
 
 
 def emergency_stop(link: Link, axes: Sequence[AxisClient]) -> None:
-    """Stop all axes, switch their power off, and hold them in FAULT until a fault reset, whoever commands them.
+    """Stop all axes, switch their power off, and hold them in FAULT until a fault reset, whatever commands them.
 
     This is stop category 1 of IEC 60204-1, by software. All axes begin the quick stop in the same tick; each turns it
     into an emergency stop as soon as its SDO arrives, so no other program can set it moving again meanwhile. Raises as

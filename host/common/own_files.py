@@ -1,4 +1,4 @@
-"""Open the files that a user has named, and no others: a folder may come from somebody else and hold links and pipes.
+"""Open the files that a user has named, and no others: a folder may come from another person and hold links and pipes.
 
 What is written never goes through a symbolic link: the link may lead out of the folder. What is read is a file: a pipe
 would make a program wait for ever, and a device has no end. Only in /dev, where links and pipes are the system's, are

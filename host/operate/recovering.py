@@ -99,7 +99,7 @@ def _later_fault(axis: AxisClient) -> DeviceFaultError:
 def wake(session: Session) -> None:
     """Start the nodes that do not answer: those that NMT has STOPPED answer no request until they are started.
 
-    A node that answers is left as it is; whoever is in charge of it may need it so.
+    A node that answers is left as it is: the program in charge of it may need it so.
     """
     for axis in session.machine.axes:
         try:

@@ -131,7 +131,7 @@ class _Lines:
             yield line
 
     def close(self) -> None:
-        """Do nothing: whoever has opened the file closes it."""
+        """Do nothing: the caller that has opened the file closes it."""
 
 
 class _Reading:

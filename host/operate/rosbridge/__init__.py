@@ -50,7 +50,7 @@ class GoalSent(NamedTuple):
 
 
 class CancelAsked(NamedTuple):
-    """Somebody asks to cancel a goal."""
+    """A client asks to cancel a goal."""
 
     goal_id: str
 

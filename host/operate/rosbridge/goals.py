@@ -59,7 +59,7 @@ class GoalEvent(Enum):
     """What happens to a goal."""
 
     BEGUN = "the axes have set off"
-    CANCEL = "somebody asks to cancel it"
+    CANCEL = "a client asks to cancel it"
     REACHED = "the axes stand at its end"
     STOPPED = "the axes rest, since it was canceled"
     FAILED = "it was refused, or has failed"

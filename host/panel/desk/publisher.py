@@ -174,7 +174,7 @@ class Publisher:
         )
 
     def _follow_emergency_stop(self, drives: Sequence[DriveStatus]) -> None:
-        """Note an emergency stop, whoever has made it, and its end by a reset."""
+        """Note an emergency stop by any program, and its end by a reset."""
         state, codes = self._state, [report.error_code for report in self.reports.axes]
         if any(drive.in_fault and code == ErrorCode.ESTOP for drive, code in zip(drives, codes, strict=True)):
             state.emergency_stopped = True
@@ -187,7 +187,7 @@ class Publisher:
             self._state.events.info("the emergency stop is over")
 
     def _follow_stops(self, drives: Sequence[DriveStatus]) -> None:
-        """Void what was asked for before a stop or a fault, whoever has made it, and before a reset."""
+        """Void what was asked for before a stop by any program or a fault, and before a reset."""
         stopped, faulty = any(drive.state in STOPPED for drive in drives), any(drive.in_fault for drive in drives)
         if stopped and not self._stopped:
             self._state.shown.void("the machine was stopped")

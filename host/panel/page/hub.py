@@ -262,7 +262,7 @@ class Hub:
             self._desk.drawing.version,
         )
 
-    # --- stops, by anybody
+    # --- stops, by any browser
 
     def _emergency_stop(self, page: str | None, press: str | None) -> Answer:
         return {"told": self._desk.emergency_stop(self._name(page), press)}

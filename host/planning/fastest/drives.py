@@ -1,8 +1,8 @@
 """What limits a fastest motion besides its joints: the drives, as the machine's motors and masses allow.
 
-Planning knows the limits of joints, but no motor: pull-out torques and rotors are the emulator's. So whoever knows the
-motors hands them in (`host/twin/motor_limits`), and the loop of `timed` takes their torques as further rows. Who hands
-none in gets motions within the joints' limits, and a program that asks for motors is refused.
+Planning knows the limits of joints, but no motor: pull-out torques and rotors are the emulator's. So a caller that
+knows the motors hands them in (`host/twin/motor_limits`), and the loop of `timed` takes their torques as further rows.
+Without them motions are within the joints' limits, and a program that asks for motors is refused.
 """
 
 from collections.abc import Callable

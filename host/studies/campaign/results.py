@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _ROWS: Final = "rows"
 """Folder of the Parquet files."""
 _PART: Final = re.compile(r"part-(\d{6,9})\.parquet")
-"""Name of a file of rows; any other in the folder is somebody else's, and left alone."""
+"""Name of a file of rows; any other in the folder is not a campaign's, and left alone."""
 _LOCK: Final = "running"
 """File that a running campaign holds."""
 PART_ROWS: Final = 1000

@@ -287,7 +287,7 @@ class FollowedMotion:
         return RecordedMotion(self.start_counts, lacking, self.plan.going, self.plan.number)
 
     def _note_later_motion(self, now_counts: int) -> None:
-        """Note that axes move on after the end of a plan, whoever has started them."""
+        """Note that axes move on after the end of a plan, whatever program has started them."""
         if not self.in_motion:
             self._rest_counts = now_counts
         elif self._complete and not self._complete.next_counts and not (self.plan and self.plan.going):

@@ -5,7 +5,7 @@ A u + B x + G: G carries the weights, A are the masses' torques for r1, B those 
 Newton-Euler (`emulator/motors/mechanics.py`). The rotor's own inertia is in A and B. Friction and the gear's efficiency
 rub against the motion. What there is, is the pull-out torque at the rotor's speed, less what is to be left.
 
-Then the rotors turn by the motion before anybody runs it: do they keep step, also if it were somewhat faster? The
+Then the rotors turn by the motion before it is run: do they keep step, also if it were somewhat faster? The
 emulated board runs the motion, and the edges of its own drivers turn the rotors, as `run --motors` does. So what is
 promised here is what a run finds, with the drivers' currents, decay and reduced currents.
 """
