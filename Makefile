@@ -29,6 +29,7 @@ LIVE := tests/live tests/package tests/emulator/native tests/host/panel tests/ho
 	tests/host/client/test_socketcand_bus.py \
 	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py docs.py hostile_files.py \
 		interrupts.py machines_page.py programs.py readme.py)
+IN_REAL_TIME := tests/host/panel/desk tests/live/test_held_network.py tests/live/test_browser.py
 # Tests of whole commands and studies.
 WHOLE := tests/end_to_end tests/host/cli tests/host/studies
 
@@ -38,9 +39,11 @@ test: $(VENV)/.installed-dev
 test-commands: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE) $(LIVE:%=--ignore %)
 
-# More workers than cores; each file by one of them, for what its tests share, and the longest files first.
+# More workers than cores; each file by one of them, for what its tests share, and the longest files first. Then those that
+# hold buttons in real time, one after the other: beside others a slow computer is too slow for them.
 test-live: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE)
+	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE) $(IN_REAL_TIME:%=--ignore %)
+	$(BIN)/python -m pytest $(IN_REAL_TIME)
 
 # The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/benchmarks.md).
 wheel: $(BIN)/python

@@ -20,8 +20,14 @@ from tests.kernel_forms import FORMS, kernel_form
 from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 from tests.shared_folders import made_once
+from tests.turns import pytest_runtest_protocol, pytest_sessionfinish
 
-__all__ = ["pytest_runtest_logreport", "pytest_terminal_summary"]
+__all__ = [
+    "pytest_runtest_logreport",
+    "pytest_runtest_protocol",
+    "pytest_sessionfinish",
+    "pytest_terminal_summary",
+]
 
 YOUNG_OBJECTS: Final = 200_000
 """Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""

@@ -34,7 +34,7 @@ def board_with(drivers: str) -> BoardSettings:
             f"{drivers!r} needs its manual's times in the file (docs/driver.md): begin with {', '.join(DRIVERS)}"
         )
     if drivers not in PROFILES:
-        raise InputError(f"{drivers!r} is not one of {', '.join(DRIVERS)}")
+        raise unknown("driver", drivers, DRIVERS)
     times: dict[str, Any] = {**pulses_for(PROFILES[drivers])}
     return BoardSettings(osc_pf=None, driver_profile=drivers, **times)
 

@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final, ParamSpec
@@ -15,10 +15,13 @@ from steptwin.host.cli.app import run
 from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.command_line import PROGRAM
 from tests.repeats import count_repeat
+from tests.turns import alone
 
 LATE_MS: Final = 100.0
 """Lateness from which on a failure may be the computer's: an axis misses its host's heartbeat after 350 ms."""
 ATTEMPTS: Final = 8
+TOGETHER: Final = 2
+"""Attempts beside the tests of other workers; in the further ones these wait."""
 _SLOWNESS: Final = re.compile(r"steptwin: warning: computer too slow: .*\n")
 _P = ParamSpec("_P")
 
@@ -186,8 +189,8 @@ def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
     """Repeat a test that fails while this computer is too slow for real time; let any other failure stand.
 
     So a busy computer makes the test slow, not red. A stream that runs dry, or a missed heartbeat or answer, says
-    nothing about StepTwin when processes had to wait for a processor. Fixtures are made once, so each attempt needs a
-    folder of its own in `tmp_path`.
+    nothing about StepTwin when processes had to wait for a processor. After TOGETHER attempts the tests of other
+    workers wait meanwhile. Fixtures are made once, so each attempt needs a folder of its own in `tmp_path`.
     """
 
     @functools.wraps(test)
@@ -195,7 +198,8 @@ def in_real_time(test: Callable[_P, None]) -> Callable[_P, None]:
         for attempt in range(1, ATTEMPTS + 1):
             before_ms = _waited_ms()
             try:
-                test(*args, **kwargs)
+                with alone() if attempt > TOGETHER else nullcontext():
+                    test(*args, **kwargs)
                 return
             except ComputerTooSlowError:
                 if attempt == ATTEMPTS:

@@ -186,7 +186,7 @@ def test_the_help_names_the_kinds_and_their_keys(capsys: pytest.CaptureFixture[s
         (["--kind", "chain", "--set", "joints=4", "--set", "J5.a_mm=3"], "--set joint 'J5' is unknown: "),
         (
             ["--kind", "scara", "--set", "driver_profile=a4989"],
-            "--set driver_profile: 'a4989' is not one of chip-100pf,",
+            "--set driver_profile: driver 'a4989' is unknown: did you mean a4988",
         ),
         (["--kind", "scara", "--set", "driver_profile=generic"], "--set driver_profile: 'generic' needs its manual's"),
         (
