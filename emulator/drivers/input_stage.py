@@ -237,13 +237,13 @@ class InputStage:
         self._remember(edges)
         arrived_counts = edges.until_counts - self._foresight_counts
         settled = self._settled(edges.until_counts, arrived_counts)
-        pulses = settled
+        pulses, levels = settled, NO_LEVELS
         if settled.edges.size:  # beside motors in the loop most stretches are of a tick, and few have a pulse
             meant = levels_at(settled.origins, self._dir_counts, self._dir_levels, self._dir_before)
             self.meant_steps += 2 * int(meant.sum(dtype=np.int64)) - meant.size
             pulses = self._not_lost(settled)
+            levels = self._levels(pulses.edges)
         rises = pulses.edges + self._clk.to_high
-        levels = self._levels(pulses.edges, rises)
         changes = self._arrived_changes(rises, arrived_counts)
         dir_counts, dir_levels = self._chip_direction(rises, levels, changes)
         if rises.size:
@@ -336,16 +336,15 @@ class InputStage:
 
     # --- direction
 
-    def _levels(self, edges: Int64Array, rises: Int64Array) -> Int8Array:
-        """Return the level of DIR that the chip reads at each rise of its CLK.
+    def _levels(self, edges: Int64Array) -> Int8Array:
+        """Return the level of DIR that the chip reads at each rise of its CLK, one for each active edge.
 
         Usually it is the level that has arrived through the coupler. Where an active edge breaks the module's
         requirements, DIR is read at the earliest or latest instant that they leave open.
         """
-        if not edges.size:
-            return np.empty(0, dtype=np.int8)
         if not self._dir_counts.size:
             return np.full(edges.size, self._dir_before, dtype=np.int8)
+        rises = edges + self._clk.to_high
         counts, levels = self._dir.passed(self._dir_counts, self._dir_levels)
         read, late, early = (
             levels_at(instants, counts, levels, self._dir_before)

@@ -94,14 +94,14 @@ def shadow(
             stood = MachineOptions(stand_at=joints_told(loaded, standing))
             twin, run = twin_at(replace(power_up, options=power_up.options.over(stood)))
             twin.take_standing(standing, us)
-        joined = _joined(twin)
+        joined = _told_joined(twin)
         try:
             for us, frame in _heard(bus.recv, found.title, wanted.seconds):
                 if frame is None:
                     twin.pass_time(us)
                 else:
                     twin.hear(us, frame)
-                joined = joined or _joined(twin)
+                joined = joined or _told_joined(twin)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
                 if discrepancies and wanted.until_difference:
@@ -185,8 +185,8 @@ def _heard(
         yield last_us, Frame(message.arbitration_id, bytes(message.data))
 
 
-def _joined(twin: "Shadow") -> bool:
-    """Return whether the twin knows how the machine stands; say it if so."""
+def _told_joined(twin: "Shadow") -> bool:
+    """Say so if the twin knows how the machine stands; return whether it does."""
     if twin.joined:
         say("joined: the twin goes along with the machine", err=True)
     return twin.joined
