@@ -126,14 +126,14 @@ _LATE_PART: Final = 0.8
 
 
 def draw_load_angle(ran: MotorRun, run: RunInfo) -> Figure:
-    """Draw a row for each joint, from the start of the motion until the drivers go off."""
-    joints = ran.driving.robot.joints
-    figure = new_figure(run, "load angle of the motors", _LOAD_ROW_INCHES * len(joints))
-    rows = rows_of_axes(figure, len(joints))
+    """Draw a row for each motor, from the start of the motion until the drivers go off."""
+    names = ran.driving.robot.axis_names
+    figure = new_figure(run, "load angle of the motors", _LOAD_ROW_INCHES * len(names))
+    rows = rows_of_axes(figure, len(names))
     t_s = (ran.trace.counts - ran.driving.start_counts) / COUNTS_PER_SECOND
     shown = (t_s >= 0.0) & (ran.trace.counts < ran.driving.off_counts)
     end_s = max(float(t_s[shown][-1]), 1e-3)
-    for axis, ((axes,), joint) in enumerate(zip(rows, joints, strict=True)):
+    for axis, ((axes,), name) in enumerate(zip(rows, names, strict=True)):
         axes.plot(*thinned(t_s[shown], ran.trace.load_deg[shown, axis]), color=COUNTED)
         for limit_deg in (-_TORQUE_MAX_DEG, _TORQUE_MAX_DEG):
             axes.axhline(limit_deg, color=LIMIT, linestyle="--", label="greatest torque" if limit_deg > 0.0 else None)
@@ -141,7 +141,7 @@ def draw_load_angle(ran: MotorRun, run: RunInfo) -> Figure:
         if slip_counts is not None:
             _mark_slip(axes, ran.driving.seconds(slip_counts), end_s)
         _scale(axes, ran.trace.load_deg[shown, axis])
-        axes.set_ylabel(f"{joint.name} [deg]")
+        axes.set_ylabel(f"{name} [deg]")
     rows[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0, ncols=2)
     rows[0][0].set_title("electrical degrees between field and rotor, the greatest in each ms", loc="left")
     rows[-1][0].set_xlabel("time [s]")

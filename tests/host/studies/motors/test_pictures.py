@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from steptwin.host.robots import load_robot
 from steptwin.host.studies.motors.motor_pictures import draw_load_angle, draw_tool, draw_torque
 from steptwin.host.twin.motors import MotorRun
 from steptwin.host.verify import BusReport, Comparison, RunInfo
@@ -27,6 +28,16 @@ def test_the_load_angle_is_drawn_for_each_joint_with_its_limit_and_its_slip(ran:
     drawn, *limits = figure.axes[0].get_lines()
     assert np.abs(np.asarray(drawn.get_ydata())).max() == pytest.approx(abs(ran.verdict.joints[0].load_angle_deg))
     assert [float(np.asarray(line.get_ydata())[0]) for line in limits[:2]] == [-90.0, 90.0]
+
+
+def test_a_second_motor_has_a_row_of_its_own(ran: MotorRun) -> None:
+    thor = load_robot("thor")
+    load_deg = np.repeat(ran.trace.load_deg[:, :1], 7, axis=1)
+    load_deg[:, 6] = 45.0
+    trace = replace(ran.trace, load_deg=load_deg, first_slip_counts=(None,) * 7)
+    figure = draw_load_angle(replace(ran, driving=replace(ran.driving, robot=thor), trace=trace), RUN)
+    assert [axes.get_ylabel() for axes in figure.axes] == [*(f"J{i} [deg]" for i in range(1, 7)), "J2b [deg]"]
+    assert np.asarray(figure.axes[6].get_lines()[0].get_ydata()).max() == 45.0
 
 
 def test_the_motions_points_are_drawn_into_the_pull_out_curve(ran: MotorRun) -> None:
