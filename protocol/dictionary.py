@@ -50,6 +50,8 @@ class FlashPage:
     texts: dict[int, str] = field(default_factory=dict)
     node_id: int | None = None
     """The node id that a master has given the node by LSS; None if none has."""
+    bitrate: int | None = None
+    """The bit rate, in bit/s, that a master has given the node's board by LSS; None if none has."""
 
 
 _INDICES: Final = frozenset(address >> 8 for address in ENTRIES)

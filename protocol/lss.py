@@ -15,6 +15,8 @@ UNCONFIGURED: Final = 0xFF
 LSS_BYTES: Final = 8
 FAST_SCAN_START: Final = 0x80
 """The bit number by which a fast scan begins: every node without a node id answers."""
+BIT_TIMINGS: Final = {0: 1_000_000, 2: 500_000, 3: 250_000, 4: 125_000}
+"""The bit rates that a board can have, in bit/s, by their index in CiA 305's table of bit timings, which is table 0."""
 
 
 class LssCommand(IntEnum):
@@ -23,6 +25,7 @@ class LssCommand(IntEnum):
     SWITCH_GLOBAL = 0x04
     CONFIGURE_NODE_ID = 0x11
     CONFIGURE_BIT_TIMING = 0x13
+    ACTIVATE_BIT_TIMING = 0x15
     STORE = 0x17
     SELECT_VENDOR = 0x40
     SELECT_PRODUCT = 0x41
@@ -58,7 +61,7 @@ class ConfigureError(IntEnum):
 
 
 class LssRequest(NamedTuple):
-    """A request: its command, the byte or 32-bit number that follows it, and the last three bytes of a fast scan."""
+    """A request: its command, the byte, word or 32-bit number that follows it, and the last bytes of a fast scan."""
 
     command: LssCommand
     byte: int
@@ -66,6 +69,16 @@ class LssRequest(NamedTuple):
     bit: int
     part: int
     next_part: int
+
+    @property
+    def word(self) -> int:
+        """The first two bytes after the command."""
+        return self.number & 0xFFFF
+
+    @property
+    def second_byte(self) -> int:
+        """The byte after `byte`."""
+        return self.word >> 8
 
 
 def decode_request(data: bytes) -> LssRequest | None:

@@ -9,6 +9,7 @@ from steptwin.emulator.faults.bus import FrameCorruption as FrameCorruption
 from steptwin.emulator.faults.bus import FrameDelay as FrameDelay
 from steptwin.emulator.faults.bus import FrameDuplicate as FrameDuplicate
 from steptwin.emulator.faults.bus import FrameLoss as FrameLoss
+from steptwin.emulator.faults.bus import HostBitRate as HostBitRate
 from steptwin.emulator.faults.bus import SenderOff as SenderOff
 from steptwin.emulator.faults.bus import StrangerSends as StrangerSends
 from steptwin.emulator.faults.drivers import DriverMode as DriverMode

@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from steptwin.controller.motion.axis_motion import AxisMotion
 from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.node.axis_errors import AxisErrors
+from steptwin.controller.node.lss_slave import BitTiming
 from steptwin.controller.node.pins import AxisPins
 from steptwin.controller.node.soft_limits import SoftLimits
 from steptwin.controller.node.sync_clock import SyncClock
@@ -89,6 +90,7 @@ class BoardContext(NamedTuple):
     """Present node ids of all axes."""
     inputs: list[DigitalInput]
     """Present input levels of all axes."""
+    bit_timing: BitTiming
 
 
 class AxisContext:

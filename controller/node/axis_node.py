@@ -48,7 +48,7 @@ class AxisNode:
         self._context = context = AxisContext(axis, node_id, flash_page, board)
         self.dictionary: ObjectDictionary = context.dictionary
         identity = *map(context.dictionary.get, (od.VENDOR_ID, od.PRODUCT_CODE, od.REVISION_NUMBER)), node_id
-        self._lss = LssSlave(identity, node_id, flash_page, busy=self._board_moves)
+        self._lss = LssSlave(identity, node_id, flash_page, board.bit_timing, busy=self._board_moves)
         self.node_id: int = self._lss.active_id
         self.process_data: ProcessData = context.process_data
         self.pins: AxisPins = context.pins
@@ -60,6 +60,7 @@ class AxisNode:
         self._heartbeat = HeartbeatProducer()
         self._heartbeats = context.heartbeats
         self._errors = context.errors
+        self._bit_timing = board.bit_timing
         self._outbox = Outbox(axis, board.transmit, context.dictionary, context.errors)
         self._charge = Charge(self.dictionary)
         self.drive: AxisDrive = AxisDrive(context)
@@ -191,7 +192,7 @@ class AxisNode:
     def on_lss(self, data: bytes, now_us: int) -> None:
         """Obey a request of an LSS master, in every NMT state."""
         self._context.now_us = now_us
-        answer = self._lss.handle(data)
+        answer = self._lss.handle(data, now_us)
         if answer:
             self._send(Service.LSS, COB_LSS_RESPONSE, answer)
         if self._lss.joins:
@@ -368,6 +369,7 @@ class AxisNode:
             self._heartbeats.due_us,
             self._outbox.due_us,
             self._charge.due_us,
+            self._bit_timing.due_us,
             *self.drive.dues_us(),
         ]
         if self.nmt_state not in _SILENT:
@@ -385,6 +387,7 @@ class AxisNode:
             self._end_call()
         self._watch_connection()
         self._charge.poll(now_us, watched=self._heartbeats.due_us is not None)
+        self._bit_timing.poll(now_us)
         if self._heartbeat.poll(now_us):
             self._send(Service.NMT, COB_HEARTBEAT + self.node_id, bytes((self.nmt_state,)))
         self._outbox.poll(now_us)

@@ -14,6 +14,7 @@ from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.axis_context import BoardContext, BoardReadings
 from steptwin.controller.node.axis_node import AxisNode
+from steptwin.controller.node.lss_slave import BitTiming
 from steptwin.controller.node.pins import OUTPUT_PINS, PinChange
 from steptwin.controller.node.sync_clock import SyncClock
 from steptwin.controller.node.transmit_queue import TransmitQueue
@@ -87,10 +88,13 @@ class Firmware:
         """The axes that request the fault reaction, and their errors."""
         self.transmit: TransmitQueue = TransmitQueue()
         """The frames that wait for a mailbox of the CAN controller."""
+        self.bit_timing: BitTiming = BitTiming(pages)
+        """The bit rate that the CAN controller is to have."""
         self._inputs = [DigitalInput(0)] * axis_count
         factory_ids = range(first_node_id, first_node_id + axis_count)
         board = BoardContext(
-            self.motion, self._measurements, SyncClock(), self.transmit, self._trip, list(factory_ids), self._inputs
+            *(self.motion, self._measurements, SyncClock(), self.transmit, self._trip),
+            *(list(factory_ids), self._inputs, self.bit_timing),
         )
         self.nodes: tuple[AxisNode, ...] = tuple(
             AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)

@@ -1,20 +1,21 @@
-"""The layer setting services of one axis (CiA 305): it is found by its identity and takes its node id from a master.
+"""The layer setting services of one axis (CiA 305): a master finds it by its identity, gives it node id and bit rate.
 
 In the state "waiting" the node answers what finds it; in "configuration" it is asked and set. A fast scan finds nodes
 that have no node id (FFh). A node id is in force from the next reset of communication on; a node that had none enters
 the bus with it as soon as it is switched to "waiting". "Store" keeps it in the flash page of the axis.
 
-The bit rate is the board's, whose nodes share one CAN controller, so no axis changes it: error 1, "bit timing not
-supported".
+The bit rate is the board's, whose axes share one CAN controller: what a master configures or stores at one of them
+holds for all.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import ClassVar, Final
 
 from steptwin.protocol.dictionary import FlashPage
 from steptwin.protocol.frame import NODE_ID_MAX
 from steptwin.protocol.lss import (
+    BIT_TIMINGS,
     FAST_SCAN_START,
     UNCONFIGURED,
     ConfigureError,
@@ -26,6 +27,7 @@ from steptwin.protocol.lss import (
 
 _IDENTITY_PARTS: Final = 4
 _U32_BITS: Final = 32
+_US_PER_MS: Final = 1000
 _SELECT: Final = (
     LssCommand.SELECT_VENDOR,
     LssCommand.SELECT_PRODUCT,
@@ -55,20 +57,82 @@ class LssState(Enum):
     CONFIGURATION = 1
 
 
+class BitTiming:
+    """The bit rate of a board's CAN controller.
+
+    "Activate" makes the controller silent for a delay, gives it the configured rate, and lets it send after the same
+    delay again: meanwhile the other stations of the bus change their rates, too.
+    """
+
+    def __init__(self, pages: Sequence[FlashPage]) -> None:
+        """Power up; `pages` of all axes keep the rate."""
+        self._pages = pages
+        self.bitrate: int | None = pages[0].bitrate
+        """The controller's rate, in bit/s; None: that for which the board was made."""
+        self.silent: bool = False
+        """True while the controller must be off the bus."""
+        self.due_us: int | None = None
+        """Time when `poll` has something to do; None: never."""
+        self.on_change: Callable[[], None] = lambda: None
+        """Called when `bitrate` or `silent` has changed."""
+        self._configured = self.bitrate
+        self._delay_us = 0
+        self._changed = False
+        """True from the change of the rate on, until the controller is no longer silent."""
+
+    def configure(self, bitrate: int) -> None:
+        """Take the rate that the next `activate` or `store` is about."""
+        self._configured = bitrate
+
+    def store(self) -> None:
+        """Keep the configured rate for the next power-up, whichever axis is asked for it then."""
+        for page in self._pages:
+            page.bitrate = self._configured
+
+    def activate(self, delay_us: int, now_us: int) -> None:
+        """Begin to change the rate; a change that is under way goes on."""
+        if self.due_us is None:
+            self.silent, self._changed = True, False
+            self._delay_us, self.due_us = delay_us, now_us + delay_us
+            self.on_change()
+
+    def poll(self, now_us: int) -> None:
+        """Change the rate, or end the silence, if it is time."""
+        if self.due_us is None or now_us < self.due_us:
+            return
+        if self._changed:
+            self.silent, self.due_us = False, None
+        else:
+            self.bitrate, self._changed = self._configured, True
+            self.due_us += self._delay_us
+        self.on_change()
+
+
 class LssSlave:
     """The state of one node towards an LSS master."""
 
-    def __init__(self, identity: tuple[int, ...], node_id: int, page: FlashPage, busy: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        identity: tuple[int, ...],
+        node_id: int,
+        page: FlashPage,
+        timing: BitTiming,
+        busy: Callable[[], bool],
+    ) -> None:
         """Set the services up.
 
         Args:
             identity: vendor, product, revision and serial number, as 1018h has them.
             node_id: node id of an axis whose page stores none.
             page: keeps the node id.
+            timing: the board's bit rate.
             busy: true while writing flash would disturb the board.
         """
         self._identity = identity
         self._page = page
+        self._timing = timing
+        self._now_us = 0
+        """Time of the request being obeyed."""
         self._busy = busy
         self.state: LssState = LssState.WAITING
         self.pending_id: int = node_id if page.node_id is None else page.node_id
@@ -79,8 +143,9 @@ class LssSlave:
         self._scanned_part = 0
         """The part of the identity that a fast scan is at."""
 
-    def handle(self, data: bytes) -> bytes | None:
+    def handle(self, data: bytes, now_us: int) -> bytes | None:
         """Obey a request; return the answer, None if there is none."""
+        self._now_us = now_us
         request = decode_request(data)
         if request is None:
             return None
@@ -161,13 +226,22 @@ class LssSlave:
         error = ConfigureError.NONE if possible else ConfigureError.REFUSED
         return encode_answer(request.command, bytes((error,)))
 
-    def _refuse_bit_timing(self, request: LssRequest) -> bytes:
-        return encode_answer(request.command, bytes((ConfigureError.REFUSED,)))
+    def _configure_bit_timing(self, request: LssRequest) -> bytes:
+        """Take one of the rates of CiA 305's own table, which is table 0."""
+        bitrate = BIT_TIMINGS.get(request.second_byte) if request.byte == 0 else None
+        if bitrate is None:
+            return encode_answer(request.command, bytes((ConfigureError.REFUSED,)))
+        self._timing.configure(bitrate)
+        return encode_answer(request.command, bytes((ConfigureError.NONE,)))
+
+    def _activate_bit_timing(self, request: LssRequest) -> None:
+        self._timing.activate(request.word * _US_PER_MS, self._now_us)
 
     def _store(self, request: LssRequest) -> bytes:
         busy = self._busy()
         if not busy:
             self._page.node_id = self.pending_id
+            self._timing.store()
         return encode_answer(request.command, bytes((ConfigureError.STORAGE if busy else ConfigureError.NONE,)))
 
     def _tell_identity(self, request: LssRequest) -> bytes:
@@ -184,7 +258,8 @@ class LssSlave:
         LssCommand.IDENTIFY_UNCONFIGURED: ((LssState.WAITING,), _identify_unconfigured),
         LssCommand.FAST_SCAN: ((LssState.WAITING,), _fast_scan),
         LssCommand.CONFIGURE_NODE_ID: ((LssState.CONFIGURATION,), _configure_node_id),
-        LssCommand.CONFIGURE_BIT_TIMING: ((LssState.CONFIGURATION,), _refuse_bit_timing),
+        LssCommand.CONFIGURE_BIT_TIMING: ((LssState.CONFIGURATION,), _configure_bit_timing),
+        LssCommand.ACTIVATE_BIT_TIMING: ((LssState.CONFIGURATION,), _activate_bit_timing),
         LssCommand.STORE: ((LssState.CONFIGURATION,), _store),
         **dict.fromkeys(_INQUIRE, ((LssState.CONFIGURATION,), _tell_identity)),
         LssCommand.INQUIRE_NODE_ID: ((LssState.CONFIGURATION,), _tell_node_id),

@@ -327,6 +327,7 @@ class Board:
             self.measurements.supply_10mv,
             self.measurements.temperature_decidegc,
             tuple(map(AxisSurroundings, self.inputs.levels, self.inputs.stuck, self._held_protects, self._shorted)),
+            self.can.bitrate,
         )
 
     def measure(self, measurements: BoardReadings, now_counts: int) -> None:

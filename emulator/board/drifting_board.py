@@ -43,10 +43,10 @@ class DriftingController(CanController):
         )
         self._clock = clock
 
-    def connect(self, submitted: Callable[[int], None]) -> None:
+    def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
         """Tell the bus of frames in its time."""
         clock = self._clock
-        self.submitted: Callable[[int], None] = lambda _local_counts: submitted(clock.now_counts)
+        super().connect(lambda _local_counts: submitted(clock.now_counts), retuned)
 
     def sent(self, frame: Frame, now_counts: int) -> None:
         """Remove a frame that was sent and acknowledged."""
@@ -60,9 +60,9 @@ class DriftingController(CanController):
         """Count an error in a frame of this station."""
         super().sending_failed(self._clock.enter(now_counts), acknowledged=acknowledged)
 
-    def receiving_failed(self, now_counts: int) -> None:
+    def receiving_failed(self, now_counts: int, *, first: bool = False) -> None:
         """Count an error in another station's frame."""
-        super().receiving_failed(self._clock.enter(now_counts))
+        super().receiving_failed(self._clock.enter(now_counts), first=first)
 
     def force_bus_off(self, now_counts: int) -> None:
         """Leave the bus as after too many failed attempts."""

@@ -52,6 +52,9 @@ class OwnProgram:
         """Give the firmware's dictionary what the board's drivers count; let the listeners hear it, too."""
         for axis, listener in self._on_record.items():
             self.on_record(board, axis, listener)
+        timing, can = self.firmware.bit_timing, board.can
+        can.bitrate = timing.bitrate
+        timing.on_change = lambda: can.fall_silent() if timing.silent else can.tune(timing.bitrate)
         for axis, node in enumerate(self.firmware.nodes):
             node.dictionary.bind(EmulatedAxis(board, axis))
 

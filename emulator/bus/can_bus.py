@@ -61,8 +61,11 @@ class Bus:
         """
         if bitrate not in BITRATES:
             raise ValueError(f"bit rate {bitrate} is not one of {', '.join(map(str, BITRATES))}")
-        self.bitrate = bitrate
-        self.bit_counts = COUNTS_PER_SECOND // bitrate
+        self.bitrate: Final = bitrate
+        """The rate for which the bus was made."""
+        self.bit_counts: int = COUNTS_PER_SECOND // bitrate
+        """Duration of a bit of the host."""
+        self._host_bitrate = bitrate
         self._log = log or self._keep
         self.log_counts: array[int] = array("q")
         """Instant when each frame became valid at its receivers; empty if `log` was given."""
@@ -71,7 +74,8 @@ class Bus:
         """Number of frames that became valid."""
         self.error_frames: int = 0
         """Number of transmissions that ended in an error frame."""
-        self.busy_bits: int = 0
+        self._busy_counts = 0
+        """Time for which frames and error frames have held the wire."""
         self.next_event_counts: int | None = None
         """Instant when a transmission ends, the next arbitration is held or a station returns from bus-off."""
         self.busy: bool = False
@@ -83,8 +87,10 @@ class Bus:
         self._stations: list[CanController] = []
         self._off: list[CanController] = []
         """The stations in bus-off."""
+        self._detuned: list[CanController] = []
+        """The stations on the bus whose bit rate is not the host's."""
         self._on_bus = 0
-        """Number of stations that are not in bus-off."""
+        """Number of stations that are on the bus and have the host's bit rate."""
         self._frame: Frame | None = None
         """Frame on the wire; None while the wire is free."""
         self._decided_counts = 0
@@ -101,6 +107,11 @@ class Bus:
         """Instant up to which recessive bits are counted for the stations in bus-off."""
 
     @property
+    def busy_bits(self) -> int:
+        """Time for which frames and error frames have held the wire, in bits of the rate for which it was made."""
+        return self._busy_counts * self.bitrate // COUNTS_PER_SECOND
+
+    @property
     def free_counts(self) -> int:
         """Instant when the next frame may begin: the end of the last one's intermission."""
         return self._free_counts
@@ -108,8 +119,27 @@ class Bus:
     def attach(self, station: CanController) -> None:
         """Connect a station's controller to the wire."""
         self._stations.append(station)
-        station.connect(self._submitted)
+        self._connect(station)
         self._note_who_is_off()
+
+    def _connect(self, station: CanController) -> None:
+        station.bitrate = station.bitrate or self.bitrate
+        station.connect(self._submitted, self._retuned)
+
+    def _retuned(self) -> None:
+        """Take note that a station has left the bus, or is on it again, perhaps with another bit rate."""
+        self._note_who_is_off()
+        if self._frame is None:
+            self._schedule()
+
+    def set_host_bitrate(self, host: CanController, bitrate: int) -> None:
+        """Let the host's station have another bit rate, one of BITRATES, from the next frame on.
+
+        Stations with another rate than the host's take each of its frames for an error, and it theirs. This also goes
+        for two of them with the same rate: the bus knows one rate at a time.
+        """
+        self._host_bitrate, self.bit_counts = bitrate, COUNTS_PER_SECOND // bitrate
+        host.tune(bitrate)
 
     def listen(self, listener: Log) -> None:
         """Call a listener with each frame that becomes valid from now on, before its receivers get it."""
@@ -226,13 +256,21 @@ class Bus:
             self._schedule()
 
     def _judge(self, senders: list[CanController], outdone: list[CanController], effect: StrikeEffect) -> _Outcome:
-        if effect.disturbed:
+        if effect.disturbed or self._garbled(senders + outdone):
             return _Outcome.DISTURBED
         if outdone and any(station.state is not ErrorState.PASSIVE for station in outdone):
             return _Outcome.DISTURBED
         if self._on_bus == len(senders) + len(outdone):  # no station is left to acknowledge
             return _Outcome.UNACKNOWLEDGED
         return _Outcome.DOUBLED if effect.doubled else _Outcome.VALID
+
+    def _garbled(self, senders: list[CanController]) -> bool:
+        """Return whether a wrong bit rate destroys a frame.
+
+        A sender's makes it an error for the others. A receiver's error flag destroys it as long as that receiver is
+        error active; that of an error passive one is recessive.
+        """
+        return any(station in senders or station.state is not ErrorState.PASSIVE for station in self._detuned)
 
     def _begin(
         self,
@@ -250,7 +288,7 @@ class Bus:
         bits = frame_bits(frame)
         decided_bits = bits - VALID_BEFORE_END_BITS
         self._outcome = _Outcome.VALID
-        if effect is not _NO_EFFECT or outdone or senders[1:] or self._on_bus == 1:
+        if effect is not _NO_EFFECT or outdone or senders[1:] or self._on_bus == 1 or self._detuned:
             self._outcome = self._judge(senders, outdone, effect)
         if self._outcome is _Outcome.DOUBLED:
             bits += _ECHOED_FLAG_BITS + _DELIMITER_BITS
@@ -262,11 +300,14 @@ class Bus:
             bits = decided_bits + _DELIMITER_BITS + INTERMISSION_BITS
         if self._off:
             self._count_idle(now_counts)
-        self.busy_bits += bits
-        self._free_counts = now_counts + bits * self.bit_counts
+        duration_counts = bits * self.bit_counts
+        self._busy_counts += duration_counts
+        self._free_counts = now_counts + duration_counts
         self.next_event_counts = self._decided_counts = now_counts + decided_bits * self.bit_counts
         self._frame, self._senders, self._outdone = frame, senders, outdone
         self._missed_by = [] if effect is _NO_EFFECT else self._stations[effect.lost_by]
+        if self._detuned:
+            self._missed_by = self._missed_by + self._detuned
 
     def _end(self, frame: Frame, now_counts: int) -> None:
         self._frame = None
@@ -320,7 +361,7 @@ class Bus:
             elif station in outdone:
                 station.sending_failed(now_counts)
             elif station.on_bus:
-                station.receiving_failed(now_counts)
+                station.receiving_failed(now_counts, first=station in self._detuned)
         self._note_who_is_off()
 
     # --- power
@@ -331,7 +372,7 @@ class Bus:
         A frame that the station was sending breaks off. A frame that is on the wire does not reach the new controller.
         """
         self._stations[self._stations.index(gone)] = fresh
-        fresh.connect(self._submitted)
+        self._connect(fresh)
         self._note_who_is_off()
         if self._frame:
             self._drop_out(gone, fresh, now_counts)
@@ -353,7 +394,7 @@ class Bus:
             return
         broken_counts = now_counts + (_STUFF_ERROR_BITS + _FLAG_BITS) * self.bit_counts
         free_counts = broken_counts + (_DELIMITER_BITS + INTERMISSION_BITS) * self.bit_counts
-        self.busy_bits += (free_counts - self._free_counts) // self.bit_counts
+        self._busy_counts += free_counts - self._free_counts
         self._free_counts = free_counts
         self._outcome = _Outcome.DISTURBED
         self.next_event_counts = self._decided_counts = broken_counts
@@ -396,7 +437,10 @@ class Bus:
 
     def _note_who_is_off(self) -> None:
         self._off = [station for station in self._stations if not station.on_bus]
-        self._on_bus = len(self._stations) - len(self._off)
+        self._detuned = [
+            station for station in self._stations if station.on_bus and station.bitrate != self._host_bitrate
+        ]
+        self._on_bus = len(self._stations) - len(self._off) - len(self._detuned)
 
 
 def _bits_in_order(frame: Frame) -> tuple[int, int, bytes]:

@@ -25,6 +25,7 @@ _COUNTER_MAX = 255
 _RECEIVE_RESET = 120
 """Value of a receive counter above 128 after a good reception."""
 _SENDER_STEP = 8
+_FIRST_STEP = 8
 
 
 class ErrorState(Enum):
@@ -39,8 +40,8 @@ class ErrorState(Enum):
 class FaultConfinement:
     """TEC and REC of one controller: a failed frame adds 8 at its sender and 1 at each receiver, a good one takes 1.
 
-    No receiver is ever the first to notice an error, which would add 8: a disturbance on this bus hits all of them at
-    once.
+    A receiver that is the first to notice an error adds 8. A disturbance on this bus hits all of them at once, so only
+    a controller with a wrong bit rate is ever the first.
     """
 
     def __init__(self) -> None:
@@ -74,9 +75,9 @@ class FaultConfinement:
         if acknowledged or self.state is not ErrorState.PASSIVE:
             self.transmit_errors += _SENDER_STEP
 
-    def receiving_failed(self) -> None:
-        """Count an error in another station's frame."""
-        self.receive_errors = min(self.receive_errors + 1, _COUNTER_MAX)
+    def receiving_failed(self, *, first: bool = False) -> None:
+        """Count an error in another station's frame; more if no other station has noticed it before."""
+        self.receive_errors = min(self.receive_errors + (_FIRST_STEP if first else 1), _COUNTER_MAX)
 
     def force_bus_off(self) -> None:
         """Set the counters as after 32 failed attempts in a row."""
@@ -167,6 +168,9 @@ class CanController:
         """Instant when the last frame of the station's own was sent."""
         self.submitted: Callable[[int], None] = lambda _now_counts: None
         """Called when there is a frame to send; the bus sets it by `connect`."""
+        self.bitrate: int | None = None
+        """In bit/s; None, before the controller is connected: that for which the bus was made."""
+        self._retuned: Callable[[], None] = lambda: None
         self.silent_until_counts = 0
         """Instant before which the station does not begin to send."""
         self.recovery_sequences_left: int = 0
@@ -190,9 +194,9 @@ class CanController:
 
     # --- out
 
-    def connect(self, submitted: Callable[[int], None]) -> None:
-        """Call the bus when there is a frame to send."""
-        self.submitted = submitted
+    def connect(self, submitted: Callable[[int], None], retuned: Callable[[], None]) -> None:
+        """Call the bus when there is a frame to send, and when the controller leaves it or has another bit rate."""
+        self.submitted, self._retuned = submitted, retuned
 
     @property
     def waiting(self) -> int:
@@ -281,9 +285,9 @@ class CanController:
         self.errors.sending_failed(acknowledged=acknowledged)
         self._note_worse_state(now_counts)
 
-    def receiving_failed(self, now_counts: int) -> None:
-        """Count an error in another station's frame."""
-        self.errors.receiving_failed()
+    def receiving_failed(self, now_counts: int, *, first: bool = False) -> None:
+        """Count an error in another station's frame; `first` if no other station has noticed it before."""
+        self.errors.receiving_failed(first=first)
         self._note_worse_state(now_counts)
 
     def power_down(self) -> None:
@@ -295,6 +299,19 @@ class CanController:
         """Take part in the bus; the caller attaches the controller again."""
         self.on_bus = True
         self.recovery_sequences_left = 0
+
+    def fall_silent(self) -> None:
+        """Leave the bus, as a controller that is initialised, until `tune`; a frame on the wire still ends."""
+        self.power_down()
+        self._retuned()
+
+    def tune(self, bitrate: int | None) -> None:
+        """Be on the bus with this bit rate, without errors; None: with the rate that it has."""
+        self.bitrate = bitrate or self.bitrate
+        self.errors.reset()
+        self.state = ErrorState.ACTIVE
+        self.power_up()
+        self._retuned()
 
     def force_bus_off(self, now_counts: int) -> None:
         """Leave the bus as after too many failed attempts."""

@@ -9,10 +9,11 @@ from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from steptwin.emulator.faults.harm import JOINT, Harm, Key, KeyKind, Operation, keyed
-from steptwin.protocol.frame import COB_ID_MASK, Frame
+from steptwin.protocol.frame import BITRATES, COB_ID_MASK, Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 if TYPE_CHECKING:
+    from steptwin.emulator.faults.harm import Surroundings
     from steptwin.emulator.simulation import Simulation
 
 DELAY_MAX_S: Final = 86_400.0
@@ -251,6 +252,34 @@ class BusOff(Operation):
         simulation.bus.throw_off(station, simulation.now_counts)
 
 
+@dataclass(frozen=True, slots=True)
+class HostBitRate(Operation):
+    """The host's adapter is opened with another bit rate: the boards that have none of it take its frames for errors.
+
+    Attributes:
+        bitrate: in bit/s.
+    """
+
+    do: ClassVar[str] = "bit-rate"
+    does: ClassVar[str] = "the host's CAN adapter has another bit rate from now on"
+    ends: ClassVar[str] = "`bit-rate` with that of the boards"
+    once: ClassVar[bool] = True
+
+    bitrate: int = field(metadata=keyed(Key("bitrate", KeyKind.WHOLE, choices={each: each for each in BITRATES})))
+
+    def __post_init__(self) -> None:
+        if self.bitrate not in BITRATES:
+            raise ValueError(f"bitrate {self.bitrate} is not one of {', '.join(map(str, BITRATES))}")
+
+    def apply(self, simulation: "Simulation", _number: int) -> None:
+        """Open the adapter again."""
+        simulation.bus.set_host_bitrate(simulation.host, self.bitrate)
+
+    def undo(self, before: "Surroundings") -> "HostBitRate | None":
+        """Return the board's bit rate."""
+        return None if before.bitrate is None else HostBitRate(before.bitrate)
+
+
 _FRAME: Final = keyed(Key("id", KeyKind.IDENTIFIER), Key("data", KeyKind.BYTES), join=Frame, split=tuple)
 
 
@@ -316,6 +345,7 @@ BUS: Final = (
     FrameDelay,
     SenderOff,
     BusOff,
+    HostBitRate,
     BusRepair,
 )
 """The family, in the order of help and docs."""

@@ -232,6 +232,7 @@ class Surroundings:
     """What is the same for all axes of a board, and each axis.
 
     Attributes:
+        bitrate: of the board's CAN controller, in bit/s; None for a board without bus.
         payload_kg: mass of the payload; 0 if no motors turn with the boards.
     """
 
@@ -239,4 +240,5 @@ class Surroundings:
     supply_10mv: int
     temperature_decidegc: int
     axes: tuple[AxisSurroundings, ...]
+    bitrate: int | None
     payload_kg: float = 0.0

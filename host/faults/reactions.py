@@ -19,6 +19,7 @@ from steptwin.emulator.faults.bus import (
     FrameDelay,
     FrameDuplicate,
     FrameLoss,
+    HostBitRate,
     SenderOff,
     StrangerSends,
 )
@@ -395,6 +396,19 @@ _BUS_ROWS: Final[tuple[Documented, ...]] = (
         BusOff,
         Reaction(Motion.GOES_ON, (ErrorCode.CAN_ERROR_PASSIVE, ErrorCode.CAN_OVERRUN), certain=False),
         "it is back after 128 x 11 bits, which the queues bridge",
+    ),
+    Documented(
+        "the host has the bit rate of the boards",
+        HostBitRate,
+        GOES_ON,
+        when=lambda harm, moment: harm.bitrate == moment.bitrate,
+    ),
+    Documented(
+        "the host has another bit rate than the boards",
+        HostBitRate,
+        Reaction(Motion.RAMP, (), State.FAULT, HEARTBEAT_MS, certain=False, others=_OF_BAD_BUS),
+        "the boards cannot send and leave the bus (0x6007), or miss the host's heartbeat, unless it has theirs again"
+        " in time; no EMCY comes through",
     ),
     Documented(
         "frames come twice, or make their sender leave the bus",

@@ -52,10 +52,11 @@ class AxisMoment:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """All axes of the machine at an instant, in counts since power-up."""
+    """All axes of the machine at an instant, in counts since power-up, and the bit rate for which its bus was made."""
 
     counts: int
     axes: tuple[AxisMoment, ...]
+    bitrate: int
 
     @property
     def boards(self) -> tuple[int, ...]:
@@ -216,6 +217,7 @@ class Target:
                 _axis_moment(board, axis, self.board_numbers[number], counted=number not in uncounted)
                 for number, (board, axis) in enumerate(self.axes)
             ),
+            self.simulation.bus.bitrate,
         )
 
     def steps(self) -> list[float]:

@@ -83,10 +83,52 @@ def test_bounds_of_node_ids(board: BenchBoard, node_id: int, error: int) -> None
     assert ask(board, 0x11, node_id) == [f"110{error}000000000000"]
 
 
-def test_the_bit_rate_stays(board: BenchBoard) -> None:
+@pytest.mark.parametrize(
+    ("table", "index", "error"),
+    [(0, 0, 0), (0, 1, 1), (0, 2, 0), (0, 3, 0), (0, 4, 0), (0, 5, 1), (0, 9, 1), (1, 0, 1), (0x80, 2, 1)],
+)
+def test_bounds_of_bit_timings(board: BenchBoard, table: int, index: int, error: int) -> None:
+    """CiA 305's table has 800, 50, 20 and 10 kbit/s as well, which the board has not."""
+    assert ask(board, 0x13, table, index) == []
     ask(board, 0x04, 1)
-    assert ask(board, 0x13, 0, 2) == ["1301000000000000"]
-    assert ask(board, 0x15, 1) == []
+    assert ask(board, 0x13, table, index) == [f"130{error}000000000000"]
+
+
+def test_a_bit_rate_is_in_force_between_two_delays_of_silence(pair: BenchBoard) -> None:
+    """All axes of the board share the controller; a second request within the delays does not begin them again."""
+    timing, seen = pair.firmware.bit_timing, []
+    timing.on_change = lambda: seen.append((pair.now, timing.silent, timing.bitrate))
+    select(pair, 0x11)
+    assert ask(pair, 0x13, 0, 3) == ["1300000000000000"]
+    pair.wait(5)
+    assert seen == []
+    begin = pair.now
+    assert ask(pair, 0x15, 0x2C, 0x01) == []
+    pair.wait(100)
+    assert ask(pair, 0x15, 1) == []
+    pair.wait(900)
+    ms = [(counts - begin) / 72_000 for counts, _, _ in seen]
+    assert ms == [0, 300, 600]
+    assert [told for _, *told in seen] == [[True, None], [True, 250_000], [False, 250_000]]
+    assert ask(pair, 0x15, 0, 0) == []
+    pair.wait(1)
+    assert [told for _, *told in seen[3:]] == [[True, 250_000], [True, 250_000], [False, 250_000]]
+
+
+@pytest.mark.parametrize(("stored", "after"), [(True, 125_000), (False, None)])
+def test_a_stored_bit_rate_holds_for_all_axes_after_the_power(
+    fast_kernel: Kernel, stored: bool, after: int | None
+) -> None:
+    pages = [FlashPage(), FlashPage()]
+    first = Firmware(fast_kernel, 2, pages)
+    first.boot(0)
+    serial = [bytes(number(0x40 + i, part)) for i, part in enumerate((*IDENTITY[:3], 0x11))]
+    for data in (*serial, b"\x13\x00\x04", *([b"\x17"] if stored else [])):
+        first.receive(Frame(0x7E5, data.ljust(8, b"\0")), 0)
+    assert first.bit_timing.bitrate is None
+    again = Firmware(fast_kernel, 2, pages)
+    assert again.bit_timing.bitrate == after
+    assert [page.bitrate for page in pages] == [after, after]
 
 
 @pytest.mark.parametrize(("stored", "after"), [(True, 0x22), (False, 0x10)])

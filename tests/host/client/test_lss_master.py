@@ -7,7 +7,9 @@ import pytest
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.emulator.faults.bus import HostBitRate
 from steptwin.emulator.simulation import Simulation
+from steptwin.host.common.errors import BusError
 from steptwin.host.twin.embedded.embedded_network import EmbeddedNetwork
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.emulator.pins import WIRES
@@ -69,3 +71,34 @@ def test_a_stored_node_id_is_there_after_a_power_cycle(network: EmbeddedNetwork,
     simulation.power_cycle(0)
     simulation.run_until(simulation.now_counts + COUNTS_PER_SECOND // 10)
     assert node402(network, 0x55).sdo[0x1018][4].raw == 0x12
+
+
+def test_a_master_changes_the_bit_rate_and_follows(network: EmbeddedNetwork, simulation: Simulation) -> None:
+    """Between activation and the master's own change no frame comes through; afterwards each axis answers again."""
+    assert network.lss.send_switch_state_selective(VENDOR, PRODUCT, REVISION, 0x11)  # type: ignore[no-untyped-call]
+    network.lss.configure_bit_timing(2)  # type: ignore[no-untyped-call]
+    network.lss.store_configuration()  # type: ignore[no-untyped-call]
+    network.lss.activate_bit_timing(20)  # type: ignore[no-untyped-call]
+    simulation.run_until(simulation.now_counts + COUNTS_PER_SECOND // 40)
+    simulation.operate(HostBitRate(500_000))
+    simulation.run_until(simulation.now_counts + COUNTS_PER_SECOND // 40)
+    begin, frames = simulation.now_counts, simulation.bus.frames
+    for node_id in (0x10, 0x11, 0x12):
+        assert node402(network, node_id).sdo[0x1018][4].raw == node_id
+    assert simulation.bus.error_frames == 0
+    bits = (simulation.now_counts - begin) / 144
+    assert 108 <= bits / (simulation.bus.frames - frames) <= 135  # eight bytes at 500 kbit/s, stuffing included
+    simulation.power_cycle(0)
+    simulation.run_until(simulation.now_counts + COUNTS_PER_SECOND // 10)
+    assert node402(network, 0x12).sdo[0x1018][4].raw == 0x12
+
+
+def test_a_master_with_the_old_bit_rate_reaches_nobody(network: EmbeddedNetwork, simulation: Simulation) -> None:
+    network.lss.send_switch_state_global(network.lss.CONFIGURATION_STATE)  # type: ignore[no-untyped-call]
+    network.lss.configure_bit_timing(4)  # type: ignore[no-untyped-call]
+    network.lss.activate_bit_timing(10)  # type: ignore[no-untyped-call]
+    simulation.run_until(simulation.now_counts + COUNTS_PER_SECOND // 10)
+    with pytest.raises(BusError, match="no station acknowledges it"):
+        node402(network, 0x11).sdo[0x1018][4].raw  # noqa: B018
+    simulation.operate(HostBitRate(125_000))
+    assert node402(network, 0x11).sdo[0x1018][4].raw == 0x11

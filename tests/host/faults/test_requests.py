@@ -19,6 +19,7 @@ from steptwin.emulator.faults.bus import (
     FrameDelay,
     FrameDuplicate,
     FrameLoss,
+    HostBitRate,
     StrangerSends,
 )
 from steptwin.emulator.faults.drivers import DriverMode, DriverProtect, OscCapacitor, ShortCircuit
@@ -353,6 +354,7 @@ HARMS = st.one_of(
     st.builds(WatchdogReset, st.integers(1, 900), st.none() | JOINTS),
     st.builds(PowerUp, st.none() | JOINTS),
     st.builds(BusOff, st.none() | JOINTS),
+    st.builds(HostBitRate, st.sampled_from([125_000, 250_000, 500_000, 1_000_000])),
     st.builds(StrangerSends, STRANGERS),
     st.builds(Babble, STRANGERS, st.integers(47, 9_999), st.integers(1, 9)),
     st.builds(FrameDuplicate, FRAMES, **OFTEN),
@@ -435,6 +437,7 @@ ASKED: dict[str, dict[str, Any]] = {
     "sender-off reports count=1": {"frames": "reports", "count": 1},
     "bus-off th2": {"joint": "th2"},
     "bus-off host": {},
+    "bit-rate 500000": {"bitrate": 500_000},
     "bus-ok": {},
     "state": {},
 }

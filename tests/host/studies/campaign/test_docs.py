@@ -107,7 +107,7 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
             fault_input=DigitalInput.DRIVER_FAULT if number // 2 % 2 else None,
         )
         axes = tuple(replace(axis, board=joint % boards) for joint in range(len(robot.joints)))
-        rows.add(documented(harm, Moment(0, axes)).what)
+        rows.add(documented(harm, Moment(0, axes, robot.board.bitrate)).what)
         if isinstance(harm, HostFault):
             hosts.add(harm.kind)
     assert hosts == set(HostFaultKind)

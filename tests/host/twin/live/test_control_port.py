@@ -140,6 +140,8 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         "duplicate sync count=1": "strike 1 or `bus-ok`",
         "bus-off th2": "",
         "bus-off host": "",
+        "bit-rate 500000": "`bit-rate` with that of the boards",
+        "bit-rate 1000000": "`bit-rate` with that of the boards",
         "brown-out joint=th3": "`power-up`",
         "brown-out 5": "",
         "watchdog": "",

@@ -8,7 +8,7 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults import Scheduled
-from steptwin.emulator.faults.bus import BusOff, StrangerSends
+from steptwin.emulator.faults.bus import BusOff, HostBitRate, StrangerSends
 from steptwin.emulator.faults.machine import EmergencyStop, SetInput, WatchdogReset
 from steptwin.host.cli.files.replay import say_result
 from steptwin.host.common.errors import InputError
@@ -55,8 +55,8 @@ def move(session: LiveSession) -> None:
 
 
 def operate(session: LiveSession) -> None:
-    """Let a stranger speak; stop the axis by the emergency stop; close the sensor of another axis; reset its board."""
-    for harm in (StrangerSends(Frame(0x7F0, b"\x01")), BusOff(5)):
+    """Let a stranger speak; leave the bit rate for 2 ms; stop the axis; close the sensor of another; reset its board."""
+    for harm in (StrangerSends(Frame(0x7F0, b"\x01")), BusOff(5), HostBitRate(500_000), HostBitRate(1_000_000)):
         session.board.live.call(partial(session.board.operate, harm), session.now_ns)
         session.wait(2)
     session.board.live.call(lambda: session.board.operate(EmergencyStop(pressed=True)), session.now_ns + 5_001)
