@@ -35,7 +35,9 @@ def toml_table(text: str) -> "Table":
         raise InputError(f"line {line}: {short(deep[0][1:])} is more than {_KEY_PARTS_MAX} keys joined by points")
     try:
         return Table(tomllib.loads(text), "table")
-    except (ValueError, RecursionError) as error:  # also an integer of thousands of digits, arrays within arrays
+    except RecursionError as error:
+        raise InputError("is not TOML that can be read: brackets within brackets") from error
+    except ValueError as error:  # also an integer of thousands of digits
         raise InputError(f"is not TOML: {error}{_line_of(str(error), text)}") from error
 
 
@@ -54,7 +56,9 @@ def json_table(text: str) -> "Table":
     """Return the object of a JSON text; raise InputError for any other text."""
     try:
         document = json.loads(text)
-    except (ValueError, RecursionError) as error:
+    except RecursionError as error:
+        raise InputError("is not JSON that can be read: brackets within brackets") from error
+    except ValueError as error:
         raise InputError(f"is not JSON: {error}") from error
     return Table(document, "JSON object")
 
