@@ -65,12 +65,14 @@ class TwinAxis(NamedTuple):
         velocity_units_per_s: 0x606C.
         leaving_units_per_s: speed at which a homing leaves the switch, 0x6099:02.
         ramp_units_per_s2: the steeper of a profile's two ramps, 0x6083 and 0x6084.
+        relative: True if the last target counts from a place on the way, bit 6 of 0x6040.
     """
 
     position_units: int
     velocity_units_per_s: int
     leaving_units_per_s: int
     ramp_units_per_s2: int
+    relative: bool = False
 
 
 class _Leg(NamedTuple):
@@ -177,6 +179,8 @@ class ComparedAxis:
         """True if a host has changed the profile since then."""
         self._ramp_units_per_s2 = 0
         """The steepest ramp of a profile since then."""
+        self._relative = False
+        """True if a target since then counts from a place on the way, where the sides may be apart."""
         self._motion_mode: int | None = None
         """Mode of the twin's motion, now or last; None after a homing that has ended on both sides."""
         self._last_units: int | None = None
@@ -213,9 +217,10 @@ class ComparedAxis:
                     self._left_units += self._ending_units
                 self._rested_counts = now_counts
                 self._peak_units_per_s = self._varied_units_per_s = self._ramp_units_per_s2 = 0
-                self._commanded = False
+                self._commanded = self._relative = False
             self._judged_at_rest = False
             self._motion_mode = self.board.mode
+            self._relative |= now.relative
             self._ramp_units_per_s2 = max(self._ramp_units_per_s2, now.ramp_units_per_s2)
             self._moved_counts = now_counts
             self._peak_units_per_s = max(self._peak_units_per_s, abs(now.velocity_units_per_s))
@@ -260,7 +265,7 @@ class ComparedAxis:
             return
         own_units = self._own_units(error_units, rests=rests)
         by_jitter_units = self._left_units + (0.0 if self._at_target else self._ending_units)
-        if self._at_target and self._motion_mode == Mode.PROFILE_POSITION:
+        if self._at_target and self._motion_mode == Mode.PROFILE_POSITION and not self._relative:
             by_jitter_units = 0.0  # the target is a place, wherever the way to it has begun
         if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0

@@ -19,6 +19,7 @@ from steptwin.host.twin.shadow.axes import FOLLOW_S, ComparedAxis, DriveReport, 
 from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind, Sayings
 from steptwin.host.twin.shadow.standing import PAST, stand
 from steptwin.protocol import od
+from steptwin.protocol.cia402 import Control
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import (
     COB_HEARTBEAT,
@@ -339,4 +340,10 @@ def _told(dictionary: ObjectDictionary, number: int, data: bytes) -> DriveReport
 def _twin_axis(dictionary: ObjectDictionary) -> TwinAxis:
     get = dictionary.get
     ramp_units_per_s2 = max(get(od.PROFILE_ACCELERATION), get(od.PROFILE_DECELERATION))
-    return TwinAxis(get(od.POSITION_ACTUAL), get(od.VELOCITY_ACTUAL), get(od.HOMING_ZERO_SPEED), ramp_units_per_s2)
+    return TwinAxis(
+        get(od.POSITION_ACTUAL),
+        get(od.VELOCITY_ACTUAL),
+        get(od.HOMING_ZERO_SPEED),
+        ramp_units_per_s2,
+        relative=bool(get(od.CONTROLWORD) & Control.RELATIVE),
+    )

@@ -55,7 +55,7 @@ def move(session: LiveSession) -> None:
 
 
 def operate(session: LiveSession) -> None:
-    """Let a stranger speak; leave the bit rate for 2 ms; stop the axis; close the sensor of another; reset its board."""
+    """Let a stranger speak, leave the bit rate for 2 ms; stop the axis; close another one's sensor; reset its board."""
     for harm in (StrangerSends(Frame(0x7F0, b"\x01")), BusOff(5), HostBitRate(500_000), HostBitRate(1_000_000)):
         session.board.live.call(partial(session.board.operate, harm), session.now_ns)
         session.wait(2)
