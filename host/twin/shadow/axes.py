@@ -237,12 +237,12 @@ class ComparedAxis:
     def _segment_units(self) -> float:
         """How far the sides may be apart because a change of the profile waited for the next segment on one side.
 
-        A ramp that goes on for so long there makes that side faster, by more than the twin's own changes of speed. So
-        does the ramp between two looks, where the twin's speed was highest.
+        A ramp that goes on for so long there makes that side faster, by more than the twin's own changes of speed.
+        These are more than was seen: between two looks the speed has gone up and down again by the ramp's.
         """
         if not self._commanded:
             return 0.0
-        return (self._varied_units_per_s + self._ramp_units_per_s2 * (SEGMENT_S + FOLLOW_S)) * SEGMENT_S
+        return (self._varied_units_per_s + self._ramp_units_per_s2 * (SEGMENT_S + 2 * FOLLOW_S)) * SEGMENT_S
 
     @property
     def _ending_units(self) -> float:
@@ -269,7 +269,9 @@ class ComparedAxis:
             by_jitter_units = 0.0  # the target is a place, wherever the way to it has begun
         if rests and abs(own_units) <= by_jitter_units:
             self._accepted_units, own_units = error_units, 0
-        bound_units = self._bound_units(now_counts, now.velocity_units_per_s, rests=rests)
+        # What its highest speed has left is still there when a motion that a host ends on the way slows down.
+        units_per_s = self._peak_units_per_s if self._commanded else now.velocity_units_per_s
+        bound_units = self._bound_units(now_counts, units_per_s, rests=rests)
         bound_units += 0 if rests else self._left_units + self._segment_units
         if rests:
             self._left_units, self._judged_at_rest = 0.0, True
@@ -290,7 +292,7 @@ class ComparedAxis:
         """How much later than the board the twin may come to rest at a target, because it has begun farther from it."""
         if not self._peak_units_per_s:
             return 0.0
-        return (abs(self._accepted_units) + self._left_units) / self._peak_units_per_s
+        return (abs(self._accepted_units) + self._left_units + self._units_per_step) / self._peak_units_per_s
 
     def _own_units(self, error_units: int, *, rests: bool) -> int:
         """Return what of a difference is not the one that was accepted.
@@ -311,12 +313,13 @@ class ComparedAxis:
         reached = self.board.statusword & self.twin.statusword & Status.TARGET_REACHED
         return self._motion_mode not in _WITHOUT_TARGET and bool(reached)
 
-    def _bound_units(self, now_counts: int, velocity_units_per_s: int, *, rests: bool) -> float:
+    def _bound_units(self, now_counts: int, units_per_s: int, *, rests: bool) -> float:
         if rests:
             return REST_STEPS * self._units_per_step
         moving_counts = max(now_counts - self._rested_counts, 0)
         drift_counts = DRIFT * moving_counts
-        return max(STEPS * self._units_per_step, self._jitter_units(velocity_units_per_s, drift_counts))
+        jitter_units = self._jitter_units(units_per_s, drift_counts)
+        return max(STEPS * self._units_per_step, self._units_per_step + jitter_units)  # one step is rounding
 
     @staticmethod
     def _jitter_units(velocity_units_per_s: int, more_counts: float = 0.0) -> float:

@@ -248,22 +248,13 @@ class Shadow:
     def _catch_up(self, axis: int, counts: int) -> None:
         """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
 
-        It does before the host's next frame, which might end the search. Hosts' heartbeats go on, since the twin
-        watches them. The stamps' clock, by which the board's frame came at `counts`, is then so much later for the
+        It does before the host's next frame, which might end the search. The stamps' clock, by which the board's frame came at `counts`, is then so much later for the
         twin: else what the host sends in these ms would reach the twin too late. Only where jitter makes the difference
         and another axis of the twin moves, that axis keeps its time instead.
         """
         assert self._player is not None
         compared, simulation = self._axes[axis], self.machine.simulation
-        began_counts = simulation.now_counts
-        beaten_counts = began_counts
-        while compared.twin.homing and simulation.now_counts - began_counts < _AHEAD_MAX_COUNTS:
-            if simulation.now_counts - beaten_counts >= _HEARTBEATS_COUNTS:
-                beaten_counts = simulation.now_counts
-                for heartbeat in self._watched.values():
-                    simulation.host.send(heartbeat, beaten_counts)
-            simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
-            compared.follow(simulation.now_counts, _twin_axis(self._dictionaries[axis]))
+        self._let_ahead(lambda: compared.twin.homing, simulation.now_counts + _AHEAD_MAX_COUNTS)
         if compared.twin.homing:
             compared.leave()
         ahead_counts = simulation.now_counts - counts
@@ -271,6 +262,22 @@ class Shadow:
             return
         self._player.first_counts += ahead_counts
         self.caught_up_s += ahead_counts / COUNTS_PER_SECOND
+
+    def _let_ahead(self, goes_on: Callable[[], bool], until_counts: int) -> None:
+        """Let the twin go ahead of the stamps up to an instant, as long as something goes on.
+
+        Hosts' heartbeats go on meanwhile, since the twin watches them.
+        """
+        simulation = self.machine.simulation
+        beaten_counts = simulation.now_counts
+        while goes_on() and simulation.now_counts < until_counts:
+            if simulation.now_counts - beaten_counts >= _HEARTBEATS_COUNTS:
+                beaten_counts = simulation.now_counts
+                for heartbeat in self._watched.values():
+                    simulation.host.send(heartbeat, beaten_counts)
+            simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
+            for compared, dictionary in zip(self._axes, self._dictionaries, strict=True):
+                compared.follow(simulation.now_counts, _twin_axis(dictionary))
 
     def _let_rest(self, counts: int) -> None:
         """Let the twin come to rest, where its profile ends a little later, before the host's next frame.
@@ -287,8 +294,7 @@ class Shadow:
             return
         if any(velocity and not each.board.rests for velocity, each in zip(velocities, self._axes, strict=True)):
             return
-        while self._twin_moves and simulation.now_counts < until_counts:
-            simulation.run_until(simulation.now_counts + _AHEAD_COUNTS)
+        self._let_ahead(lambda: self._twin_moves, until_counts)
         if not self._twin_moves:
             self._player.first_counts += simulation.now_counts - counts
 
