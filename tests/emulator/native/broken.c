@@ -12,7 +12,7 @@ void st_receive(const st_frame *frame, uint64_t at) { (void)frame, now = at; }
 void st_inputs(const uint32_t *levels, uint64_t at) { (void)levels, now = at; }
 uint64_t st_next_due(void) { return BREAK == 8 ? 1 : ST_NEVER; }
 uint64_t st_run(uint64_t until) {
-    if (BREAK == 2) for (volatile int i = 0;;) i++;
+    if (BREAK == 2) for (volatile int i = 0;; i++) (void)i;
     if (BREAK == 3) abort();
     if (BREAK == 4 && now > 20000 * ST_COUNTS_PER_US) return 0;
     if (BREAK == 5) return until + 1;
