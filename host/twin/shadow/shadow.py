@@ -248,9 +248,10 @@ class Shadow:
     def _catch_up(self, axis: int, counts: int) -> None:
         """Let the twin search on, while the board waits for its host: it stood nearer to its switch.
 
-        It does before the host's next frame, which might end the search. The stamps' clock, by which the board's frame came at `counts`, is then so much later for the
-        twin: else what the host sends in these ms would reach the twin too late. Only where jitter makes the difference
-        and another axis of the twin moves, that axis keeps its time instead.
+        It does before the host's next frame, which might end the search. The stamps' clock, by which the board's frame
+        came at `counts`, is then so much later for the twin: else what the host sends in these ms would reach the twin
+        too late. Only where jitter makes the difference and another axis of the twin moves, that axis keeps its time
+        instead.
         """
         assert self._player is not None
         compared, simulation = self._axes[axis], self.machine.simulation

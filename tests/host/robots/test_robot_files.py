@@ -214,9 +214,7 @@ class TestMistakesInAFile:
             pytest.param("ratio = 5.0", f"ratio = {'9' * 400}", "joints.th1.ratio: 9999", id="huge integer"),
             pytest.param("_rev = 200", f"_rev = {'9' * 400}", "joints.sx.full_steps_per_rev: 9999", id="huge count"),
             pytest.param("ratio = 5.0", f"ratio = {'9' * 5000}", "is not TOML: Exceeds", id="integer bomb"),
-            pytest.param(
-                "ratio = 5.0", f"ratio = {'[' * 9999}", "is not TOML that can be read", id="depth bomb"
-            ),
+            pytest.param("ratio = 5.0", f"ratio = {'[' * 9999}", "is not TOML that can be read", id="depth bomb"),
             pytest.param("ratio = 5.0", "ratio = true", "joints.th1.ratio: True is not a number", id="boolean"),
             pytest.param("ratio = 5.0", 'ratio = "5"', "joints.th1.ratio: '5' is not a number", id="text"),
             pytest.param(
