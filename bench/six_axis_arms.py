@@ -72,7 +72,7 @@ steps = [
     { by = { y = -400.0 }, speed_mm_s = 10.0, ramp_s = 2.0 },
 ]
 """
-"""Straight to and fro, of which each millisecond is looked at: 1 010 s."""
+"""Straight to and fro, each millisecond of it looked at: 1 010 s."""
 
 
 def arms_table() -> Table:

@@ -151,7 +151,7 @@ class ProfilePosition(DriveMode):
         self._next: _SetPoint | None = None
         """The set-point that waits for its turn."""
         self._passing = 0
-        """Direction in which the axis will pass the active set-point's target, 1 or -1; 0 if it will stop there."""
+        """Direction of the axis where it will pass the active set-point's target, 1 or -1; 0 if it will stop there."""
         self._passing_look_us: int | None = None
         self._last_target_units: int | None = None
         self._at_limit = False

@@ -30,7 +30,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 kernel_functions: list[Callable[..., Any]] = []
-"""Functions that are marked and of which numba does not know yet (see `backend`)."""
+"""Functions that are marked and not yet known to numba (see `backend`)."""
 
 
 def _marked(function: Function) -> Function:

@@ -137,7 +137,7 @@ class AxisWires:
 
     @property
     def held_pulses(self) -> int:
-        """Number of pulses that have begun, and of which the driver does not know yet."""
+        """Number of pulses that have begun, and that the driver does not know yet."""
         return int(self._rise is not None and not self._told)
 
     def set_enable(self, counts: int, level: int) -> None:
@@ -223,7 +223,7 @@ class AxisWires:
         return turns[:whole], min(self._rise, until_counts) if waits and self._rise is not None else until_counts
 
     def _tell(self, pins: TerminalEdges) -> TerminalEdges:
-        """Return what the driver is told of a stretch: not again the pulse of which it knows, but one held high."""
+        """Return what the driver is told of a stretch: not again the pulse that it knows, but one held high."""
         if self._told and pins.clk_rise_counts.size:
             pins, self._told = _without_first_pulse(pins), False
         held = self._rise is not None and self._step.condition is WireState.HIGH

@@ -109,7 +109,7 @@ class Driver:
         return self.fault_input is not None and self.module.chip.overcurrent.value is not Release.NEVER
 
     def told(self, counts: int) -> DigitalInput:
-        """Return that input at an instant at which the output tells that a protection holds the bridges off; else 0."""
+        """Return that input at an instant when the output tells that a protection holds the bridges off; else 0."""
         return self.fault_input if self.fault_input and not self.chip.fault_level(counts) else DigitalInput(0)
 
     def told_until(self, counts: int) -> int | None:

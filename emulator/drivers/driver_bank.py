@@ -22,7 +22,7 @@ from steptwin.emulator.faults.wiring import Condition, Wire
 from steptwin.protocol.drivers import ActiveEdge
 
 SUPPLIES = (Rail.VDD, Rail.VM)
-"""The drivers' supplies, in the order in which the board switches them on."""
+"""The drivers' supplies, in the board's order of switching them on."""
 
 _FIRST_OFF = (Pin.ENABLE, Pin.RESET)
 """Pins that fall before all others when the power goes: M1 and M2 may change in reset only."""
@@ -259,7 +259,7 @@ class DriverBank:
     def trace(self, axis: int, until_counts: int) -> AxisTrace:
         """Return everything that happened at an axis' driver up to an instant and is not forgotten."""
         driver = self.drivers[axis]
-        nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass in which nothing came
+        nothing = _pins(PinEdges([], []), [], until_counts)  # lets the time pass when nothing came
         self._feed(axis, nothing)
         pins, wires = self._pins[axis], self._wires[axis]
         rises, falls = (

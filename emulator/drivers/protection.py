@@ -39,7 +39,7 @@ class _Span(NamedTuple):
 
 
 class Junction:
-    """The junction's temperature at any instant since power-up, at which it is ambient."""
+    """The junction's temperature at any instant since power-up, when it is ambient."""
 
     def __init__(self, cooling: Cooling, shutdown: Shutdown | None) -> None:
         self._cooling = cooling

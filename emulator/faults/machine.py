@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PER_V: Final = 100
 PER_DEGC: Final = 10
-"""Parts of a volt and of a degree in which the board measures."""
+"""The board measures in these parts of a volt and of a degree."""
 CYCLE_FULL_STEPS: Final = 4
 """Full steps in an electrical cycle: after so many the motor's torque at the same field is the same again."""
 FULL_STEPS_MAX: Final = 100_000

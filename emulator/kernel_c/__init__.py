@@ -74,7 +74,7 @@ class Layout:
 
 
 def whole_edges(words: NDArray[np.uint32], since: int) -> Cells:
-    """Return the edges of which C keeps the low 32 bits; none is before `since`, or 2^32 or more after it."""
+    """Return the edges whose low 32 bits C keeps; none is before `since`, or 2^32 or more after it."""
     after: NDArray[np.uint32] = words - np.uint32(since & 0xFFFF_FFFF)
     return after.astype(np.int64) + since
 

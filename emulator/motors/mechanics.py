@@ -3,7 +3,7 @@
 Source: J. Y. S. Luh, M. W. Walker, R. P. C. Paul, "On-line computational scheme for mechanical manipulators", ASME
 J. Dynamic Systems 102, 1980, in frames of the links (J. J. Craig, "Introduction to Robotics", section 6.5), on a tree
 instead of a chain. Each body hangs on its parent by one joint, which turns about or slides along the z axis of the
-frame in which it is fixed to the parent:
+frame where it is fixed to the parent:
 
     frame of a body in its parent's = fixed transform, then Rz(angle) or Tz(way)
 

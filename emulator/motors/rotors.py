@@ -119,7 +119,7 @@ class DriverEvents:
         counts: instants in counts of the timer.
         field_rad: electrical angle of the field, counted through; it grows with the position.
         a_amp: current to which phase A is regulated.
-        b_amp: likewise of phase B, in the direction in which the rotor's angle grows from A to B.
+        b_amp: likewise of phase B; the rotor's angle grows from A to B.
         fast: fraction of fast decay, 0 to 1.
         on: 1 while the outputs are on, else 0.
     """

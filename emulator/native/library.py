@@ -88,7 +88,7 @@ class NativeLibrary:
         return self._answer(now)
 
     def run(self, until: int, resting: int) -> Answer:
-        """Let time pass; return at the end of the servo tick in which an axis of the mask `resting` moves a pin."""
+        """Let time pass; return at the end of the servo tick when an axis of the mask `resting` moves a pin."""
         if not resting:
             return self._answer(self._run(until))
         edges = b""

@@ -147,7 +147,7 @@ class Engine:
     """Plays one scenario; the simulation's attendant.
 
     After `begin` it looks at what has happened at the end of every event. An operation is executed at the very instant
-    at which its trigger is due; the firmware sees inputs with its next tick.
+    when its trigger is due; the firmware sees inputs with its next tick.
     """
 
     def __init__(self, scenario: Scenario, target: Target, host: HostCondition) -> None:

@@ -138,7 +138,7 @@ def _codes(played: Played) -> set[ErrorCode]:
 
 
 def _unknowable(played: Played) -> bool:
-    """Return whether a fault has begun that makes steps go missing of which no board can know."""
+    """Return whether a fault has begun that makes steps go missing without any board's knowledge."""
     reaction = _reaction(played)
     return reaction is not None and not reaction.verified
 

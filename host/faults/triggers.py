@@ -19,7 +19,7 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 class Direction(StrEnum):
-    """The direction in which a joint passes a position."""
+    """A joint's direction where it passes a position."""
 
     UP = "up"
     DOWN = "down"
@@ -67,7 +67,7 @@ class AtPosition:
     Attributes:
         joint: name of the joint.
         value: the position, in mm or degrees.
-        direction: the direction in which the joint passes it.
+        direction: the joint's direction where it passes it.
     """
 
     joint: str
@@ -198,7 +198,7 @@ class PositionWatch(Watch):
 
     @property
     def next_counts(self) -> int | None:
-        """The first tick at which the joint may be there; None while nothing moves."""
+        """The first tick when the joint may be there; None while nothing moves."""
         return self._look_counts if self._moving() else None
 
     def is_due(self, now_counts: int) -> bool:

@@ -70,7 +70,7 @@ class PlannedStock:
     """What a motion is planned to leave at a shelf.
 
     Attributes:
-        places: slots and spots of which the plan knows what they hold at the end.
+        places: slots and spots whose contents at the end the plan knows.
         boxes: the box at each of these that has one.
         leaves_open: slots whose drawers are out at the end.
         cleared: how many boxes are put down at each spot that carries them away.

@@ -59,7 +59,7 @@ class RateRamps:
         return np.asarray(reached_s[at] + passed_s(at, np.asarray(since - begin_s[at])))
 
     def instant_counts(self, t_s: float, start_counts: int, until_counts: int) -> int:
-        """Return the first instant, at most `until_counts`, at which the trajectory has reached a time."""
+        """Return the first instant, at most `until_counts`, when the trajectory has reached a time."""
         low, high = start_counts, until_counts
         while low < high:
             middle = (low + high) // 2

@@ -123,7 +123,7 @@ def _by_one_rule(off_steps: FloatArray, signs: NDArray[np.int8]) -> bool:
 
 
 def _runs(ideal: IdealSteps, time_s: FloatArray) -> NDArray[np.int64]:
-    """Return the number of the run in which each instant is."""
+    """Return the number of each instant's run."""
     turns = np.flatnonzero(np.diff(ideal.signs)) + 1
     turned_s = np.searchsorted(ideal.turning_s, ideal.time_s[turns - 1])
     ends_s = ideal.turning_s[np.minimum(turned_s, ideal.turning_s.size - 1)]

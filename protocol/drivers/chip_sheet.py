@@ -205,7 +205,7 @@ class ChipSheet:
     Attributes:
         name: of the chip, or of the driver that hides it.
         document: title and revision of its source.
-        rails: its supplies, in the order in which they are switched on.
+        rails: its supplies, in their order of switching on.
         logic_rail: the one with which it counts.
         times: what it needs at its pins.
         modes: microsteps by levels.
@@ -270,7 +270,7 @@ class ChipSheet:
 
     @property
     def substeps(self) -> int:
-        """Parts of a full step of which each step of each mode, and each home angle, is a whole number.
+        """Parts of a full step that each step of each mode, and each home angle, is a whole number of.
 
         This unit keeps positions exact for any chip: 16 for a TB6560, 256 for a TMC2209, 16 000 for a DM542.
         """

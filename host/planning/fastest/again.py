@@ -85,7 +85,7 @@ class _Made:
         drives: the motors that limit the new one; None without.
         parts: its parts.
         starts_ms: start of each, and end of the last.
-        old_ms: times of the motion itself at which these were reached.
+        old_ms: times of the motion itself when these were reached.
     """
 
     robot: Robot
@@ -219,6 +219,6 @@ def _lengths(robot: Robot, positions: FloatArray, steps: FloatArray) -> FloatArr
 
 
 def _moving(s: FloatArray, rows: Int64Array) -> Int64Array:
-    """Return rows of which each is farther on than the one before; the last one stays."""
+    """Return rows, each farther on than the one before; the last one stays."""
     kept = rows[np.diff(s[rows], prepend=-1.0) > _MOVED_STEPS]
     return np.append(kept[s[rows[-1]] - s[kept] > _MOVED_STEPS], rows[-1])

@@ -234,7 +234,7 @@ def _too_long(r_mm: float, most_mm: float, leg_mm: float, other_mm: float | None
 
 
 def _check_kink(corner: int, robot: Robot, before: MotionLeg, after: MotionLeg) -> None:
-    """Raise CornerError unless the joints go on in the direction in which they come."""
+    """Raise CornerError unless the joints go on in the direction that they come in."""
     speeds = np.array([joint.speed_max for joint in robot.joints])
     first, second = before.end_rows(before.length)[1] / speeds, after.end_rows(0.0)[1] / speeds
     sine = np.linalg.norm(first / np.linalg.norm(first) - second / np.linalg.norm(second)) / 2

@@ -74,7 +74,7 @@ class Averaged:
         return value, (s - s_before) / self.average_s * shrink
 
     def time_at(self, s: float) -> float:
-        """Return the time in seconds at which the parameter is first at a value; it rises everywhere in between."""
+        """Return the time in seconds when the parameter is first at a value; it rises everywhere in between."""
         return time_after(lambda t_s: float(self.at(np.array([t_s]))[0][0]) < s, self.duration_s)
 
     def _raw(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:

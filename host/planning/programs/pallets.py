@@ -88,9 +88,9 @@ class Pallet:
     """A grid of positions.
 
     Attributes:
-        cells: position of each cell in the station, in the order in which a program visits them.
+        cells: position of each cell in the station, in the order of a program's visits.
         labels: number of each cell along, across and up, from 1 on, such as `2,1,1`.
-        frame: frame in which it stands; offsets from its cells are along the frame's axes.
+        frame: frame where it stands; offsets from its cells are along the frame's axes.
     """
 
     cells: tuple[ToolPosition, ...]

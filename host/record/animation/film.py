@@ -163,7 +163,7 @@ class Shot:
         to_s: last time of the motion; None: its end.
         gain: factor by which the path's error is magnified; None: a round one that makes it visible.
         frames: whether the frames of base, joints and tool are shown.
-        pulses_ms: time before each instant in which the drivers' CLK pins are shown; None: they are not.
+        pulses_ms: time before each instant when the drivers' CLK pins are shown; None: they are not.
     """
 
     fps: float = FPS
@@ -215,7 +215,7 @@ class Film:
         path_until: shape (frames,), number of the path's points that each frame has behind it.
         gain: factor by which the path's error is to be magnified.
         pulses: the CLK pins, if they are to be shown.
-        pulses_ms: time before each instant in which they are shown.
+        pulses_ms: time before each instant when they are shown.
     """
 
     title: str

@@ -18,7 +18,7 @@ CHANGES_MAX: Final = 40_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channel:
-    """One channel: its level at the beginning, and the instants at which it changes.
+    """One channel: its level at the beginning, and the instants when it changes.
 
     Attributes:
         name: as the file names it.

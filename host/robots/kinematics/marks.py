@@ -1,6 +1,6 @@
 """Lines that pictures draw beside the bodies of an arm: the axis of each joint, and frames of base, joints and tool.
 
-A joint's axis is the z axis of its frame in the DH table, in the direction in which the joint counts. A slide that is
+A joint's axis is the z axis of its frame in the DH table, in the joint's direction of counting. A slide that is
 drawn has its axis there, since a table may shift it sideways. Joints that no table knows, as those of a parallel
 mechanism or of a machine without a tool, have the axis of the guide on which they are drawn.
 """
@@ -48,7 +48,7 @@ class Skeleton:
     def axes(self, joints: FloatArray) -> tuple[ArmPart, ...]:
         """Return a line `axis NAME` for each joint, in the robot's order.
 
-        It goes through the joint in the direction in which it counts, or turns by the right hand's rule.
+        It goes through the joint in its direction of counting, or turns by the right hand's rule.
         """
         return self._axes(self._kinematics.links(joints), self._placed(joints))
 

@@ -247,7 +247,7 @@ class ScaraTask(Task):
 
 
 class DirectionTask(Task):
-    """The task of an arm of five axes: a place, and the direction in which the tool points."""
+    """The task of an arm of five axes: a place, and the tool's direction."""
 
     name: ClassVar[str] = "direction"
     width: ClassVar[int] = 6

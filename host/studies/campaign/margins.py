@@ -82,7 +82,7 @@ class Performance:
 
     @property
     def unknowable(self) -> bool:
-        """True if a fault has struck of which no board without encoders can know, such as a broken STEP wire.
+        """True if a fault has struck that no board without encoders can notice, such as a broken STEP wire.
 
         The documented reaction says so: only `verify` tells it.
         """

@@ -29,7 +29,7 @@ STEPS: Final = 240
 _DENSE: Final = 24_001
 _SHOWN_S: Final = (28.0, 33.0)
 _OUTER_S: Final = 2.0
-"""Time at both ends in which the job starts and stops, so that the tool is early or late there."""
+"""Time at both ends when the job starts and stops, so that the tool is early or late there."""
 
 
 def _helix_at(t_s: FloatArray) -> FloatArray:

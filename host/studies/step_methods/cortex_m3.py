@@ -135,7 +135,7 @@ def core_rows(figures: list[CoreFigures]) -> list[list[str]]:
 
 
 def _busiest_window(motion: PlannedMotion, rises: list[Int64Array]) -> range:
-    """Return 100 ms around the 10 ms in which all axes together step most, in ticks.
+    """Return 100 ms around the 10 ms when all axes together step most, in ticks.
 
     They are moved to lie between two instants when records are queued, so that all of them are queued at once.
     """

@@ -45,7 +45,7 @@ class DriverAnswer:
 def by_each_driver(
     capture: Capture, robot: Robot, signals: Sequence[AxisSignals], clock: ClockFit
 ) -> list[DriverAnswer]:
-    """Return the answer of every kind of driver, in the order in which they are listed."""
+    """Return the answer of every kind of driver, in the order of their list."""
     edges, start_counts = edges_in_counts(signals, clock)
     found = []
     for name in driver_names():

@@ -32,7 +32,7 @@ class LimitAnswer:
         axis: name of the axis.
         limit: the limit.
         kept: the answer.
-        count: number of pulses or edges that break it for certain, or of those of which it cannot be told.
+        count: number of pulses or edges that break it for certain, or that it cannot be told of.
     """
 
     axis: str

@@ -36,7 +36,7 @@ _SCALES: Final = {
     LimitUnit.CELSIUS: ("degC", 1),
     LimitUnit.VOLT: ("V", 1),
 }
-"""The unit in which the evidence gives each unit of the emulator, and the factor of the conversion."""
+"""The evidence's unit for each unit of the emulator, and the factor of the conversion."""
 _NO_CURRENTS: Final = np.empty(0, np.int16)
 
 

@@ -49,7 +49,7 @@ def kernel_named(name: str) -> Kernel:
 
 
 _LOADING_S: Final = 0.4
-"""Time in which a process imports numba and loads the compiled kernel."""
+"""Time that a process takes to import numba and load the compiled kernel."""
 _PLAIN_TICK_S: Final = 0.7e-6
 """Time that plain Python takes for a tick of an axis longer than the compiled kernel, on the same computer."""
 _PLAIN_STEP_S: Final = 1.5e-6

@@ -182,7 +182,7 @@ class MotorsOnPath:
         """Return what must not exceed the torque: the terms of u, x and 1, and the friction that adds to them.
 
         A motor that speeds up carries what the gear rubs, whichever way the load pulls; one that brakes is helped by
-        it, of which only the friction counts here. One that stands holds both ways.
+        it; only the friction counts here. One that stands holds both ways.
         """
         signs, frictions, shares = self._rubbing
         up, down = np.where(signs == 0.0, 1.0, signs), np.where(signs == 0.0, -1.0, -signs)

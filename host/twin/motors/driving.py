@@ -106,7 +106,7 @@ class DriverRecord:
 
 
 def stretched_counts(counts: Int64Array, factor: float, from_counts: int) -> Int64Array:
-    """Return instants of which those after `from_counts` are `factor` times as far from it."""
+    """Return instants; those after `from_counts` are `factor` times as far from it."""
     later = np.maximum(counts - from_counts, 0)
     return np.asarray(np.minimum(counts, from_counts) + np.rint(later * factor).astype(np.int64), dtype=np.int64)
 

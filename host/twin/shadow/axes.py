@@ -13,7 +13,7 @@ from steptwin.protocol.cia402 import Mode, State, Status
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
 
 JITTER_COUNTS: Final = 2 * COUNTS_PER_MS
-"""Uncertainty of a time stamp, and of the instant at which a waiting PDO took its value."""
+"""Uncertainty of a time stamp, and of the instant when a waiting PDO took its value."""
 TICK_COUNTS: Final = COUNTS_PER_SECOND // 4000
 """A command acts at a servo tick, which may be the next one on one side only."""
 SEGMENT_S: Final = 0.016
@@ -166,11 +166,11 @@ class ComparedAxis:
         self._off_times = 0
         self._position_told = False
         self._moved_counts = 0
-        """Instant at which the twin last moved."""
+        """Instant when the twin last moved."""
         self._judged_at_rest = True
         """True once both sides' places have been compared since then."""
         self._rested_counts = 0
-        """Instant at which the twin began to move."""
+        """Instant when the twin began to move."""
         self._peak_units_per_s = 0
         self._last_units_per_s = 0
         self._varied_units_per_s = 0
@@ -372,7 +372,7 @@ class ComparedAxis:
     def _lost_bound_units(self) -> float:
         """Difference of the switch's place that is none: two full steps, if the board was seen leaving the switch.
 
-        Else its way in the time in which it was not seen: a search overruns the switch by more or less.
+        Else its way in the time when it was not seen: a search overruns the switch by more or less.
         """
         before, last = self._board_leg_before, self._board_leg
         seen_s = (last.counts - before.counts) / COUNTS_PER_SECOND

@@ -165,7 +165,7 @@ class Shadow:
         self._look(us)
 
     def pass_time(self, us: int) -> None:
-        """Let time pass up to an instant by the stamps' clock at which nothing was heard."""
+        """Let time pass up to an instant by the stamps' clock when nothing was heard."""
         if self._player is not None and self._shift_us is not None:
             self._pass_time(self._player, us + self._shift_us)
             self._look(us + self._shift_us)
