@@ -101,6 +101,25 @@ def test_a_step_too_many_after_the_absolute_move_is_told(stepped: Real, steps: i
     assert [(each.axis, each.kind, each.error_steps) for each in told] == [("th1", DiscrepancyKind.REST, float(steps))]
 
 
+@pytest.fixture(scope="module")
+def creeping(fast_kernel: Kernel) -> Real:
+    """A machine whose th1 goes on so slowly after each jog that the ways to the target differ by more than 350 ms."""
+    real = Real(ROBOT, fast_kernel)
+    home_robot(real.session)
+    for i in range(8):
+        sign = 1 - 2 * (i % 2)
+        jogged = jog(real.session, "th1", sign * 0.97 * ROBOT.joints[0].speed_max, 0.6 * RAMP_S + 0.0013 * i)
+        move(real.session, [jogged.end + 1.5 * sign, 0.0, 0.0, 0.0], speed_percent=1)
+    real.board.wait(0.6)
+    return real
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_twin_misses_no_heartbeat_while_it_comes_to_rest(creeping: Real, seed: int, fast_kernel: Kernel) -> None:
+    told, shadow = shadowed(ROBOT, creeping.heard(jitter_us=1500, seed=seed), fast_kernel)
+    assert told == []
+
+
 class Sides:
     """Both sides of an axis with a step of 1 unit, each told every 10 ms."""
 
