@@ -103,7 +103,7 @@ class AxisUnits(NamedTuple):
     def are_wire_units(self) -> bool:
         """True if the unit is the wire unit, whatever its name."""
         wire = od.UNITS_PER_REVOLUTION * self.motor_revolutions * self.feed_revolutions
-        return wire == self.shaft_revolutions * self.feed
+        return wire == self.shaft_revolutions * self.feed != 0
 
     def __str__(self) -> str:
         gear = f"gear {self.motor_revolutions}:{self.shaft_revolutions}"

@@ -91,3 +91,8 @@ def test_factors_that_make_the_wire_unit_are_not_refused(steptwin: CommandLine, 
 )
 def test_units_as_text(units: AxisUnits, text: str) -> None:
     assert str(units) == text
+
+
+def test_factors_of_zero_make_no_unit() -> None:
+    assert WIRE_UNITS.are_wire_units
+    assert not AxisUnits(0, 0, 0, 0, WIRE_UNITS.si_unit).are_wire_units
