@@ -15,7 +15,7 @@ from steptwin.emulator.bus.can_bus import Bus
 from steptwin.emulator.bus.can_controller import CanController, unheard
 from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.emulator.faults import Consequence, Schedule, Scheduled
-from steptwin.emulator.faults.bus import Babble
+from steptwin.emulator.faults.bus import Babble, HostBitRate
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import PowerUp
 from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
@@ -174,9 +174,12 @@ class Simulation:
             self.schedule([Consequence(next_counts, replace(babble, count=babble.count - 1), number)])
 
     def repair_bus(self) -> None:
-        """End all faults of the bus, and the stranger's babble, now."""
+        """End all faults of the bus, and the stranger's babble, now; let the host have the first board's bit rate."""
         self.bus.end_faults(self.now_counts)
         self._schedule.end_babble()
+        bitrate = self.boards[0].can.bitrate
+        if bitrate is not None and bitrate != self.host.bitrate:
+            self.operate(HostBitRate(bitrate))
 
     @property
     def stranger(self) -> CanController:

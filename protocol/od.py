@@ -347,7 +347,7 @@ PVT_LEAST_FILL = ro(0x2013_05, U8, "Least fill while running", RECORDS)
 DELAYED_STEPS = ro(0x2013_06, U32, "Delayed steps", STEPS, read="AxisMotion.delayed_steps")
 record(0x2014, "Transmission counters")
 FRAMES_LOST = ro(0x2014_01, U32, "Frames lost because the bus was too busy")
-EMCYS_LOST = ro(0x2014_02, U32, "Emergencies lost because of the inhibit time EMCY", read="AxisErrors.lost")
+EMCYS_LOST = ro(0x2014_02, U32, "Emergencies lost because too many waited", read="AxisErrors.lost")
 RPDO_VALUES_REFUSED = ro(0x2014_03, U32, "Values of RPDOs refused")
 RPDO_LAST_REFUSED = ro(0x2014_04, U32, "Entry of the last of them, as a mapping names it")
 EMERGENCY_STOP = rw(

@@ -225,7 +225,7 @@ class BusRepair(Harm):
     """All faults of the bus end, and a stranger's babble."""
 
     do: ClassVar[str] = "bus-ok"
-    does: ClassVar[str] = "all faults of the bus end, and so does babble"
+    does: ClassVar[str] = "all faults of the bus end, and so does babble; the host has the boards' bit rate"
 
     def apply(self, simulation: "Simulation", _number: int) -> None:
         """End them now."""
@@ -262,7 +262,7 @@ class HostBitRate(Operation):
 
     do: ClassVar[str] = "bit-rate"
     does: ClassVar[str] = "the host's CAN adapter has another bit rate from now on"
-    ends: ClassVar[str] = "`bit-rate` with that of the boards"
+    ends: ClassVar[str] = "`bit-rate` with that of the boards, or `bus-ok`"
     once: ClassVar[bool] = True
 
     bitrate: int = field(metadata=keyed(Key("bitrate", KeyKind.WHOLE, choices={each: each for each in BITRATES})))

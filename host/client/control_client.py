@@ -64,6 +64,8 @@ class ControlState:
         inputs: level of each digital input of the robot's file.
         switches: the switches that each joint has, by their names `-`, `+` and `home`.
         bus_load_percent: part of the time that the bus was busy, over the last whole half second.
+        bitrate: for which the bus was made, in bit/s.
+        host_bitrate: of the host's adapter.
         ticks: lateness of servo ticks while an axis moves.
         frames: lateness of the board's frames.
         stood: how often and for how long the board's clock has stood since the computer was too slow.
@@ -81,6 +83,8 @@ class ControlState:
     inputs: Mapping[str, bool]
     switches: Mapping[str, Mapping[str, SwitchState]]
     bus_load_percent: float
+    bitrate: int
+    host_bitrate: int
     ticks: LatenessReport
     frames: LatenessReport
     stood: ClockStood
@@ -100,6 +104,7 @@ class ControlState:
             switches = {name: _switches(joints, name) for name in joints}
         with table.section("bus") as bus:
             load_percent = bus.number("recent_load_percent")
+            bitrate, host_bitrate = bus.integer("bitrate"), bus.integer("host_bitrate")
         with table.section("real_time") as real_time:
             ticks, frames = _lateness(real_time, "ticks"), _lateness(real_time, "frames")
             stood = _stood(real_time)
@@ -113,6 +118,8 @@ class ControlState:
             inputs=inputs,
             switches=switches,
             bus_load_percent=load_percent,
+            bitrate=bitrate,
+            host_bitrate=host_bitrate,
             ticks=ticks,
             frames=frames,
             stood=stood,

@@ -408,7 +408,7 @@ _BUS_ROWS: Final[tuple[Documented, ...]] = (
         HostBitRate,
         Reaction(Motion.RAMP, (), State.FAULT, HEARTBEAT_MS, certain=False, others=_OF_BAD_BUS),
         "the boards cannot send and leave the bus (0x6007), or miss the host's heartbeat, unless it has theirs again"
-        " in time; no EMCY comes through",
+        " in time; their EMCYs come through afterwards",
     ),
     Documented(
         "frames come twice, or make their sender leave the bus",

@@ -134,7 +134,12 @@ def _codes(played: Played) -> set[ErrorCode]:
     if reaction is None:
         return set()
     # Reports that change again before they are sent are replaced, which the board tells.
-    return {*reaction.codes, *([ErrorCode.GROUP_STOPPED] if reaction.stops else []), ErrorCode.CAN_OVERRUN}
+    return {
+        *reaction.codes,
+        *reaction.others,
+        *([ErrorCode.GROUP_STOPPED] if reaction.stops else []),
+        ErrorCode.CAN_OVERRUN,
+    }
 
 
 def _unknowable(played: Played) -> bool:

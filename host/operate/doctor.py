@@ -47,6 +47,9 @@ def examine(session: Session) -> Iterator[Check]:
         if check.passed:
             answering.append(axis)
             yield _robot(session, axis)
+    if not answering:
+        said = "none answers: is the machine on, is this its bus, and is the bus' bit rate the machine's?"
+        yield Check("nodes", False, said, BusError.exit_code)
     for axis in answering:
         yield from _examine_axis(session, axis)
 
@@ -58,7 +61,8 @@ def _answers(session: Session, axis: AxisClient) -> Check:
         device_type = axis.read(od.DEVICE_TYPE)
         versions = ", ".join(map(axis.read_text, (od.DEVICE_NAME, od.HARDWARE_VERSION, od.SOFTWARE_VERSION)))
     except BusError as error:
-        return Check(name, False, str(error), BusError.exit_code)
+        found = str(error).removeprefix(f"{axis.name}: node 0x{axis.node_id:02X} ")  # as the name says
+        return Check(name, False, found, BusError.exit_code)
     except DeviceFaultError as error:
         return Check(name, False, str(error))
     if device_type != IDENTITY_DEVICE_TYPE:

@@ -94,7 +94,8 @@ def test_it_greets_and_never_answers(words: list[str], capsys: pytest.CaptureFix
         assert run([*words, "--connect", f"127.0.0.1:{deaf.port}"]) == 4
     out, err = capsys.readouterr()
     if words[0] == "doctor":
-        assert re.search(r"(?m)^\[FAIL\] sx node 0x10: sx: node 0x10 does not answer", out)
+        assert re.search(r"(?m)^\[FAIL\] sx node 0x10: does not answer", out)
+        assert "[FAIL] nodes: none answers" in out
     else:
         assert out == ""
         assert re.fullmatch(rf"steptwin: .*does not answer.*{UNSURE if words[0] in STOPPING else ''}\n", err)

@@ -80,9 +80,16 @@ def inject(
 # --- the state in words
 
 
+def _rates(state: "ControlState") -> str:
+    """Return that the host has another bit rate than the bus was made for, if it has."""
+    if state.host_bitrate == state.bitrate:
+        return ""
+    return f", the host at {state.host_bitrate // 1000} kbit/s instead of {state.bitrate // 1000}"
+
+
 def _print_state(state: "ControlState") -> None:
     say(
-        f"SIMULATED {state.robot}: {state.simulated_s:.1f} s, bus load {state.bus_load_percent:.1f} %",
+        f"SIMULATED {state.robot}: {state.simulated_s:.1f} s, bus load {state.bus_load_percent:.1f} %{_rates(state)}",
         *(text(state) for text in (_estop, _supply, _temperature)),
     )
     if state.inputs:

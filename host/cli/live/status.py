@@ -1,5 +1,6 @@
 """`steptwin doctor ROBOT` and `status ROBOT --connect ...`: whether a live machine is fit to move, and its state."""
 
+from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 import typer
@@ -22,6 +23,7 @@ from steptwin.host.common.bad_input import printable
 from steptwin.host.common.errors import BusError, DeviceFaultError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import NoReturn
 
     from rich.console import Group
@@ -155,6 +157,12 @@ _COLUMNS: Final[Columns] = {
 }
 
 
+def _in_a_row(errors: "Sequence[str]") -> list[str]:
+    """Return each error once for all that are the same one after the other, with their number."""
+    rows = [(error, len(list(same))) for error, same in groupby(errors)]
+    return [f"{number} x {error}" if number > 1 else error for error, number in rows]
+
+
 def _health(axis: "AxisStatus") -> str:
     from steptwin.host.operate.joint_positions import HELD
 
@@ -171,11 +179,11 @@ def _health(axis: "AxisStatus") -> str:
     if axis.frames_lost:
         said.append(f"{axis.frames_lost} frames of the board lost, the bus was too busy")
     if axis.emergencies_lost:
-        said.append(f"{axis.emergencies_lost} EMCYs lost, the inhibit time 0x1015 was too long")
+        said.append(f"{axis.emergencies_lost} EMCYs lost, too many waited: the bus was down, or 0x1015 is too long")
     if axis.supply_v is not None:
         said.append(f"{axis.supply_v:.2f} V, {axis.temperature_degc:.1f} degC")
     if axis.inputs:
         said.append(f"active: {', '.join(axis.inputs)}")
     if axis.history:
-        said.append(f"earlier: {', '.join(axis.history)}")
+        said.append(f"earlier: {', '.join(_in_a_row(axis.history))}")
     return "; ".join(said)

@@ -78,6 +78,7 @@ def verify(
 ) -> None:
     """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.
 
+    Of a run with a scenario it judges the motion alone: where a fault has stopped it as documented, the exit code is 3.
     A live board's recording that was interrupted is verified as far as it goes, with exit code 1. With --capture,
     verify what a logic analyser has recorded at the drivers of any controller.
     """

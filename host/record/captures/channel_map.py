@@ -202,7 +202,7 @@ def _facts(capture: Capture, channel: Channel) -> dict[str, Any]:
 
 
 def _pairs(capture: Capture) -> list[tuple[str, str]]:
-    """Return the pairs of channels that look like STEP and DIR, each channel once, neighbours first."""
+    """Return the pairs of channels that look like STEP and DIR, each channel once: of one axis, then neighbours."""
     steps = [i for i, channel in enumerate(capture.channels) if channel.edges.size >= 2 * _PULSES_OF_STEP]
     found, taken = [], set[int]()
     busy = {i for i in steps if _is_step(capture.channels[i])}
@@ -214,10 +214,17 @@ def _pairs(capture: Capture) -> list[tuple[str, str]]:
             if i not in busy | taken and channel.edges.size < pulses / 2 and _turns(capture.channels[step], channel)
         ]
         if near:
-            direction = min(near, key=lambda i: abs(i - step - 0.5))
+            name = capture.channels[step].name
+            direction = min(near, key=lambda i: (not _same_axis(name, capture.channels[i].name), abs(i - step - 0.5)))
             taken.add(direction)
             found.append((capture.channels[step].name, capture.channels[direction].name))
     return found
+
+
+def _same_axis(name: str, other: str) -> bool:
+    """Return whether two names, such as th1_step and th1_dir, are of one axis."""
+    axis, _, _ = name.rpartition("_")
+    return bool(axis) and axis == other.rpartition("_")[0]
 
 
 def _is_step(channel: Channel) -> bool:

@@ -285,6 +285,15 @@ def test_a_repair_ends_the_faults_of_the_bus(fast_kernel: Kernel) -> None:
     assert report.faults[0].strikes == 2
 
 
+@pytest.mark.parametrize("end", ['do = "bit-rate"\nbitrate = 1000000', 'do = "bus-ok"'])
+def test_a_wrong_bit_rate_that_ends_lets_the_errors_come_through(fast_kernel: Kernel, end: str) -> None:
+    wrong = '[[fault]]\nat_s = 0.3\ndo = "bit-rate"\nbitrate = 500000\n'
+    outcome, report = played(fast_kernel, f"{wrong}[[fault]]\nat_s = 0.4\n{end}\n")
+    assert outcome.fault is not None
+    assert report.passed, report.reasons
+    assert {each.code for fault in report.faults for each in fault.emcys} >= {0x8140}
+
+
 def expecting(kernel: Kernel, text: str, reaction: Reaction) -> tuple[FaultReport, ScenarioReport]:
     """Carry while one fault happens for which this reaction is expected instead of the documented one."""
     read = scenario(f"[[fault]]\nat_s = 0.3\n{text}\n")

@@ -92,7 +92,7 @@ def test_a_node_that_does_not_answer(
     monkeypatch.setattr(board.network, "send_message", without_th3)
     exit_code, out, _ = steptwin.run("doctor warehouse-scara")
     assert exit_code == 4
-    assert "[FAIL] th3 node 0x15: th3: node 0x15 does not answer" in out
+    assert "[FAIL] th3 node 0x15: does not answer" in out
 
 
 def test_an_absent_server(steptwin: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:

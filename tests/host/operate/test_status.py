@@ -98,7 +98,7 @@ def test_a_board_that_had_too_much_to_send(steptwin: CommandLine, session: Sessi
     assert frames > 0
     assert emergencies >= EMCY_PLACES
     out = steptwin.run("status warehouse-scara")[1]
-    said = f"{frames} frames of the board lost, the bus was too busy; {emergencies} EMCYs lost, the inhibit time"
+    said = f"{frames} frames of the board lost, the bus was too busy; {emergencies} EMCYs lost, too many waited"
     assert said in out
 
 

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.captures import Capture, capture_facts, read_capture
+from steptwin.host.record.captures.capture import Channel
 from tests.host.record.captures.analyser import Probe, write_changes, write_saleae, write_session
 
 SIGROK = shutil.which("sigrok-cli")
@@ -114,6 +115,15 @@ def test_what_it_holds(tmp_path: Path) -> None:
     assert step["shortest_pulse_us"] == pytest.approx(33.0, abs=1.001)
     assert step["fastest_hz"] == pytest.approx(1000.0, rel=0.002)
     assert facts["pairs"] == [{"step": "th1_step", "dir": "th1_dir"}]
+
+
+@pytest.mark.parametrize("stems", [("th2", "th1"), ("", "")])
+def test_a_name_tells_a_pair_where_two_look_alike(stems: tuple[str, str]) -> None:
+    """Both DIRs change between two pulses, the other axis' stands nearer. Without names the nearer one counts."""
+    step = Channel("th1_step" if stems[0] else "D1", 0, np.arange(80) * 50 + 100)
+    dirs = [Channel(f"{stem}_dir" if stem else f"D{4 + i}", 0, np.array([2160])) for i, stem in enumerate(stems)]
+    pairs = capture_facts(Capture("test", (step, *dirs), 1e-6, 10_000, None))["pairs"]
+    assert [pair["dir"] for pair in pairs] == ["th1_dir" if stems[0] else "D4"]
 
 
 # --- what is damaged

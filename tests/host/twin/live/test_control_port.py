@@ -140,8 +140,8 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         "duplicate sync count=1": "strike 1 or `bus-ok`",
         "bus-off th2": "",
         "bus-off host": "",
-        "bit-rate 500000": "`bit-rate` with that of the boards",
-        "bit-rate 1000000": "`bit-rate` with that of the boards",
+        "bit-rate 500000": "`bit-rate` with that of the boards, or `bus-ok`",
+        "bit-rate 250000": "`bit-rate` with that of the boards, or `bus-ok`",
         "brown-out joint=th3": "`power-up`",
         "brown-out 5": "",
         "watchdog": "",
@@ -151,8 +151,10 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
         assert inject(*done.split()) == (0, f"SIMULATED lab-scara: {done}: done{lasts}\n", "")
     assert inject("osc", "th2", "330")[0] == 0
     assert client.state().document["bus"]["faults"] >= 4
+    assert ", the host at 250 kbit/s instead of 1000\n" in inject("state")[1]
     assert inject("bus-ok") == (0, "SIMULATED lab-scara: bus-ok: done\n", "")
     assert client.state().document["bus"]["faults"] == 0
+    assert client.state().host_bitrate == 1_000_000
     code, out, err = inject("state")
     assert (code, err) == (0, "")
     assert re.search(r"(?m)^SIMULATED lab-scara: .* bus load .*\nemergency stop: released\nsupply: 24.00 V\n", out)

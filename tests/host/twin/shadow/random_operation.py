@@ -1,5 +1,6 @@
-"""Operate a machine at random in virtual time, and let shadows hear it: `python -m tests.host.twin.shadow.random_operation
-ROBOT MINUTES SEED`.
+"""Operate a machine at random in virtual time, and let shadows hear it.
+
+    python -m tests.host.twin.shadow.random_operation ROBOT MINUTES SEED
 
 What a shadow tells of it is a false alarm: the machine has no fault.
 """
@@ -105,5 +106,5 @@ def false_alarms(name: str, minutes: float, seed: int, kernel: Kernel) -> dict[i
 if __name__ == "__main__":
     robot_name, minutes_text, seed_text = sys.argv[1:]
     for late_us, lines in false_alarms(robot_name, float(minutes_text), int(seed_text), fastest_kernel()).items():
-        print(f"{robot_name}, stamps up to {late_us} us late: {len(lines)} false alarms")
-        print(*lines[:20], sep="\n")
+        sys.stdout.write(f"{robot_name}, stamps up to {late_us} us late: {len(lines)} false alarms\n")
+        sys.stdout.writelines(f"{line}\n" for line in lines[:20])

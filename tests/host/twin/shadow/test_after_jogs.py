@@ -116,7 +116,7 @@ def creeping(fast_kernel: Kernel) -> Real:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_twin_misses_no_heartbeat_while_it_comes_to_rest(creeping: Real, seed: int, fast_kernel: Kernel) -> None:
-    told, shadow = shadowed(ROBOT, creeping.heard(jitter_us=1500, seed=seed), fast_kernel)
+    told, _ = shadowed(ROBOT, creeping.heard(jitter_us=1500, seed=seed), fast_kernel)
     assert told == []
 
 
