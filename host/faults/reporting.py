@@ -134,12 +134,8 @@ def _codes(played: Played) -> set[ErrorCode]:
     if reaction is None:
         return set()
     # Reports that change again before they are sent are replaced, which the board tells.
-    return {
-        *reaction.codes,
-        *reaction.others,
-        *([ErrorCode.GROUP_STOPPED] if reaction.stops else []),
-        ErrorCode.CAN_OVERRUN,
-    }
+    stopped_too = [ErrorCode.GROUP_STOPPED] if reaction.stops else []
+    return {*reaction.codes, *reaction.others, *stopped_too, ErrorCode.CAN_OVERRUN}
 
 
 def _unknowable(played: Played) -> bool:
