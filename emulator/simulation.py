@@ -178,7 +178,7 @@ class Simulation:
         self.bus.end_faults(self.now_counts)
         self._schedule.end_babble()
         bitrate = self.boards[0].can.bitrate
-        if bitrate is not None and bitrate != self.host.bitrate:
+        if bitrate is not None and bitrate != self.bus.host_bitrate:
             self.operate(HostBitRate(bitrate))
 
     @property

@@ -93,8 +93,14 @@ class Firmware:
         self._inputs = [DigitalInput(0)] * axis_count
         factory_ids = range(first_node_id, first_node_id + axis_count)
         board = BoardContext(
-            *(self.motion, self._measurements, SyncClock(), self.transmit, self._trip),
-            *(list(factory_ids), self._inputs, self.bit_timing),
+            self.motion,
+            self._measurements,
+            SyncClock(),
+            self.transmit,
+            self._trip,
+            list(factory_ids),
+            self._inputs,
+            self.bit_timing,
         )
         self.nodes: tuple[AxisNode, ...] = tuple(
             AxisNode(axis, factory_ids[axis], page, board) for axis, page in enumerate(pages)

@@ -65,7 +65,8 @@ class Bus:
         """The rate for which the bus was made."""
         self.bit_counts: int = COUNTS_PER_SECOND // bitrate
         """Duration of a bit of the host."""
-        self._host_bitrate = bitrate
+        self.host_bitrate: int = bitrate
+        """The rate of the host's station."""
         self._log = log or self._keep
         self.log_counts: array[int] = array("q")
         """Instant when each frame became valid at its receivers; empty if `log` was given."""
@@ -138,7 +139,7 @@ class Bus:
         Stations with another rate than the host's take each of its frames for an error, and it theirs. This also goes
         for two of them with the same rate: the bus knows one rate at a time.
         """
-        self._host_bitrate, self.bit_counts = bitrate, COUNTS_PER_SECOND // bitrate
+        self.host_bitrate, self.bit_counts = bitrate, COUNTS_PER_SECOND // bitrate
         host.tune(bitrate)
 
     def listen(self, listener: Log) -> None:
@@ -438,7 +439,7 @@ class Bus:
     def _note_who_is_off(self) -> None:
         self._off = [station for station in self._stations if not station.on_bus]
         self._detuned = [
-            station for station in self._stations if station.on_bus and station.bitrate != self._host_bitrate
+            station for station in self._stations if station.on_bus and station.bitrate != self.host_bitrate
         ]
         self._on_bus = len(self._stations) - len(self._off) - len(self._detuned)
 

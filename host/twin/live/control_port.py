@@ -79,7 +79,7 @@ class MachineState:
             },
             "bus": board.bus_figures()
             | {
-                "host_bitrate": board.host_bitrate,
+                "host_bitrate": board.bus.host_bitrate,
                 "recent_load_percent": round(board.recent_bus_load_percent, 3),
                 "faults": len(board.bus.faults.in_force),
             },

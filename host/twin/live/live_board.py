@@ -339,11 +339,6 @@ class LiveBoard:
         """Part of the time since power-up when the bus was busy, in percent."""
         return load_percent(self.bus, self.simulated_s)
 
-    @property
-    def host_bitrate(self) -> int:
-        """Bit rate of the host's adapter, in bit/s: the bus' own, unless a fault has changed it."""
-        return self._machine.simulation.host.bitrate or self.bus.bitrate
-
     def bus_figures(self) -> dict[str, Any]:
         """Return the bus' bit rate, its number of frames and its load since power-up."""
         return bus_figures(self.bus, self.simulated_s)

@@ -74,7 +74,7 @@ def test_a_stored_node_id_is_there_after_a_power_cycle(network: EmbeddedNetwork,
 
 
 def test_a_master_changes_the_bit_rate_and_follows(network: EmbeddedNetwork, simulation: Simulation) -> None:
-    """Between activation and the master's own change no frame comes through; afterwards each axis answers again."""
+    """Each axis answers at the new rate, and again after a power cycle."""
     assert network.lss.send_switch_state_selective(VENDOR, PRODUCT, REVISION, 0x11)  # type: ignore[no-untyped-call]
     network.lss.configure_bit_timing(2)  # type: ignore[no-untyped-call]
     network.lss.store_configuration()  # type: ignore[no-untyped-call]

@@ -2,15 +2,19 @@
 
 import random
 from collections.abc import Sequence
+from math import inf
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.harm import Operation
+from steptwin.host.client.axis import AxisClient
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.twin.replay import MachineAtPowerUp
 from steptwin.host.twin.shadow import Discrepancy, Shadow
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import Mode, Status
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_US
 
@@ -32,6 +36,20 @@ class Real:
 
     def operate(self, operation: Operation) -> None:
         self.board.operate(operation)
+
+    def go_relative(self, axis: AxisClient, distance_units: int, base: int = 1, longest_s: float = inf) -> None:
+        """Move an enabled axis as a master of its own does; wait until its drive says that it has reached the target.
+
+        `base` is what the distance counts from, bits 1 and 0 of 60F2h: 0 the last target, 1 the demand, 2 the position.
+        """
+        axis.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
+        axis.write(od.POSITIONING_OPTION, base)
+        axis.write(od.TARGET_POSITION, distance_units)
+        axis.write(od.CONTROLWORD, 0x0F)
+        axis.write(od.CONTROLWORD, 0x5F)
+        until_s = self.board.now_s() + longest_s
+        while self.board.now_s() < until_s and not axis.read(od.STATUSWORD) & Status.TARGET_REACHED:
+            self.board.wait(0.01)
 
     def heard(self, *, jitter_us: int = 0, ppm: float = 0.0, seed: int = 0) -> Heard:
         """Return what a computer hears: stamps by a clock that is off by parts in a million, and late by up to some us.

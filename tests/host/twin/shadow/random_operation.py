@@ -19,7 +19,6 @@ from steptwin.host.operate.session import Session
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
 from steptwin.protocol import od
-from steptwin.protocol.cia402 import Mode, Status
 from tests.host.twin.shadow.machines import Real, shadowed
 
 JITTERS_US = (300, 1500)
@@ -40,7 +39,6 @@ class Operator:
         self.real.session = Session(self.real.board, self.robot, _TOKEN)
         self._draw = random.Random(seed)
         self._homed = [joint.name for joint in self.robot.joints if joint.homing is not None]
-        self.actions: dict[str, int] = {}
 
     def operate(self, minutes: float) -> None:
         """Do something at random until so much time has passed; rest at the end."""
@@ -52,7 +50,6 @@ class Operator:
             action = self.home if self._draw.random() < 0.02 else self._draw.choice(choices)
             with suppress(InputError):  # a step leaves the limits, a jog begins while a relative move goes on
                 action()
-                self.actions[action.__name__] = self.actions.get(action.__name__, 0) + 1
             self.real.board.wait(self._draw.choice((*PAUSES_S, self._draw.random())))
         self.real.board.wait(0.6)
 
@@ -79,14 +76,8 @@ class Operator:
     def relative(self) -> None:
         axis = self._draw.choice(self.real.session.machine.axes)
         axis.enable()
-        axis.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
-        axis.write(od.POSITIONING_OPTION, self._draw.choice((0, 1, 2)))
-        axis.write(od.TARGET_POSITION, self._draw.randint(-40_000, 40_000))
-        axis.write(od.CONTROLWORD, 0x0F)
-        axis.write(od.CONTROLWORD, 0x5F)
-        until_s = self.real.board.now_s() + _REACHED_S
-        while self.real.board.now_s() < until_s and not axis.read(od.STATUSWORD) & Status.TARGET_REACHED:
-            self.real.board.wait(0.01)
+        base = self._draw.choice((0, 1, 2))
+        self.real.go_relative(axis, self._draw.randint(-40_000, 40_000), base, longest_s=_REACHED_S)
         axis.write(od.CONTROLWORD, 0x0F)
         axis.write(od.POSITIONING_OPTION, 0)
 

@@ -9,7 +9,6 @@ from steptwin.host.operate.moving import move
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.shadow import DiscrepancyKind
 from steptwin.host.twin.shadow.axes import ComparedAxis, DriveReport, TwinAxis
-from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, Status
 from steptwin.protocol.frame import COB_TPDO
 from steptwin.protocol.timer import COUNTS_PER_MS
@@ -56,18 +55,6 @@ def test_a_step_too_many_at_the_end_is_told(hurried: Real, steps: int, fast_kern
     assert [(each.axis, each.kind, each.error_steps) for each in told] == [("th1", DiscrepancyKind.REST, float(steps))]
 
 
-def step(real: Real, distance_units: int) -> None:
-    """Make a relative move as a master of its own does; wait until the drive says that it has reached the target."""
-    axis = real.session.machine.axes[0]
-    axis.write(od.MODE_OF_OPERATION, Mode.PROFILE_POSITION)
-    axis.write(od.POSITIONING_OPTION, 1)  # from the demand
-    axis.write(od.TARGET_POSITION, distance_units)
-    axis.write(od.CONTROLWORD, 0x0F)
-    axis.write(od.CONTROLWORD, 0x5F)
-    while not axis.read(od.STATUSWORD) & Status.TARGET_REACHED:
-        real.board.wait(0.01)
-
-
 @pytest.fixture(scope="module")
 def stepped(fast_kernel: Kernel) -> Real:
     """A machine whose th1 makes relative moves right after jogs, and then an absolute one."""
@@ -77,7 +64,7 @@ def stepped(fast_kernel: Kernel) -> Real:
         jog(real.session, "th1", (1 - 2 * (i % 2)) * 0.97 * ROBOT.joints[0].speed_max, 0.6 * RAMP_S + 0.0013 * i)
         real.board.wait(PAUSES_S[i % 4])
         for sign in (1, -1) if i % 3 else ():
-            step(real, sign * 60_000)
+            real.go_relative(real.session.machine.axes[0], sign * 60_000)
             real.board.wait(PAUSES_S[(i + 1) % 4])
     move(real.session, [3.0, 0.0, 0.0, 0.0])
     real.board.wait(0.6)
