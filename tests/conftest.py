@@ -17,17 +17,10 @@ from steptwin.host.cli.app import run
 from steptwin.host.robots import workspace
 from steptwin.host.robots.robot import Robot
 from tests.kernel_forms import FORMS, kernel_form
-from tests.repeats import pytest_runtest_logreport, pytest_terminal_summary
 from tests.run_pictures import without_pictures
 from tests.shared_folders import made_once
-from tests.turns import pytest_runtest_protocol, pytest_sessionfinish
 
-__all__ = [
-    "pytest_runtest_logreport",
-    "pytest_runtest_protocol",
-    "pytest_sessionfinish",
-    "pytest_terminal_summary",
-]
+pytest_plugins = ["tests.budget", "tests.repeats", "tests.turns"]
 
 YOUNG_OBJECTS: Final = 200_000
 """Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""

@@ -1,0 +1,124 @@
+"""Charge each test the processor time that it uses, and fail one that uses too much without the mark `slow`.
+
+Processor time, that of ended child processes included, hardly depends on what else the computer does, but it does
+depend on the computer. So the budget holds for a reference computer, and a short loop tells how fast this one is. A test
+that uses too much runs a second time: the first test of a process pays for imports and caches that the others find.
+Fixtures that tests share are charged by their own names, not to the test that happens to ask first.
+"""
+
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+import pytest
+from _pytest.runner import runtestprotocol
+from _pytest.terminal import TerminalReporter
+
+BUDGET_S: Final = 0.25  # processor time that a test without the mark `slow` may use on the reference computer
+TOLERANCE: Final = 2  # a test fails above this many budgets
+REFERENCE_TURNS_S: Final = 0.28  # ten million turns of an empty loop on the reference computer
+UNBOUNDED: Final = ("slow", "live")  # marks of the tests that may use more
+_TEST, _FIXTURES = "processor_s", "fixtures_processor_s"
+
+_fixtures: Final[Counter[str]] = Counter()
+"""Processor time of the shared fixtures that the running test has set up."""
+_charges: Final[Counter[str]] = Counter()
+"""Processor time of each test and shared fixture of all workers, in the process that prints the summary."""
+
+
+def processor_s() -> float:
+    """Return the processor time that this process and its ended children have used."""
+    children = os.times()
+    return time.process_time() + children.children_user + children.children_system
+
+
+def turns_s() -> float:
+    """Return the processor time of ten million turns of an empty loop, the least of three short trials."""
+
+    def trial() -> float:
+        begin_s = time.process_time()
+        for _ in range(200_000):
+            pass
+        return (time.process_time() - begin_s) * 50
+
+    return min(trial() for _ in range(3))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--dearest N`, the number of tests and shared fixtures whose processor time the summary lists."""
+    parser.addoption("--dearest", type=int, default=10, metavar="N", help="list the N dearest tests (default: 10)")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
+    """Measure a fixture that several tests share, less those that it asks for itself."""
+    if fixturedef.scope == "function":
+        return (yield)
+    begin_s, others_s = processor_s(), _fixtures.total()
+    try:
+        return (yield)
+    finally:
+        own_s = processor_s() - begin_s - (_fixtures.total() - others_s)
+        _fixtures[f"{fixturedef.baseid}::{fixturedef.argname} (shared fixture)"] += own_s
+
+
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool:
+    """Run a test, charge it, and run it again if it used too much, since the second time tells more."""
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    reports, used_s = _run(item, nextitem)
+    fixtures = dict(_fixtures)
+    if _is_bounded(item) and all(report.passed for report in reports):
+        limit_s = _limit_s()
+        if used_s > limit_s:
+            item._initrequest()  # type: ignore[attr-defined]
+            used_s = min(used_s, _run(item, nextitem)[1])
+            limit_s = max(limit_s, _limit_s())
+        if used_s > limit_s:
+            reports[-1].outcome = "failed"
+            reports[-1].longrepr = (
+                f"{item.nodeid} used {used_s:.2f} s of processor time twice; {limit_s:.2f} s is the most on this computer "
+                f"(tests/budget.py): make it cheaper, or mark it `slow`"
+            )
+    reports[-1].user_properties += [(_TEST, used_s), (_FIXTURES, fixtures)]
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def _run(item: pytest.Item, nextitem: pytest.Item | None) -> tuple[list[pytest.TestReport], float]:
+    _fixtures.clear()
+    begin_s = processor_s()
+    reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    return reports, processor_s() - begin_s - _fixtures.total()
+
+
+def _is_bounded(item: pytest.Item) -> bool:
+    """Return False for a marked test, and while coverage makes all of them dearer."""
+    marked = any(item.get_closest_marker(name) for name in UNBOUNDED)
+    return not marked and not item.config.pluginmanager.hasplugin("_cov")
+
+
+def _limit_s() -> float:
+    return TOLERANCE * BUDGET_S * turns_s() / REFERENCE_TURNS_S
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Add what a test and its shared fixtures used, as its last report tells it."""
+    told = dict(report.user_properties)
+    if report.when == "teardown" and _TEST in told:
+        _charges[report.nodeid] += told[_TEST]  # type: ignore[assignment]
+        _charges.update(told[_FIXTURES])  # type: ignore[arg-type]
+
+
+def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.Config) -> None:
+    """List the dearest tests and shared fixtures, and what all of them used."""
+    terminalreporter.section("processor time")
+    for name, used_s in _charges.most_common(config.getoption("dearest")):
+        terminalreporter.line(f"{used_s:7.2f} s  {name}")
+    terminalreporter.line(
+        f"{_charges.total():7.2f} s  in all; ten million turns of an empty loop take {turns_s():.2f} s here, "
+        f"{REFERENCE_TURNS_S} s on the computer for which a test's budget is {BUDGET_S} s"
+    )
