@@ -1,9 +1,9 @@
 """Charge each test the processor time that it uses, and fail one that uses too much without the mark `slow`.
 
-Processor time, that of ended child processes included, hardly depends on what else the computer does, but it does
-depend on the computer. So the budget holds for a reference computer, and a short loop tells how fast this one is. A test
-that uses too much runs a second time: the first test of a process pays for imports and caches that the others find.
-Fixtures that tests share are charged by their own names, not to the test that happens to ask first.
+Processor time includes that of ended child processes. It hardly depends on what else the computer does, but it depends
+on the computer, so the budget holds for a reference computer, and a short loop tells how fast this one is. A test that
+uses too much runs a second time: the first test of a process pays for imports and caches that the others find. Fixtures
+that tests share are charged by their own names, not to the test that happens to ask first.
 """
 
 import os
@@ -72,14 +72,14 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if _is_bounded(item) and all(report.passed for report in reports):
         limit_s = _limit_s()
         if used_s > limit_s:
-            item._initrequest()  # type: ignore[attr-defined]
+            item._initrequest()  # type: ignore[attr-defined]  # noqa: SLF001, as pytest-rerunfailures does
             used_s = min(used_s, _run(item, nextitem)[1])
             limit_s = max(limit_s, _limit_s())
         if used_s > limit_s:
             reports[-1].outcome = "failed"
             reports[-1].longrepr = (
-                f"{item.nodeid} used {used_s:.2f} s of processor time twice; {limit_s:.2f} s is the most on this computer "
-                f"(tests/budget.py): make it cheaper, or mark it `slow`"
+                f"{item.nodeid} used {used_s:.2f} s of processor time twice; {limit_s:.2f} s is the most on this "
+                "computer (tests/budget.py): make it cheaper, or mark it `slow`"
             )
     reports[-1].user_properties += [(_TEST, used_s), (_FIXTURES, fixtures)]
     for report in reports:

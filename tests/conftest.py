@@ -20,7 +20,7 @@ from tests.kernel_forms import FORMS, kernel_form
 from tests.run_pictures import without_pictures
 from tests.shared_folders import made_once
 
-pytest_plugins = ["tests.budget", "tests.repeats", "tests.turns"]
+pytest_plugins = ["tests.budget", "tests.messages", "tests.repeats", "tests.turns"]
 
 YOUNG_OBJECTS: Final = 200_000
 """Number of new objects between two collections of garbage: the usual 700 take much longer, and so do 50 000."""

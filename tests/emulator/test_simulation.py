@@ -9,6 +9,7 @@ from steptwin.emulator.simulation import BusOverloadError, Simulation
 from steptwin.protocol.frame import Frame
 from tests.emulator.pins import WIRES
 from tests.emulator.simulations import SECOND
+from tests.messages import refusing
 
 
 def heartbeat(axis: int, period_ms: int) -> Frame:
@@ -45,7 +46,7 @@ def test_the_frames_of_two_boards_may_be_too_many_where_those_of_one_are_not(fas
     if boards == 1:
         send_all(simulation, requests)
     else:
-        with pytest.raises(BusOverloadError, match="the nodes' own frames keep the bus busy"):
+        with refusing(BusOverloadError):
             send_all(simulation, requests)
 
 
@@ -53,7 +54,7 @@ def test_nodes_that_fill_the_bus_by_themselves_are_no_endless_wait(fast_kernel: 
     """Eight heartbeats of 2 ms are 4000 frames a second; 125 kbit/s carry about 2300 so short ones."""
     simulation = simulation_of_eight(fast_kernel)
     simulation.run_until(SECOND // 100)
-    with pytest.raises(BusOverloadError, match="busy at 125 kbit/s: no pause for 1 s"):
+    with refusing(BusOverloadError):
         send_all(simulation, [heartbeat(axis, period_ms=2) for axis in range(8)])
     assert simulation.now_s < 2
     simulation.run_until(3 * SECOND)

@@ -5,6 +5,7 @@ from canopen.profiles.p402 import State402
 
 from steptwin.controller.node.power_states import next_state
 from steptwin.protocol.cia402 import State
+from tests.messages import refusing
 
 RTSO, SO, OE = State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.OPERATION_ENABLED
 SOD, QSA = State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE
@@ -62,5 +63,5 @@ def test_every_state_is_read_back_from_its_statusword() -> None:
     for state in State:
         for other_bits in (0x0000, 0xFF90):
             assert State.of(state.bits | other_bits & ~0x6F) is state
-    with pytest.raises(ValueError, match="0x0001"):
+    with refusing(ValueError):
         State.of(0x0001)

@@ -44,6 +44,7 @@ from tests.controller.modes.homing_bench import (
 )
 from tests.emulator.pins import CHIP, PERIOD, WIRES
 from tests.emulator.simulations import MS, STEP
+from tests.messages import refusing
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
@@ -496,7 +497,7 @@ class TestOperations:
         for value in valid:
             make(value)
         for value in invalid:
-            with pytest.raises(ValueError, match=r" is not from | is one of "):
+            with refusing(ValueError):
                 make(value)
 
     def test_each_board_has_its_own(self, fast_kernel: Kernel) -> None:
@@ -724,5 +725,5 @@ class TestGeneralInputs:
         assert 0 <= counts - 120 * MS < 2 * TICK_COUNTS
 
     def test_other_inputs_cannot_be_set(self) -> None:
-        with pytest.raises(ValueError, match="a general input is one of"):
+        with refusing(ValueError):
             SetInput(0, HOME, on=True)

@@ -10,6 +10,7 @@ from steptwin.emulator.bus.can_timing import frame_bits
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.frame import BITRATES, Frame
 from tests.emulator.bus.bus_rig import BusRig
+from tests.messages import refusing
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8) | st.sampled_from([bytes(8), b"\xff" * 8]))
 
@@ -277,5 +278,5 @@ class TestPower:
 
 
 def test_unknown_bit_rate_names_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="125000, 250000, 500000, 1000000"):
+    with refusing(ValueError):
         Bus(800_000)

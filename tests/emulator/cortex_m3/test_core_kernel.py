@@ -24,6 +24,7 @@ if shutil.which(COMPILER) is None:
     pytest.skip(f"{COMPILER} is not installed", allow_module_level=True)
 
 from steptwin.emulator.cortex_m3.core_kernel import cortex_m3_kernel, kernel_of
+from tests.messages import refusing
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ def test_a_wrong_kernel_is_caught(right: str, wrong: str, fast_kernel: Kernel) -
 def test_a_cell_beyond_its_width_is_refused_and_not_cut() -> None:
     rig = KernelRig(cortex_m3_kernel())
     rig.set(k.COUNTER, 1 << 31)
-    with pytest.raises(OverflowError, match="axis 0: counter is 2147483648"):
+    with refusing(OverflowError):
         rig.advance(1)
 
 

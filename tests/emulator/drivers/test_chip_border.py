@@ -19,6 +19,7 @@ from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.drivers import PROFILES, Coupler, DriverProfile, Fact, InputLevels
 from tests.emulator.drivers.edge_counter import EDGE_COUNTER, MADE, SUBSTEPS
 from tests.emulator.pins import WIRES
+from tests.messages import refusing
 
 COUNTER = Module(EDGE_COUNTER)
 SLOW = Fact(Coupler(10_000, 10_000), MADE)
@@ -69,9 +70,7 @@ def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) 
 
 def test_a_robot_with_other_microsteps_is_refused(fast_kernel: Kernel, counters: str) -> None:
     planned = plan(ROBOT, make_job(ROBOT, "spiral", {}))
-    with pytest.raises(
-        InputError, match=r"^driver_profile=counter: d1: 8 is not one of counter's 10: the nearest is 10$"
-    ):
+    with refusing(InputError):
         execute(planned, "spiral", fast_kernel, driver_profile=counters)
 
 
@@ -87,10 +86,10 @@ def test_motors_turn_with_it(fast_kernel: Kernel, counters: str) -> None:
 
 def test_it_has_no_capacitor_at_osc(fast_kernel: Kernel) -> None:
     board = Board(BoardConfig((COUNTER,)), fast_kernel)
-    with pytest.raises(ValueError, match="a edge counter has no capacitor at OSC"):
+    with refusing(ValueError):
         board.operate(OscCapacitor(0, 330), 0)
 
 
 def test_drivers_of_a_board_divide_a_full_step_alike() -> None:
-    with pytest.raises(ValueError, match="the drivers of a board do not divide a full step alike"):
+    with refusing(ValueError):
         BoardConfig((COUNTER, WIRES))

@@ -19,6 +19,7 @@ from steptwin.protocol.frame import COB_SYNC, Frame
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.pins import QUICK_WITH_16
 from tests.emulator.simulations import MS, STEP, wait, write
+from tests.messages import refusing
 
 NODE = 0x10
 SLOW_TIMING = {od.STEPLEN_NS: 160_000, od.STEPSPACE_NS: 160_000, od.DIRSETUP_NS: 150_000, od.DIRHOLD_NS: 320_000}
@@ -175,7 +176,7 @@ def test_a_frame_to_a_dead_board_waits_until_it_lives(fast_kernel: Kernel) -> No
 def test_a_frame_to_a_board_that_stays_dead_is_given_up(fast_kernel: Kernel) -> None:
     rig = Rig(fast_kernel, bitrate=125_000)
     rig.strike(BrownOut(None))
-    with pytest.raises(BusOverloadError, match=r"a frame has waited 1 s for the bus: .* no station acknowledges it"):
+    with refusing(BusOverloadError):
         rig.simulation.send(START)
 
 
@@ -183,5 +184,5 @@ def test_a_frame_to_a_board_that_stays_dead_is_given_up(fast_kernel: Kernel) -> 
 def test_a_time_that_is_none_is_refused(for_ms: int) -> None:
     for kind in (BrownOut, WatchdogReset):
         kind(1)
-        with pytest.raises(ValueError, match=f"for_ms {for_ms} is not 1 or more"):
+        with refusing(ValueError):
             kind(for_ms)

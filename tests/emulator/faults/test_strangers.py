@@ -16,6 +16,7 @@ from steptwin.protocol.nmt import NmtState
 from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, STEP, wait
+from tests.messages import refusing
 
 NODE = 0x10
 NOTHING = Frame(COB_NMT, bytes(8))
@@ -86,7 +87,7 @@ class TestBabble:
     def test_without_end_is_an_overloaded_bus(self, fast_kernel: Kernel) -> None:
         rig = Rig(fast_kernel, 125_000)
         rig.simulation.operate(Babble(NOTHING, 900, 10_000))
-        with pytest.raises(BusOverloadError, match="no pause for 1 s"):
+        with refusing(BusOverloadError):
             rig.simulation.send(Frame(0x7FF, b""))
 
     def test_ends_with_the_bus_repair(self, rig: Rig) -> None:
@@ -124,18 +125,18 @@ class TestBabble:
         assert not {NOTHING, OTHER} & {*rig.simulation.bus.log_frames[frames:]}
 
     @pytest.mark.parametrize(
-        ("period_us", "count", "message"),
+        ("period_us", "count"),
         [
-            (46, 1, "period_us 46 is not from 47 to 10000000"),
-            (10_000_001, 1, "period_us 10000001 is not from 47 to 10000000"),
-            (47, -1, "count -1 is not from 0 to 1000000"),
-            (47, 1_000_001, "count 1000001 is not from 0 to 1000000"),
+            (46, 1),
+            (10_000_001, 1),
+            (47, -1),
+            (47, 1_000_001),
         ],
     )
-    def test_impossible_ones_are_refused(self, period_us: int, count: int, message: str) -> None:
+    def test_impossible_ones_are_refused(self, period_us: int, count: int) -> None:
         Babble(NOTHING, 47, 1_000_000)
         Babble(NOTHING, 10_000_000, 1)
-        with pytest.raises(ValueError, match=message):
+        with refusing(ValueError):
             Babble(NOTHING, period_us, count)
 
 

@@ -24,6 +24,7 @@ from steptwin.protocol.frame import Frame
 from tests.emulator.faults.wires_rig import Rig
 from tests.emulator.pins import CHIP
 from tests.emulator.simulations import NODE, STEP, wait
+from tests.messages import refusing
 
 END = 20_000
 WHOLE, BROKEN, LOW, HIGH = WireState
@@ -121,19 +122,19 @@ def until_end(noise: Noise) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    "changes",
     [
-        ({"rate_hz": 0}, "rate_hz 0 is not above 0 and up to 1000000"),
-        ({"rate_hz": 1_000_001}, "rate_hz 1e.06 is not above 0"),
-        ({"width_ns": 0}, "width_ns 0 is not positive"),
-        ({"width_ns": 10_000}, "width_ns 10000 leaves no pause at 100000 Hz: below 10000"),
-        ({"count": 0}, "count 0 is not 1 or more"),
+        {"rate_hz": 0},
+        {"rate_hz": 1_000_001},
+        {"width_ns": 0},
+        {"width_ns": 10_000},
+        {"count": 0},
     ],
 )
-def test_impossible_noise_is_refused(changes: dict[str, int], message: str) -> None:
+def test_impossible_noise_is_refused(changes: dict[str, int]) -> None:
     values = {"rate_hz": 100_000, "width_ns": 9_900}
     Noise(**values)
-    with pytest.raises(ValueError, match=message):
+    with refusing(ValueError):
         Noise(**values | changes)
 
 

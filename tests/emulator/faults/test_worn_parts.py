@@ -20,6 +20,7 @@ from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE
 from tests.compiled import skip_if_compiled
 from tests.emulator.faults.wires_rig import Rig
 from tests.emulator.simulations import MS, wait
+from tests.messages import refusing
 
 HOME, LIMIT = DigitalInput.HOME, DigitalInput.POSITIVE_LIMIT
 AT_20 = (Switch(0, HOME, from_substeps=20),)
@@ -104,7 +105,7 @@ class TestBounces:
     @pytest.mark.parametrize(("bounces", "within_us"), [(-1, 5_000), (1001, 5_000), (3, 5), (0, 0)])
     def test_impossible_ones_are_refused(self, bounces: int, within_us: int) -> None:
         BouncingSwitch(0, HOME, 1000, 2000)
-        with pytest.raises(ValueError, match=r"bounces|within_us"):
+        with refusing(ValueError):
             BouncingSwitch(0, HOME, bounces, within_us)
 
 
@@ -161,7 +162,7 @@ class TestMode:
         assert [level for _, level in changes_of(rig, 150)] == [True]
 
     def test_one_that_no_chip_has_is_refused(self) -> None:
-        with pytest.raises(ValueError, match="microsteps 3 is not one of 1, 2, 4, 5, 8, 10, 16, 20, 25, 32, "):
+        with refusing(ValueError):
             DriverMode(0, 3)
 
 
@@ -187,5 +188,5 @@ class TestCapacitor:
         assert np.array_equal(rig.board.trace(0).violations.counts, trace.violations.counts)
 
     def test_one_outside_the_chips_range_is_refused(self, fast_kernel: Kernel) -> None:
-        with pytest.raises(ValueError, match="osc_pf 60 is not from 64 to 1000000"):
+        with refusing(ValueError):
             Rig(fast_kernel).simulation.operate(OscCapacitor(0, 60))

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN, Pacer
+from tests.messages import refusing
 
 COUNTS = st.integers(0, 1 << 56)
 """30 years."""
@@ -56,5 +57,5 @@ def test_speeds_that_are_allowed(speed: float) -> None:
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, SPEED_MIN * 0.999, SPEED_MAX * 1.001, float("nan"), float("inf")])
 def test_speeds_out_of_range(speed: float) -> None:
-    with pytest.raises(ValueError, match=r"is not from 0.001 to 1000"):
+    with refusing(ValueError):
         Pacer(0, speed)

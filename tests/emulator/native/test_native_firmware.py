@@ -18,6 +18,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.embedded.execution import execute
+from tests.messages import refusing
 
 GCC = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
@@ -144,11 +145,11 @@ def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build) -> None:
 def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, tmp_path: Path) -> None:
     text = tmp_path / "fw.so"
     text.write_text("no library", encoding="utf-8")
-    with pytest.raises(InputError, match="cannot be loaded: "):
+    with refusing(InputError):
         BoardUnderTest(ROBOT, firmware=text)
-    with pytest.raises(InputError, match="none: is no file"):
+    with refusing(InputError):
         BoardUnderTest(ROBOT, firmware="none")
-    with pytest.raises(InputError, match="a run's host speaks to StepTwin's firmware only"):
+    with refusing(InputError):
         execute(MOTION, "carry", firmware=example)
-    with pytest.raises(InputError, match="a scenario is judged by the reactions of StepTwin's firmware"):
+    with refusing(InputError):
         BoardUnderTest(ROBOT, firmware=example, scenario=[EmergencyStop(pressed=True)])

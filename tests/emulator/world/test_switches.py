@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from steptwin.emulator.world.switches import AxisSwitches, Switch
 from steptwin.protocol.cia402 import DigitalInput
+from tests.messages import refusing
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 
@@ -101,16 +102,16 @@ def test_an_axis_without_switches_has_no_way_to_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    "arguments",
     [
-        ((0, DigitalInput.ESTOP, 1), "one of NEGATIVE_LIMIT, POSITIVE_LIMIT, HOME, not"),
-        ((0, HOME), "always be closed"),
-        ((0, HOME, 4, 3), "from 4 to 3 substeps would never"),
-        ((0, HOME, 4, 4, -1), "hysteresis_substeps -1 is negative"),
+        (0, DigitalInput.ESTOP, 1),
+        (0, HOME),
+        (0, HOME, 4, 3),
+        (0, HOME, 4, 4, -1),
     ],
 )
-def test_impossible_switches_are_refused(arguments: tuple[int, ...], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_impossible_switches_are_refused(arguments: tuple[int, ...]) -> None:
+    with refusing(ValueError):
         Switch(*arguments)  # type: ignore[arg-type]
 
 

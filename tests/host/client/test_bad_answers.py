@@ -14,6 +14,7 @@ from steptwin.host.common.errors import BusError, DeviceFaultError
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import ready
+from tests.messages import refusing
 
 ABORT = 0x80
 Answer = Callable[[bytes], bytes | None]
@@ -47,7 +48,7 @@ def test_fewer_bytes_than_the_object_has(
     board: EmbeddedBoard, axis: AxisClient, monkeypatch: pytest.MonkeyPatch, said: str
 ) -> None:
     answer_by(board, monkeypatch, lambda _: bytes.fromhex(said))
-    with pytest.raises(BusError, match=r"^sx: reading 0x607F:00: node 0x10 answers with a wrong number of bytes$"):
+    with refusing(BusError):
         axis.read(od.MAX_PROFILE_VELOCITY)
 
 
@@ -73,7 +74,7 @@ def test_a_string_without_end(board: EmbeddedBoard, axis: AxisClient, monkeypatc
         return bytes([request[0] & 0x10]) + b"endless" if request[0] & 0xE0 == 0x60 else None
 
     answer_by(board, monkeypatch, endless)
-    with pytest.raises(BusError, match=r"^sx: node 0x10 gives no valid answer \(an answer of more than 64 segments\)$"):
+    with refusing(BusError):
         axis.read_text(od.DEVICE_NAME)
     assert len(asked) == 5 * (1 + SEGMENTS_MAX)
 

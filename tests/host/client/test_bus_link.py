@@ -13,6 +13,7 @@ from steptwin.host.client.links import bus_link
 from steptwin.host.client.links.bus_link import BusLink, Connection, open_bus
 from steptwin.host.common.errors import BusError
 from tests.emulator.live.live_rig import TIMEOUT_S
+from tests.messages import refusing
 
 VIRTUAL = Connection("virtual", "test-bus-link")
 
@@ -68,7 +69,7 @@ def free_port() -> int:
 def test_a_refused_connection(capsys: pytest.CaptureFixture[str]) -> None:
     """The error comes at once, not after python-can's ten seconds of retries."""
     port = free_port()
-    with pytest.raises(BusError, match=rf"^127\.0\.0\.1:{port}: Connection refused: is `steptwin serve` running\?$"):
+    with refusing(BusError):
         open_bus(Connection("socketcand", None, None, "127.0.0.1", port))
     assert run(["doctor", "warehouse-scara", "--connect", f"127.0.0.1:{port}"]) == 4
     assert (
@@ -77,7 +78,7 @@ def test_a_refused_connection(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_an_interface_that_cannot_be_opened() -> None:
-    with pytest.raises(BusError, match=r"^socketcan no-such-can0: "):
+    with refusing(BusError):
         open_bus(Connection("socketcan", "no-such-can0", 500_000))
 
 
@@ -104,7 +105,7 @@ def test_a_periodic_frame_that_cannot_be_sent(capfd: pytest.CaptureFixture[str])
         for _ in range(3):
             bus.tried.clear()
             assert bus.tried.wait(TIMEOUT_S)
-        with pytest.raises(BusError, match=r"^adapter: Broken pipe$"):
+        with refusing(BusError):
             link.network.send_message(0x80, b"")
     assert capfd.readouterr() == ("", "")
 

@@ -23,6 +23,7 @@ from tests.host.client.machines import (
     silence_heartbeat,
     travelling,
 )
+from tests.messages import refusing
 
 
 def beats_s(board: EmbeddedBoard) -> list[float]:
@@ -109,7 +110,7 @@ def test_a_silent_host_is_reported_as_lost(
     machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
-    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$") as caught:
+    with refusing(DeviceFaultError) as caught:
         machine.wait(1.0)
     assert caught.value.exit_code == 3
     assert board.now_s() - beats_s(board)[-1] == pytest.approx(TIMEOUT_MS / 1000, abs=0.025)
@@ -148,7 +149,7 @@ def test_a_paused_machine_is_watched_too(
     pause_trajectory(machine)
     rested_s = board.now_s()
     silence_heartbeat(monkeypatch)
-    with pytest.raises(DeviceFaultError, match="heartbeat lost"):
+    with refusing(DeviceFaultError):
         machine.wait(1.0)
     assert states(machine) == [State.FAULT] * AXES
     assert board.evidence().axes[TH1].step_counts[-1] / 72e6 < rested_s

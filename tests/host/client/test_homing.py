@@ -24,6 +24,7 @@ from steptwin.protocol.cia402 import ENABLE_OPERATION, Control, ErrorCode, Mode,
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from tests.compiled import on_sources_only
 from tests.host.client.machines import L1, SETTINGS, TH1, TH3, WAREHOUSE
+from tests.messages import refusing
 
 
 def machine_of(
@@ -130,7 +131,7 @@ class TestFailures:
         """th3 fails early, while sx is still searching."""
         board, machine = machine_of(without_home_switch(), [500.0, *WAREHOUSE.home[1:5], 185.0], fast_kernel)
         heard: list[float] = []
-        with pytest.raises(DeviceFaultError, match=r"^th3: homing failed"):
+        with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "sx", "th3"), heard.append, together=True)
         assert heard == []
         at_rest = board.driver_positions()
@@ -143,7 +144,7 @@ class TestFailures:
         settings = list(how(WAREHOUSE, "th1", "th2"))
         settings[TH1] = replace(settings[TH1], timeout_ms=50)  # type: ignore[type-var]
         before = board.driver_positions()
-        with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: it took longer than allowed"):
+        with refusing(DeviceFaultError):
             machine.home_axes(tuple(settings))
         assert board.driver_positions()[TH1 + 1] == before[TH1 + 1]
 
@@ -154,32 +155,32 @@ class TestFailures:
         machine.axes[TH1].disable()
         machine.axes[TH1].write(od.POLARITY, 0xC0)  # the axis runs backwards, so each end has the other's switch
         machine.axes[TH1].enable()
-        with pytest.raises(DeviceFaultError, match=r"^th1: homing failed: a limit switch closed that should not"):
+        with refusing(DeviceFaultError):
             machine.home_axes(tuple(settings))
         assert board.driver_positions()[TH1] >= 125 * 44
 
     def test_an_emergency_stop(self, fast_kernel: Kernel) -> None:
         schedule = [Scheduled(72_000_000, EmergencyStop(pressed=True))]
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel, schedule)
-        with pytest.raises(DeviceFaultError, match=r"^th1: estop \(EMCY 0x9000\)$"):
+        with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "th1"))
         assert 1.0 <= board.now_s() < 1.3  # noticed at once, then the ramp until all axes stand
 
     @pytest.mark.parametrize(
-        ("word", "words"),
+        "word",
         [
-            (0x07, "th1: homing was cut short, the drive is in SWITCHED ON"),
-            (ENABLE_OPERATION | Control.START | Control.HALT, "th1: homing was interrupted"),
-            (ENABLE_OPERATION, "th1: homing was interrupted"),
+            0x07,
+            ENABLE_OPERATION | Control.START | Control.HALT,
+            ENABLE_OPERATION,
         ],
     )
-    def test_another_program_interferes(self, fast_kernel: Kernel, word: int, words: str) -> None:
+    def test_another_program_interferes(self, fast_kernel: Kernel, word: int) -> None:
         _, machine = machine_of(WAREHOUSE, [-4.0, *WAREHOUSE.home[1:]], fast_kernel)
 
         def interfere(_: float) -> None:
             machine.axes[TH1].write(od.CONTROLWORD, word)
 
-        with pytest.raises(DeviceFaultError, match=rf"^{words}$"):
+        with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
 
     @on_sources_only
@@ -187,7 +188,7 @@ class TestFailures:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         monkeypatch.setattr(machine.axes[TH1], "read", lambda *_: 0x0237)
         begun_s = board.now_s()
-        with pytest.raises(BusError, match=r"^th1: homing neither ends nor fails$"):
+        with refusing(BusError):
             machine.home_axes(how(WAREHOUSE, "th1"))
         settings = how(WAREHOUSE)[TH1]
         assert settings is not None
@@ -220,7 +221,7 @@ class TestReports:
     def test_an_axis_that_falls_silent(self, fast_kernel: Kernel) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)
         board.network.unsubscribe(0x180 + machine.axes[TH1].node_id)
-        with pytest.raises(BusError, match=r"^th1: no status for 1 s$"):
+        with refusing(BusError):
             machine.home_axes(how(WAREHOUSE, "th1"))
         at_rest = board.driver_positions()
         board.wait(1.0)

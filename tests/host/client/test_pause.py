@@ -26,6 +26,7 @@ from tests.host.client.machines import (
     still,
     travelling,
 )
+from tests.messages import refusing
 
 RUN = ENABLE_OPERATION | Control.START
 FAR = 100 * 80 * STEP
@@ -82,12 +83,12 @@ def test_a_trajectory_that_ends_while_it_is_halted(board: EmbeddedBoard, machine
     machine.run(StreamedMotion(travelling(20), [0] * AXES), lambda _: None)
 
 
-@pytest.mark.parametrize(("what", "change"), [("pause", pause_trajectory), ("resume", resume_trajectory)])
+@pytest.mark.parametrize("change", [pause_trajectory, resume_trajectory])
 def test_without_a_trajectory_there_is_nothing_to_halt(
-    board: EmbeddedBoard, what: str, change: Callable[[Machine], object]
+    board: EmbeddedBoard, change: Callable[[Machine], object]
 ) -> None:
     def nothing(machine: Machine) -> None:
-        with pytest.raises(InputError, match=f"^nothing to {what}: no axis runs a trajectory$") as caught:
+        with refusing(InputError) as caught:
             change(machine)
         assert caught.value.exit_code == 2
 
@@ -115,7 +116,7 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
     machine.wait(2.0)
     assert run.ended
     assert not sdo_requests(board, begin)
-    with pytest.raises(InputError, match="nothing to pause"):
+    with refusing(InputError):
         pause_trajectory(other)
 
 
@@ -125,7 +126,7 @@ def test_another_host_hears_of_a_fault(board: EmbeddedBoard, machine: Machine, m
     machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.wait(1.0)
     silence_heartbeat(monkeypatch)
-    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
+    with refusing(DeviceFaultError):
         pause_trajectory(other)
 
 
@@ -147,7 +148,7 @@ def test_records_that_do_not_go_on_without_a_halt_are_an_error(board: EmbeddedBo
         board.network.unsubscribe(0x180 + axis.node_id)
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
     machine.wait(4.9)
-    with pytest.raises(BusError, match=r"^the motion has stalled for 5 s at 0\.\d+ s of its time$"):
+    with refusing(BusError):
         machine.wait(1.0)
 
 
@@ -171,7 +172,7 @@ def test_a_fault_ends_the_waiting(board: EmbeddedBoard, machine: Machine) -> Non
     pause_trajectory(machine)
     machine.axes[TH1].write(od.CONSUMER_HEARTBEATS[0], 0x7E << 16 | 50)
     board.network.send_message(0x77E, b"\x05")
-    with pytest.raises(DeviceFaultError, match=r"^th1: heartbeat lost \(EMCY 0x8130\)$"):
+    with refusing(DeviceFaultError):
         machine.wait(1.0)
     machine.wait(0.1)  # a failed stream is tended no more
 

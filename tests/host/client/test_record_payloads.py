@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from steptwin.host.client.queue_feed import payloads
 from steptwin.host.common.arrays import AxisRecords
 from steptwin.protocol.pvt import I24_MAX, I24_MIN, PvtRecord
+from tests.messages import refusing
 
 I24 = st.integers(I24_MIN, I24_MAX)
 
@@ -25,5 +26,5 @@ def test_they_are_those_of_each_record(fields: list[tuple[int, int, int]], first
 )
 def test_a_value_beyond_its_field_is_refused(beyond: tuple[int, int, int]) -> None:
     records = AxisRecords(*([0, value] for value in beyond))
-    with pytest.raises(OverflowError, match=r"no room for -?\d+: its field holds"):
+    with refusing(OverflowError):
         payloads(records, 0)

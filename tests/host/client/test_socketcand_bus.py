@@ -18,6 +18,7 @@ from steptwin.host.common.errors import BusError
 from steptwin.protocol.frame import Frame
 from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig
 from tests.end_to_end.served import in_real_time
+from tests.messages import refusing
 
 Script = Callable[[socket.socket], object]
 LOOPBACK = "127.0.0.1"
@@ -129,7 +130,7 @@ class TestGreeting:
         assert message.equals(can.Message(1.5, 0x181, False, data=b"\1\2", channel="vcan0"), timestamp_delta=0)
 
     def test_a_name_without_an_address(self) -> None:
-        with pytest.raises(BusError, match=r"^no-such-host.invalid:29536: \S"):
+        with refusing(BusError):
             open_bus(Connection("socketcand", None, None, "no-such-host.invalid", 29536))
 
     def test_ipv6(self) -> None:
@@ -176,7 +177,7 @@ class TestAnOpenBus:
     def test_a_server_that_takes_nothing(self) -> None:
         """Both ends' buffers fill; then the sender is held up for a second at most, and each later one not at all."""
         with serving(greet) as port, SocketcandBus("vcan0", LOOPBACK, port) as bus:
-            with pytest.raises(can.CanOperationError, match=r"^takes nothing that is sent within 1 s$"):
+            with refusing(can.CanOperationError):
                 flood(bus)
             with pytest.raises(can.CanOperationError):
                 bus.send(MESSAGE)

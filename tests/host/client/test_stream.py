@@ -19,6 +19,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DISABLE_VOLTAGE
 from tests.host.client.machines import AXES, ROBOT, START, TH1, connected, frames_to, ready, still, travelling
+from tests.messages import refusing
 
 
 def run(machine: Machine, records: tuple[AxisRecords, ...]) -> None:
@@ -33,7 +34,7 @@ def test_a_refused_record_ends_the_run_with_its_number(board: EmbeddedBoard, ref
     displacements[refused] = 200_000
     records[TH1] = records[TH1]._replace(displacements_units=displacements)
     machine = ready(board)
-    with pytest.raises(DeviceFaultError, match=rf"^th1: the board has refused record {refused + 1} of 200 \(EMCY 0x"):
+    with refusing(DeviceFaultError):
         run(machine, tuple(records))
     assert machine.axes[TH1].error_codes == [0xFF03]
 
@@ -112,7 +113,7 @@ def test_the_planner_refuses_what_the_firmware_would(fast_kernel: Kernel) -> Non
     robot = without_reserve()
     assert robot.board.driver_rate_max_hz == 72e6 / 4801
     assert ROBOT.board.driver_rate_max_hz == 15_000
-    with pytest.raises(InputError, match=r"^sx: 14\.99\d kHz of steps"):
+    with refusing(InputError):
         plan(robot, AtFullSpeed(14_998.0))
     outcome = execute(plan(robot, AtFullSpeed(14_996.0)), "full speed", fast_kernel)
     assert outcome.fault is None
@@ -126,7 +127,7 @@ def set_heartbeats(machine: Machine, period_ms: int) -> None:
 def test_a_bus_that_the_nodes_fill_is_a_bus_error(fast_kernel: Kernel) -> None:
     slow = replace(ROBOT, board=replace(ROBOT.board, bitrate=125_000))
     machine = connected(EmbeddedBoard(slow, fast_kernel, MachineOptions(stand_at=START)))
-    with pytest.raises(BusError, match="keep the bus busy at 125 kbit/s") as caught:
+    with refusing(BusError) as caught:
         set_heartbeats(machine, period_ms=1)
     assert caught.value.exit_code == 4
 
@@ -137,5 +138,5 @@ def test_an_axis_that_was_cut_off_in_motion_must_be_homed_first(board: EmbeddedB
     machine.wait(0.1)
     machine.axes[TH1].write(od.CONTROLWORD, DISABLE_VOLTAGE)
     machine.axes[TH1].enable()
-    with pytest.raises(DeviceFaultError, match="th1: the position is unknown"):
+    with refusing(DeviceFaultError):
         machine.start(StreamedMotion(still(5, 20), [0] * AXES))

@@ -15,6 +15,7 @@ from steptwin.protocol.cia402 import DigitalInput, DigitalOutput
 from steptwin.protocol.pvt import QUEUE_DEPTH, SEQUENCE_MODULUS, PvtRecord
 from tests.compiled import on_sources_only
 from tests.host.client.machines import AXES, STEP, TH1, TH3, frames_to, still, travelling
+from tests.messages import refusing
 
 DONE_UNITS = [0, 0, 0, 2 * 18 * 80 * STEP + 4 * 40 * STEP, 0, 0]
 """The end of two travels of 20 records."""
@@ -130,7 +131,7 @@ def test_an_early_wait_holds_as_long_as_it_must(
     records = joined(still(round(100 * begins_s), 10), travelling(20))
     run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=5.0),)))
     if on_after_s is None:
-        with pytest.raises(WaitTimeoutError, match=f"^no part at {begins_s:g} s$"):
+        with refusing(WaitTimeoutError):
             machine.wait(7.0)
         assert machine.positions_units() == [0] * AXES
         assert 5.0 <= machine.holds_ms[0] / 1000 <= 5.28
@@ -167,7 +168,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     go_on_until(machine, board, 1.3)
     monkeypatch.setattr(machine.axes[lost], "send_record", lambda _payload: None)
-    with pytest.raises(WaitTimeoutError, match=r"^no part at 0\.4 s$"):
+    with refusing(WaitTimeoutError):
         machine.wait(2.0)
     assert run.ended
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
@@ -182,7 +183,7 @@ def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_a
         machine.wait(1.0)
         assert machine.positions_units() == DONE_UNITS
         return
-    with pytest.raises(WaitTimeoutError, match=r"^no part at 0\.4 s$") as caught:
+    with refusing(WaitTimeoutError) as caught:
         machine.wait(2.0)
     assert caught.value.exit_code == 3
     assert run.ended
@@ -214,7 +215,7 @@ def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, 
     if passes:
         machine.wait(1.0)
         return
-    with pytest.raises(DeviceFaultError, match=r"^sx: ran out of records at rest before the end of its stream$"):
+    with refusing(DeviceFaultError):
         machine.wait(1.0)
     assert machine.positions_units()[TH1] == DONE_UNITS[TH1] // 2
 
@@ -239,8 +240,8 @@ def test_legs() -> None:
     assert [[command.from_s for command in leg.outputs] for leg in legs] == [[], [0.0, 0.019], [0.02, 0.05]]
     (whole,) = divide(still(5, 10), commands, [])
     assert whole == (still(5, 10), tuple(commands))
-    with pytest.raises(ValueError, match="not in order of time"):
+    with refusing(ValueError):
         divide(still(5, 10), [], [wait(0.02), wait(0.01)])
-    with pytest.raises(ValueError, match="not in list"):
+    with refusing(ValueError):
         divide(still(5, 10), [], [wait(0.025)])
     assert np.all([leg.records[0].durations_ms is not leg.records[1].durations_ms for leg in legs])

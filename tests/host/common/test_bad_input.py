@@ -18,6 +18,7 @@ from steptwin.host.common.bad_input import (
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 NUMBERS = st.floats(-1e9, 1e9)
 
@@ -55,7 +56,7 @@ def test_the_beginning_of_a_name_is_near_to_it() -> None:
 
 def test_a_name_given_twice() -> None:
     assert name_value_pairs(["a=1", " b = 2 "]) == {"a": "1", "b": "2"}
-    with pytest.raises(InputError, match=r"^a is given twice: 1 and 2$"):
+    with refusing(InputError):
         name_value_pairs(["a=1", "b=2", "a=2"])
 
 

@@ -11,6 +11,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol.cia402 import State
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.faults.short_runs import ROBOT, carry, played, scenario
+from tests.messages import refusing
 
 
 @pytest.mark.parametrize("part", [0.2, 0.4, 0.6, 0.8])
@@ -144,7 +145,7 @@ def test_a_wait_ends_in_which_the_host_dies_before_its_next_heartbeat(fast_kerne
     board = EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=list(carry().start_joints), scenario=death))
     board.network.send_periodic(0x77F, b"\x05", 0.04)
     until_s = board.now_s() + 0.1
-    with pytest.raises(HostLostError, match="died"):
+    with refusing(HostLostError):
         board.wait(0.1)
     assert board.now_s() == pytest.approx(until_s)
     assert sum(frame.cob_id == 0x77F for _, frame in board.bus_log) == 1

@@ -24,6 +24,7 @@ from steptwin.host.faults.scenario import Scenario
 from steptwin.host.twin.embedded.execution import execute
 from steptwin.protocol.cia402 import ErrorCode, State
 from tests.host.faults.short_runs import ROBOT, carry, played, scenario
+from tests.messages import refusing
 
 STOPS, GOES, REFUSED = "STOPPED", "PASSED", "FAILED"
 RAMP_END_MS = 9
@@ -379,7 +380,7 @@ def test_what_a_motion_that_never_begins_has_met(
 ) -> None:
     """A start that is held back for longer than the host waits, and a drive in fault before the motion."""
     late = '[[fault]]\nname = "it"\npower_up_s = 0\ndo = "delay"\nframes = "sync"\nby_s = 2\n'
-    with pytest.raises(BusError, match=r"^a frame has waited 1 s for the bus") as caught:
+    with refusing(BusError) as caught:
         played(fast_kernel, late)
     assert isinstance(caught.value, NotBegunError)
     (fault,) = caught.value.scenario.faults
@@ -432,7 +433,7 @@ def test_what_is_done_to_a_board_concerns_its_axes() -> None:
 
 
 def test_a_receiver_that_is_not_there_is_refused(fast_kernel: Kernel) -> None:
-    with pytest.raises(InputError, match="1 loss: receiver: 2 is not from 0 to 1, the number of boards"):
+    with refusing(InputError):
         played(fast_kernel, '[[fault]]\nat_s = 0\ndo = "loss"\nframes = "all"\nreceiver = 2\n')
 
 
@@ -467,7 +468,7 @@ def test_a_harm_to_a_part_that_the_chip_lacks_is_refused(
     if told is None:
         play()
     else:
-        with pytest.raises(InputError, match=re.escape(told)):
+        with refusing(InputError):
             play()
 
 

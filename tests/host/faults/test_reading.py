@@ -14,6 +14,7 @@ from steptwin.host.faults.triggers import AtPosition, AtRandom, AtState, AtTime,
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
 from tests.end_to_end.pages import ROOT
 from tests.host.faults.short_runs import ROBOT, scenario
+from tests.messages import refusing
 
 STOP = 'do = "estop"\npressed = true\n'
 
@@ -265,7 +266,7 @@ def test_all_mistakes_are_found_at_once() -> None:
 def test_the_example_of_the_page_and_a_file_that_is_not_there() -> None:
     example = ROOT / "docs" / "examples" / "faults" / "carry.toml"
     assert len(read_scenario(str(example), ROBOT).faults) == 3
-    with pytest.raises(InputError, match=r"none\.toml: No such file"):
+    with refusing(InputError):
         read_scenario("none.toml", ROBOT)
-    with pytest.raises(ValueError, match="two faults are called 'x'"):
+    with refusing(ValueError):
         Scenario("s", (Fault("x", AtTime(1), EmergencyStop(pressed=True)),) * 2)

@@ -21,6 +21,7 @@ from steptwin.protocol.cia402 import State
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 from tests.end_to_end.pages import read_page
 from tests.host.faults.short_runs import ROBOT, played, scenario
+from tests.messages import refusing
 
 STOP = 'name = "stop"\nat_s = 0.4\ndo = "estop"\npressed = true\n'
 LATE = 'name = "never"\nat_s = 9\ndo = "supply"\nsupply_v = 12\n'
@@ -140,7 +141,7 @@ def test_a_live_board_plays_a_scenario(fast_kernel: Kernel) -> None:
 
 def test_a_live_board_has_no_host_of_its_own(fast_kernel: Kernel) -> None:
     dying = Scenario("dying", (Fault("it", AtTime(1), HostFault(HostFaultKind.DEATH)),))
-    with pytest.raises(InputError, match="dying: 'host' is for runs in virtual time"):
+    with refusing(InputError):
         LiveBoard(ROBOT, fast_kernel, MachineOptions(scenario=dying))
 
 
@@ -158,7 +159,7 @@ def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel)
         "never: at 9 s: never struck, 0 times, no EMCY",
     ]
     assert BoardUnderTest(ROBOT, kernel=fast_kernel).faults() == []
-    with pytest.raises(InputError, match=r"at_s: -1\.0 s is outside 0"):
+    with refusing(InputError):
         BoardUnderTest(
             ROBOT, kernel=fast_kernel, scenario=written(tmp_path, "at_s = -1\n" + STOP.partition("0.4\n")[2])
         )

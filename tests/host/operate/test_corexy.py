@@ -20,6 +20,7 @@ from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput, State
 from tests.host.robots.gantries import COREXY, STEPS_PER_MM, SWITCH_MM, belts_text
+from tests.messages import refusing
 
 STEP_MM = 1 / STEPS_PER_MM
 """Way of a joint when both motors make a step."""
@@ -63,7 +64,7 @@ def test_unequal_belts(fast_kernel: Kernel) -> None:
 
 def test_the_other_joint_stands_still(fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel, [5.0, 10.0])
-    with pytest.raises(DeviceFaultError, match=r"^X: the position is unknown"):
+    with refusing(DeviceFaultError):
         home_robot(session, joints=["X"], stay=True)
     with session.charge("preset", needs=()) as charge:
         charge.enable().preset(session.units([5.0, 10.0]))
@@ -106,10 +107,10 @@ def test_no_joint_is_known_before_the_last_is_found(fast_kernel: Kernel) -> None
     parts: list[float] = []
     wrong = StuckSwitch(1, DigitalInput.POSITIVE_LIMIT, closed=True)
     after_s(session, board, lambda: max(parts, default=0.0) >= 0.5, lambda: board.operate(wrong))
-    with pytest.raises(DeviceFaultError, match=r"homing failed: a limit switch closed that should not"):
+    with refusing(DeviceFaultError):
         home_robot(session, stay=True, progress=parts.append)
     assert known(session) == [False, False]
-    with pytest.raises(DeviceFaultError, match="the position is unknown"):
+    with refusing(DeviceFaultError):
         move(session, [20.0, None])
 
 
@@ -132,5 +133,5 @@ def test_a_switch_of_another_board_is_refused(node_id: int, fast_kernel: Kernel)
     _, session = machine(fast_kernel, [5.0, 10.0])
     axis = session.machine.axes[0]
     axis.write(od.HOMING_SWITCH_NODE, 0x11)
-    with pytest.raises(DeviceFaultError, match="0x06090030"):
+    with refusing(DeviceFaultError):
         axis.write(od.HOMING_SWITCH_NODE, node_id)

@@ -18,6 +18,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.homing_methods import HOME_HERE
 from tests.host.robots.coupled import DIRECT, STEPS_PER_DEG, TWO_TO_ONE, UNITS_PER_DEG, coupled_robot
+from tests.messages import refusing
 
 HERE = [20.0, -50.0, 10.0, 5.0]
 STEP_DEG = 1 / STEPS_PER_DEG
@@ -79,7 +80,7 @@ def test_a_joint_is_known_if_all_its_axes_are(fast_kernel: Kernel) -> None:
         axes = charge.enable()
         axes.home_axes((None, here, None, None))
     assert [axis.position_known for axis in read_status(session).axes] == [False] * 4
-    with pytest.raises(DeviceFaultError, match=r"^th1: the position is unknown"):
+    with refusing(DeviceFaultError):
         move(session, [None, 10.0, None, None])
     jog(session, "th1", 10.0, 0.2)
     assert limits(session) == [FREE] * 4
@@ -158,10 +159,10 @@ def test_a_lost_host_stops_both_axes_in_step(fast_kernel: Kernel, monkeypatch: p
 def test_the_fastest_jog() -> None:
     robot = coupled_robot(TWO_TO_ONE)
     check_jog(robot, "th1", -90.0)
-    with pytest.raises(InputError, match=r"^th1: a speed of 90.1 deg/s is not from 0.000439454 to 90 deg/s, "):
+    with refusing(InputError):
         check_jog(robot, "th1", 90.1)
     slow = coupled_robot("th2 = { th1 = 0.25 }")  # the elbow's axis turns a quarter as far, and would stand
-    with pytest.raises(InputError, match=r"^th1: a speed of 0.0017 deg/s is not from 0.00175782 to "):
+    with refusing(InputError):
         check_jog(slow, "th1", 0.0017)
 
 
@@ -215,7 +216,7 @@ def test_a_limit_switch_stands_at_a_joint_position(turn_deg: float, closed: bool
 def test_coupled_axes_are_on_one_board() -> None:
     robot = coupled_robot()
     board_configs(robot, list(robot.home), [2, 2])
-    with pytest.raises(InputError, match=r"^th2: is coupled to th1, so both axes must be on one board$"):
+    with refusing(InputError):
         board_configs(robot, list(robot.home), [1, 3])
 
 

@@ -15,6 +15,7 @@ from steptwin.host.panel.desk.settings import (
 from steptwin.host.robots import load_robot
 from tests.host.client.machines import TH1
 from tests.host.operate.sessions import ROBOT
+from tests.messages import refusing
 
 
 @pytest.mark.parametrize("setting", DRIVE_SETTINGS, ids=lambda setting: setting.key)
@@ -28,7 +29,7 @@ def test_what_is_written_is_read_again(session: Session, setting: DriveSetting) 
         wanted = [value if joint is None or axis == TH1 else before[axis] for axis in range(6)]
         assert list(read_drive_setting(session, setting)) == wanted
     for value in (setting.lower - 0.1, setting.upper + 0.1):
-        with pytest.raises(InputError, match=rf"^{setting.key}: "):
+        with refusing(InputError):
             write_drive_setting(session, setting, value, joint)
 
 
@@ -42,7 +43,7 @@ def test_a_motion_begins_with_the_settings_that_were_written(session: Session) -
 
 
 def test_an_unknown_setting_is_refused() -> None:
-    with pytest.raises(InputError, match=r"^setting 'torq' is unknown: did you mean torque"):
+    with refusing(InputError):
         drive_setting("torq", ROBOT)
 
 
@@ -50,5 +51,5 @@ def test_currents_that_switches_at_the_drivers_set_are_no_settings_of_the_board(
     arm = load_robot("ar4-mk3")
     assert [setting.key for setting in drive_settings(arm)] == ["supply_min", "supply_max", "temperature_max"]
     assert drive_settings(ROBOT) == DRIVE_SETTINGS
-    with pytest.raises(InputError, match=r"^setting 'torque' is unknown: "):
+    with refusing(InputError):
         drive_setting("torque", arm)

@@ -21,6 +21,7 @@ from steptwin.protocol.cia402 import Mode
 from tests.host.client.machines import SX, TH1
 from tests.host.complaints import complaint_of
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, board_at
+from tests.messages import refusing
 
 AT_REST = [0, -(1 << 31), (1 << 31) - 1]
 
@@ -62,7 +63,7 @@ def test_an_axis_of_unknown_position_has_no_limits(fast_kernel: Kernel) -> None:
 
 
 def test_a_limit_switch_stops_it_with_a_fault(board: EmbeddedBoard) -> None:
-    with pytest.raises(DeviceFaultError, match=r"^sx: limit switch \(EMCY 0x8612\)$"):
+    with refusing(DeviceFaultError):
         jog(Session(board, ROBOT), "sx", -10.0, 2.0)
 
 
@@ -161,7 +162,7 @@ def test_speeds_have_limits() -> None:
         with pytest.raises(InputError, match=said):
             check_jog(ROBOT, "sx", speed)
     check_jog(ROBOT, "sx", -0.000195313)
-    with pytest.raises(InputError, match=r"^joint 'sy' is unknown: there are sx, "):
+    with refusing(InputError):
         check_jog(ROBOT, "sy", 1.0)
 
 
@@ -169,7 +170,7 @@ def test_speeds_have_limits() -> None:
 def test_the_slowest_jog_moves(session: Session, sign: int) -> None:
     """16 units/s are a step of 1024 units in 65.5 s, as the firmware rounds them; 15 would be none at all."""
     slowest = sign * 16 / (ROBOT.joints[TH1].transmission.steps_per_unit * 1024)
-    with pytest.raises(InputError, match=r"^th1: a speed of -?0.00032959 deg/s is not from 0.000351563 to 120 deg/s, "):
+    with refusing(InputError):
         jog(session, "th1", slowest * 15 / 16, 100.0)
     standing = session.machine.positions_units()[TH1]
     jogged = jog(session, "th1", slowest, 100.0)

@@ -21,6 +21,7 @@ from steptwin.protocol.nmt import NmtCommand
 from steptwin.protocol.od import CHARGE_FREE, CHARGE_UNWATCHED_MS
 from tests.host.client.machines import TH2, Neighbour
 from tests.host.operate.sessions import HOME, ROBOT
+from tests.messages import refusing
 
 TAKEN = (
     r"^another program is in charge of the machine, says sx \(node 0x10\): wait for its end, up to 1 s if it was "
@@ -52,7 +53,7 @@ def test_the_second_program_is_refused(session: Session, other: Session) -> None
         charge.enable()
         held = tokens(session)
         for do in (lambda: move(other, HOME), lambda: reset(other)):
-            with pytest.raises(BusError, match=TAKEN) as caught:
+            with refusing(BusError) as caught:
                 do()
             assert caught.value.exit_code == 4
         assert tokens(session) == held
@@ -70,7 +71,7 @@ def test_everyone_may_look_and_stop(session: Session, other: Session) -> None:
 
 def test_a_program_that_gets_some_axes_only_gives_them_back(session: Session, other: Session) -> None:
     Lease(other.machine.axes[TH2:]).claim()
-    with pytest.raises(BusError, match=r"says th2 \(node 0x14\)"):
+    with refusing(BusError):
         move(session, HOME)
     assert [token == CHARGE_FREE for token in tokens(session)] == [axis < TH2 for axis in range(6)]
 
@@ -92,7 +93,7 @@ def test_a_program_that_hangs_before_its_heartbeat_loses_the_machine(
     board: EmbeddedBoard, session: Session, other: Session
 ) -> None:
     with session.alone("look"):
-        with pytest.raises(BusError, match=TAKEN):
+        with refusing(BusError):
             move(other, HOME)
         board.wait(CHARGE_UNWATCHED_MS / 1000)
         move(other, HOME)
@@ -122,7 +123,7 @@ def test_a_program_that_lost_the_machine_while_setting_up_enables_no_drive(
         Lease(other.machine.axes).claim()
 
     monkeypatch.setattr(session.machine, "adopt", too_late)
-    with pytest.raises(BusError, match=TAKEN):
+    with refusing(BusError):
         move(session, HOME)
     assert {axis.state for axis in read_status(other).axes} == {"SWITCH ON DISABLED"}
 
@@ -184,7 +185,7 @@ def test_an_axis_that_another_master_drives_is_left_alone(session: Session, othe
     th2 = other.machine.axes[TH2]
     drive(other.link, [VelocityTarget(th2, 10_000, 100_000)])
     session.link.wait(0.2)
-    with pytest.raises(InputError, match=r"^th2: is moving; wait for its end, or stop it by `steptwin stop`$"):
+    with refusing(InputError):
         move(session, HOME)
     assert th2.read(od.TARGET_VELOCITY) == 10_000
     assert tokens(session) == [CHARGE_FREE] * 6

@@ -19,6 +19,7 @@ from steptwin.protocol.homing_methods import HOME_HERE
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.client.machines import SX, TH1, TH2, TH3, Neighbour, sdo_requests
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, preset
+from tests.messages import refusing
 
 GOAL = [400.0, 0.0, 120.0, 30.0, 40.0, -60.0]
 
@@ -80,23 +81,21 @@ def test_the_nearest_branch() -> None:
 
 def test_a_pose_out_of_reach_says_why() -> None:
     """Each reason once, with the branches that it keeps away."""
-    with pytest.raises(InputError, match=r"^no branch reaches x 9000, y 0, z 0 mm, phi 0 deg: right, left: shoulder"):
+    with refusing(InputError):
         nearest_joints(ROBOT, ToolPosition({"x": 9000.0, "y": 0.0, "z": 0.0, "phi": 0.0}), HOME)
 
 
 def test_beyond_a_limit_nothing_is_sent(board: EmbeddedBoard, session: Session) -> None:
     joint = ROBOT.joints[TH2]
     sent = len(board.bus_log)
-    with pytest.raises(
-        InputError, match=rf"^th2: .* deg is outside {joint.lower:g}\.\.{joint.upper:g} deg; the nearest is \S+ deg$"
-    ):
+    with refusing(InputError):
         move(session, [*HOME[:TH2], joint.upper + 1e-6, *HOME[TH3:]])
     assert len(board.bus_log) == sent
     move(session, [*HOME[:TH2], joint.upper, *HOME[TH3:]])
 
 
 def test_an_axis_of_unknown_position(board: EmbeddedBoard) -> None:
-    with pytest.raises(DeviceFaultError, match=r"^sx: the position is unknown: .*`steptwin home`$"):
+    with refusing(DeviceFaultError):
         move(Session(board, ROBOT), GOAL)
 
 
@@ -133,7 +132,7 @@ def test_it_is_stopped_by_another_program(
         if fraction > 0.5:
             stop(other)
 
-    with pytest.raises(DeviceFaultError, match=r"^sx: was stopped, the drive is in QUICK STOP ACTIVE$"):
+    with refusing(DeviceFaultError):
         move(session, GOAL, progress=halfway)
     assert np.all(np.abs(np.subtract(session.positions(session.demanded_units()), GOAL))[0] > 1)
     move(session, GOAL)
@@ -156,9 +155,9 @@ def test_ctrl_c_stops_all_axes(board: EmbeddedBoard, session: Session) -> None:
 def test_a_fault_is_named(session: Session) -> None:
     session.machine.disable()
     session.machine.axes[TH2].write(od.SUPPLY_VOLTAGE_MIN, 5000)  # above the 24 V of the supply
-    with pytest.raises(DeviceFaultError, match=r"^th2: cannot be enabled, the drive is in FAULT$"):
+    with refusing(DeviceFaultError):
         move(session, GOAL)
-    with pytest.raises(DeviceFaultError, match=r"^th2: the drive is in FAULT: undervoltage \(0x3220\); .*reset`$"):
+    with refusing(DeviceFaultError):
         move(session, GOAL)
 
 
@@ -168,7 +167,7 @@ def test_another_program_moves_it(session: Session, board: EmbeddedBoard, monkey
 
     def halfway(fraction: float) -> None:
         if fraction > 0.5 and not seen:
-            with pytest.raises(BusError, match=r"^another program is in charge of the machine, says sx ") as caught:
+            with refusing(BusError) as caught:
                 move(other, HOME)
             seen.append(caught)
 
@@ -242,7 +241,7 @@ def test_a_fault_of_an_axis_that_stands_ends_a_move_of_another(session: Session)
         if fraction > 0.5:
             session.machine.axes[TH2].emergency_stop()
 
-    with pytest.raises(DeviceFaultError, match=r"^th2: "):
+    with refusing(DeviceFaultError):
         move(session, [400.0, None, None, None, None, None], progress=halfway)
     assert session.positions(session.demanded_units())[0] < 399.0
 
@@ -259,6 +258,6 @@ def test_other_microsteps_make_the_position_unknown_before_anything_moves(
     machine.disable()
     assert all(axis.read(od.STATUSWORD) & Status.POSITION_KNOWN for axis in machine.axes)
     before = board.driver_positions()
-    with pytest.raises(DeviceFaultError, match=r"^th2: the position is unknown: home the machine first"):
+    with refusing(DeviceFaultError):
         move(session, GOAL)
     assert board.driver_positions() == before

@@ -18,6 +18,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, State
 from tests.host.client.machines import Neighbour
 from tests.host.operate.sessions import HOME, ROBOT, board_at, preset
+from tests.messages import refusing
 
 GOAL = [300.0, 0.0, 110.0, 10.0, 50.0, 20.0]
 
@@ -149,9 +150,7 @@ def test_a_stop_while_a_command_plans_makes_it_void(session: Session, other: Ses
     with session.one_action():
         move(session, HOME)
         stop(other)
-        with pytest.raises(
-            DeviceFaultError, match=r"^move: void, since the machine was stopped after this was asked for$"
-        ):
+        with refusing(DeviceFaultError):
             move(session, GOAL)
     assert session.demanded_units() == standing
     move(session, GOAL)  # asked for after the stop

@@ -11,6 +11,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.protocol import od
 from tests.host.client.machines import TH2, Neighbour, silence_heartbeat
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine
+from tests.messages import refusing
 
 MOVING = (
     "move warehouse-scara th1=1",
@@ -42,7 +43,7 @@ def test_all_axes_stop_in_the_same_tick(
             begin.append(len(board.bus_log))
             stop(other)
 
-    with pytest.raises(DeviceFaultError, match="was stopped"):
+    with refusing(DeviceFaultError):
         move(session, GOAL, progress=halfway)
     sent = [frame for _, frame in board.bus_log[begin[0] :]]
     assert [frame.cob_id for frame in sent if 0x300 < frame.cob_id < 0x380][:6] == [0x310 + i for i in range(6)]
@@ -90,7 +91,7 @@ def test_an_emergency_stop_in_motion_keeps_the_position(
             left = emergency_stop(other)
             assert [(state.state, state.position_known) for state in left] == [("FAULT", True)] * 6
 
-    with pytest.raises(DeviceFaultError, match=r"^sx: estop \(EMCY 0x9000\)$"):
+    with refusing(DeviceFaultError):
         move(session, GOAL, progress=halfway)
     counted = [
         steps * 16384 // joint.transmission.microsteps
@@ -142,7 +143,7 @@ def test_no_node_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) 
     monkeypatch.setattr(board.network, "send_message", lambda *_: None)
     session = Session(board, ROBOT)
     for do in (stop, emergency_stop, reset):
-        with pytest.raises(BusError, match=r"^sx: node 0x10 does not answer"):
+        with refusing(BusError):
             do(session)
 
 
@@ -150,7 +151,7 @@ def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Sess
     axis = session.machine.axes[TH2]
     session.machine.disable()
     axis.write(od.SUPPLY_VOLTAGE_MIN, 5000)  # above the 24 V of the supply
-    with pytest.raises(DeviceFaultError, match="FAULT"):
+    with refusing(DeviceFaultError):
         move(session, GOAL)
     exit_code, out, err = steptwin.run("reset warehouse-scara")
     assert (exit_code, out) == (3, "")
@@ -171,7 +172,7 @@ def test_a_lost_host_is_a_fault_that_can_be_reset(
         if fraction > 0.2:
             silence_heartbeat(monkeypatch)
 
-    with pytest.raises(DeviceFaultError, match=r"^sx: heartbeat lost \(EMCY 0x8130\)$"):
+    with refusing(DeviceFaultError):
         move(session, HOME, progress=hang)
     monkeypatch.undo()
     other = Session(Neighbour(board, monkeypatch), ROBOT)

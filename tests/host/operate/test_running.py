@@ -23,6 +23,7 @@ from steptwin.host.planning.trajectory_file import read_trajectory
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from tests.host.client.machines import SX, Neighbour, sdo_requests
 from tests.host.operate.sessions import HALF_STEPS, ROBOT, CommandLine
+from tests.messages import refusing
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def test_it_ends_where_planned(board: EmbeddedBoard, session: Session, pull: Pla
 
 def test_without_approach_the_machine_must_stand_at_the_start(session: Session, pull: Plan) -> None:
     move(session, [5.0, *ROBOT.home[1:]])
-    with pytest.raises(InputError, match=r"^\w+: the trajectory starts at .*, the board stands at "):
+    with refusing(InputError):
         execute_live(session, pull, "pull-line")
     move(session, pull.start_joints)
     assert execute_live(session, pull, "pull-line").passed
@@ -64,8 +65,8 @@ def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monke
 
 
 @pytest.mark.parametrize(
-    ("interfere", "says"),
-    [(stop, "was stopped, the drive is in QUICK STOP ACTIVE"), (emergency_stop, r"estop \(EMCY 0x9000\)")],
+    "interfere",
+    [stop, emergency_stop],
 )
 def test_a_stop_by_another_program_ends_it(
     board: EmbeddedBoard,
@@ -73,7 +74,6 @@ def test_a_stop_by_another_program_ends_it(
     pull: Plan,
     monkeypatch: pytest.MonkeyPatch,
     interfere: object,
-    says: str,
 ) -> None:
     other = Session(Neighbour(board, monkeypatch), ROBOT)
     move(session, pull.start_joints)
@@ -83,7 +83,7 @@ def test_a_stop_by_another_program_ends_it(
             assert callable(interfere)
             interfere(other)
 
-    with pytest.raises(DeviceFaultError, match=rf"^sx: {says}$") as caught:
+    with refusing(DeviceFaultError) as caught:
         execute_live(session, pull, "pull-line", progress=halfway)
     assert caught.value.exit_code == 3
     assert all(axis.position_known for axis in axis_states(session))
@@ -105,7 +105,7 @@ def test_another_program_may_read_the_status(
             seen.append(read_status(other))
             (request,) = sdo_requests(board, begin)
             assert (request.cob_id, request.data) == (0x610, bytes.fromhex("4010200400000000"))
-            with pytest.raises(BusError, match=r"^another program is in charge of the machine, says sx "):
+            with refusing(BusError):
                 move(other, pull.start_joints)
 
     assert execute_live(session, pull, "pull-line", progress=halfway).passed
@@ -189,9 +189,9 @@ def test_no_repetition_follows_one_that_ended_elsewhere(
 
 def test_a_plan_that_ends_elsewhere_is_not_repeated(pull: Plan) -> None:
     check_repeatable(pull, 1)
-    with pytest.raises(InputError, match=r"^repeat=2: \w+ starts at .* and ends at "):
+    with refusing(InputError):
         check_repeatable(pull, 2)
-    with pytest.raises(InputError, match=r"^repeat=0: is not at least 1$"):
+    with refusing(InputError):
         check_repeatable(pull, 0)
 
 

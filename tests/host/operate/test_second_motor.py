@@ -18,6 +18,7 @@ from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
 from tests.host.robots.gantries import SECOND, SKEW_MAX_MM, STEPS_PER_MM, UNITS_PER_MM, gantry_robot
+from tests.messages import refusing
 
 Y, Y2 = 1, 2
 STEP_MM = 1 / STEPS_PER_MM
@@ -83,14 +84,14 @@ def test_a_beam_more_crooked_than_allowed_is_not_homed(skew_max: float, holds: b
     if holds:
         home_robot(session, joints=["Y"], stay=True)
         return
-    with pytest.raises(DeviceFaultError, match=r"^Y2: homing took it 1\.\d+ mm apart from Y, more than skew_max, 1.55"):
+    with refusing(DeviceFaultError):
         home_robot(session, joints=["Y"], stay=True)
 
 
 def test_a_switch_that_never_closes_does_not_rack_the_beam(fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel)
     board.operate(StuckSwitch(Y2, DigitalInput.NEGATIVE_LIMIT, closed=False))
-    with pytest.raises(DeviceFaultError, match=r"^Y2: homing took it 3\.\d+ mm apart .* does a switch not close\?$"):
+    with refusing(DeviceFaultError):
         home_robot(session, joints=["Y"], stay=True)
     first, second = motors_mm(board)
     braking_mm = 20.0**2 / (2 * 200.0)
@@ -133,7 +134,7 @@ def test_counts_that_are_too_far_apart_hold_the_machine(apart_mm: float, moves: 
         assert counted.skews == pytest.approx({"Y2": 0.0}, abs=STEP_MM)
         assert moved.planned_s == pytest.approx(2 * (apart_mm / 500) ** 0.5, abs=0.003)
         return
-    with pytest.raises(DeviceFaultError, match=r"^Y2: stands 3.01 mm apart from Y, more than the 3 mm of skew_max"):
+    with refusing(DeviceFaultError):
         move(session, [None, 20.0])
     move(session, [20.0, None])
     jog(session, "Y", 10.0, 0.2)
@@ -165,7 +166,7 @@ def test_a_fault_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
 def test_a_limit_switch_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
     board, session = machine(fast_kernel)
     slip(board, Y2, -40)
-    with pytest.raises(DeviceFaultError, match="limit switch"):
+    with refusing(DeviceFaultError):
         jog(session, "Y", -20.0, 3.0)
     standing = motors_mm(board)
     board.wait(0.5)
@@ -175,7 +176,7 @@ def test_a_limit_switch_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
 
 def test_both_motors_are_on_one_board() -> None:
     robot = gantry_robot()
-    with pytest.raises(InputError, match=r"^Y: is coupled to Y2, so both axes must be on one board"):
+    with refusing(InputError):
         board_configs(robot, [0.0, 0.0], (2, 1))
     assert len(board_configs(robot, [0.0, 0.0], (1, 2))) == 2
 

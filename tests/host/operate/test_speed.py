@@ -22,6 +22,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from tests.host.client.machines import Neighbour
 from tests.host.operate.sessions import HOME, ROBOT, CommandLine, preset
+from tests.messages import refusing
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +171,7 @@ def test_a_program_that_knows_no_limits_may_only_be_slowed(session: Session, pul
     run = session.machine.start(streamed_motion(pull))
     session.machine.wait(1.0)
     assert {axis.read(od.GROUP_RATE_HIGHEST_Q16) for axis in session.machine.axes} == {od.FULL_RATE_Q16}
-    with pytest.raises(InputError, match=r"^speed 101 %: this motion can be made at most 100 % as fast as planned"):
+    with refusing(InputError):
         change_speed(session.machine, 101)
     assert change_speed(session.machine, 80) == 100
     session.machine.wait(12.0)

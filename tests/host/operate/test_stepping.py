@@ -21,6 +21,7 @@ from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, CommandLine, bo
 from tests.host.operate.test_coupled_machine import HERE, machine, standing
 from tests.host.operate.test_coupled_machine import STEP_DEG as COUPLED_STEP_DEG
 from tests.host.robots.coupled import DIRECT, TWO_TO_ONE
+from tests.messages import refusing
 
 STEP_DEG = 1 / ROBOT.joints[TH1].transmission.steps_per_unit
 
@@ -59,13 +60,11 @@ def test_steps_end_at_the_limit_and_not_beyond(board: EmbeddedBoard, session: Se
         step_joint(session, "th1", 1.0)  # each rounded to wire units
     assert counted(board)[TH1] == pytest.approx(upper, abs=HALF_STEPS[TH1])
     stands = board.driver_positions()
-    with pytest.raises(
-        InputError, match=r"^th1: 121\.0 deg is outside -120\.\.120 deg; only the other direction passes$"
-    ):
+    with refusing(InputError):
         step_joint(session, "th1", 1.0)
     assert board.driver_positions() == stands
     step_joint(session, "th1", -5.0)
-    with pytest.raises(InputError, match=r"; \+5 deg passes$"):
+    with refusing(InputError):
         step_joint(session, "th1", 5.0 + 0.6 * STEP_DEG)
     assert step_joint(session, "th1", 5.0 + 0.4 * STEP_DEG).goal[TH1] == upper
 
@@ -73,7 +72,7 @@ def test_steps_end_at_the_limit_and_not_beyond(board: EmbeddedBoard, session: Se
 def test_a_joint_beyond_its_limit_comes_back_by_steps(board: EmbeddedBoard) -> None:
     """As after a homing that was interrupted: the axis stands at its switch."""
     session = preset(board, [-5.0, *HOME[1:]])
-    with pytest.raises(InputError, match=r"^sx: -6\.0 mm is outside 0\.\.2000 mm; only the other direction passes$"):
+    with refusing(InputError):
         step_joint(session, "sx", -1.0)
     for goal in (-4.0, -3.0, 7.0):
         assert step_joint(session, "sx", goal - session.positions(session.demanded_units())[SX]).goal[SX] == (
@@ -87,7 +86,7 @@ def test_a_joint_of_unknown_position_has_no_limits(fast_kernel: Kernel) -> None:
     session = Session(board, ROBOT)
     assert step_joint(session, "sx", -10.0).end[SX] == pytest.approx(-10.0, abs=0.03)
     assert counted(board)[SX] == pytest.approx(290.0, abs=0.03)
-    with pytest.raises(DeviceFaultError, match=r"^sx: the position is unknown: home the machine first"):
+    with refusing(DeviceFaultError):
         step_tool(session, ToolStep({"x": 1.0}, 20.0))
 
 
@@ -102,7 +101,7 @@ def test_steps_have_bounds() -> None:
     for percent in (1.0, 100.0):
         check_step_speed(percent)
     for percent in (0.99, 100.1, float("nan")):
-        with pytest.raises(InputError, match=r"^speed_percent=\S+: is not from 1 to 100 percent$"):
+        with refusing(InputError):
             check_step_speed(percent)
 
 
@@ -129,12 +128,12 @@ def test_the_tool_moves_along_one_axis(board: EmbeddedBoard, session: Session, a
 
 def test_a_step_of_the_tool_that_is_refused_moves_nothing(board: EmbeddedBoard, session: Session) -> None:
     before = board.driver_positions()
-    with pytest.raises(InputError, match=r"^x \+500 mm: shoulder to wrist .*; x \+(\S+) mm passes$") as caught:
+    with refusing(InputError) as caught:
         step_tool(session, ToolStep({"x": 500.0}, 20.0))
     assert board.driver_positions() == before
     passing = float(str(caught.value).split()[-3])
     step_tool(session, ToolStep({"x": passing}, 100.0))
-    with pytest.raises(InputError, match=r"^x \+0\.1 mm: .*; not even 0\.1 passes in this direction"):
+    with refusing(InputError):
         step_tool(session, ToolStep({"x": 0.1}, 100.0))
 
 
@@ -163,7 +162,7 @@ def test_a_step_of_a_coupled_joint_leaves_the_other_joints(coupling: str, fast_k
     step_joint(session, "th1", 10.0)
     there = [HERE[0] + 10.0, *HERE[1:]]
     assert standing(board) == pytest.approx(there, abs=3 * COUPLED_STEP_DEG)
-    with pytest.raises(InputError, match=r"^th1: 131\.0 deg is outside -130\.\.130 deg; \+(99\.999|100) deg passes$"):
+    with refusing(InputError):
         step_joint(session, "th1", 101.0)
     before = make_kinematics(session.robot).forward(np.array([there]))[0]
     step_tool(session, ToolStep({"x": -8.0}, 50.0))

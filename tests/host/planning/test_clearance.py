@@ -17,6 +17,7 @@ from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.shelves import ROBOT, SHELF
+from tests.messages import refusing
 
 RADIUS_MM = 20.0
 HOME = list(ROBOT.home)
@@ -153,5 +154,5 @@ def test_a_way_of_no_length_and_a_robot_without_obstacles() -> None:
 def test_a_mechanism_whose_parts_are_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
     hybrid = make_kinematics(load_robot("hybrid-arm"))
     monkeypatch.setattr(clearance, "make_kinematics", lambda _: hybrid)
-    with pytest.raises(InputError, match=r"^shelf\.obstacles: a warehouse-scara cannot be kept clear of boxes"):
+    with refusing(InputError):
         first_contact(ROBOT, HOME, HOME)

@@ -10,6 +10,7 @@ from steptwin.host.planning.peaks import Quantity
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.coupled import DIRECT, TWO_TO_ONE, UNITS_PER_DEG, coupled_robot
+from tests.messages import refusing
 
 
 def arm_move(robot: Robot, th1: float, th2: float, law: Trapezoid) -> JointMove:
@@ -43,7 +44,7 @@ def test_the_motor_turns_faster_than_either_joint() -> None:
     stretched = plan_stretched(robot, arm_move(robot, *both, law), 1.333)
     assert stretched.trajectory.duration_s == pytest.approx(0.867, abs=1e-3)
     weak = coupled_robot(axis_speed_max="240.1", axis_acceleration_max="1599.0")
-    with pytest.raises(InputError, match=r"^th2: a mean axis acceleration over 1 ms of 1600"):
+    with refusing(InputError):
         plan(weak, arm_move(weak, *both, law))
     strong = coupled_robot(axis_speed_max="240.1", axis_acceleration_max="1601.0")
     plan(strong, arm_move(strong, *both, law))
@@ -53,7 +54,7 @@ def test_limits_of_position_are_the_joints() -> None:
     """The elbow's axis may go to 280 deg, but the joint only to 150."""
     robot, law = coupled_robot(), Trapezoid(1.0, 9.0, 2.0)
     assert plan(robot, arm_move(robot, 130.0, 150.0, law)).points_units[-1, 1] == pytest.approx(280 * UNITS_PER_DEG)
-    with pytest.raises(InputError, match=r"^th2: 150.0\d+ deg at t = \d.\d+ s is outside -150..150 deg"):
+    with refusing(InputError):
         plan(robot, arm_move(robot, -130.0, 151.0, law))
 
 
@@ -70,5 +71,5 @@ def test_the_start_is_compared_in_steps_of_the_axes() -> None:
     robot = coupled_robot()
     made = plan(robot, arm_move(robot, 30.0, 20.0, Trapezoid(1.0, 2.0, 0.5)))
     made.check_start([0.008, -0.008, 0.0, 0.0])
-    with pytest.raises(InputError, match=r"^th2's axis: the trajectory starts at 0.0000 deg, the board stands at"):
+    with refusing(InputError):
         made.check_start([0.008, 0.008, 0.0, 0.0])

@@ -7,6 +7,7 @@ from steptwin.host.planning.errand import Carry, Errand, PlannedStock
 from steptwin.host.planning.jobs import job_carries
 from steptwin.host.robots import load_robot
 from tests.host.robots.shelves import ROBOT, SHELF, shelf_of
+from tests.messages import refusing
 
 JUDGED = ("A1", "A2", "B1", "B2", "hand-over")
 """Places at which a box stays until the robot takes it."""
@@ -29,7 +30,7 @@ def test_jobs(job: str, options: dict[str, str], stock: dict[str, str], left: di
     errand = Errand.alone(job_carries(ROBOT, job, options))
     assert errand.stock == stock
     if left is None:  # the boxes from the feeder would pile up at the hand-over
-        with pytest.raises(InputError, match=r"^hand-over: holds box already"):
+        with refusing(InputError):
             errand.planned(SHELF)
     else:
         cleared = {"output": 4 if job == "every-slot" else 1} if "output" in options else {}
@@ -55,5 +56,5 @@ def test_the_classroom_arm_carries_a_part_between_its_presets(options: dict[str,
 
 
 def test_a_box_that_is_not_there() -> None:
-    with pytest.raises(InputError, match=r"^A1: holds no box that could be taken"):
+    with refusing(InputError):
         Errand({}, (Carry("A1", "hand-over"),)).stock_after(SHELF)

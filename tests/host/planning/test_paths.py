@@ -10,6 +10,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.paths import Arc, SampledPath, Smoothing, StraightLine, ToolPath, Turn
 from steptwin.host.robots.poses import Pose
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 ZIGZAG = np.array(
     [
@@ -129,7 +130,7 @@ class TestArc:
         ],
     )
     def test_points_on_a_line_are_refused(self, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> None:
-        with pytest.raises(InputError, match=r"^an arc through .* mm: they lie on a line$") as caught:
+        with refusing(InputError) as caught:
             Arc.through(start, via_mm, goal)
         for point in (start[:3], via_mm, goal[:3]):
             assert str(point) in str(caught.value)
@@ -201,5 +202,5 @@ class TestSampledPath:
 
 @pytest.mark.parametrize("attitude_deg", [0.0, 90.0])
 def test_a_line_without_length_is_refused(attitude_deg: float) -> None:
-    with pytest.raises(InputError, match=r"^a straight line of 0 mm has both ends at one place$"):
+    with refusing(InputError):
         StraightLine((1.0, 2.0, 3.0, 0.0), (1.0, 2.0, 3.0, attitude_deg))

@@ -19,6 +19,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Transmission
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 from tests.work import CountingTrajectory, function_calls
 
 ROBOT = load_robot("warehouse-scara")
@@ -139,7 +140,7 @@ class TestPoints:
 
     def test_they_are_read_only(self, drawer: Plan) -> None:
         for array in (drawer.times_ms, drawer.points_units, drawer.velocities):
-            with pytest.raises(ValueError, match="read-only"):
+            with refusing(ValueError):
                 array[0] = 1
 
     @settings(max_examples=40, deadline=None)

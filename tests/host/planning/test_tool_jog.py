@@ -17,6 +17,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing
+from tests.messages import refusing
 
 DIRECTIONS = [("x", -1.0), ("y", 1.0), ("z", -1.0)]
 
@@ -57,13 +58,13 @@ def test_where_it_is_too_fast_soon_it_is_slower_and_goes_as_far() -> None:
 
 def test_bad_jogs_are_refused() -> None:
     robot = load_robot("lab-scara")
-    with pytest.raises(InputError, match=r"^coordinate 'w' is unknown: there are x, y, z, phi$"):
+    with refusing(InputError):
         check_tool_jog(robot, "w", 1.0)
     for speed in (0.0, SPEED_MAX_MM_S * 1.001, -SPEED_MAX_MM_S * 1.001):
-        with pytest.raises(InputError, match=r"^x: a speed of \S+ mm/s is not above 0 and up to 250 mm/s, with a sign"):
+        with refusing(InputError):
             check_tool_jog(robot, "x", speed)
     top = [robot.joints[0].upper, *standing(robot)[1:]]
-    with pytest.raises(InputError, match=r"jog a joint first$"):
+    with refusing(InputError):
         plan_tool_jog(robot, top, "z", 10.0)
 
 

@@ -11,6 +11,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.coupling import CONDITION_MAX, Coupling
 from tests.host.robots.coupled import DIRECT, STEPS_PER_DEG, TWO_TO_ONE, UNITS_PER_DEG, coupled_robot
+from tests.messages import refusing
 
 JOINTS = np.array([30.0, 40.0, 10.0, 90.0])
 NAMES = ("a", "b", "c")
@@ -76,39 +77,30 @@ def test_rounding_of_a_row_depends_on_no_other_row() -> None:
 
 
 @pytest.mark.parametrize(
-    ("coupling", "complaint"),
+    "coupling",
     [
-        ("th2 = { th2 = 0.0 }", r"coupling: the matrix is singular, "),
-        ("th1 = { th2 = 1.0 }\nth2 = { th1 = 1.0 }", r"coupling: the matrix is singular, "),
-        ("th2 = { th9 = 1.0 }", r"coupling: th2: joint 'th9' is unknown: did you mean th\d"),
-        ("elbow = { th1 = 1.0 }", r"coupling: axis 'elbow' is unknown: there are th1, th2, d3, th4$"),
-        ("th2 = { th1 = 'x' }", r"coupling.th2.th1: 'x' is not a number"),
-        ("th2 = { th1 = 1.0, th2 = -1.0 }", r"coupling: th2: the joint alone moves its axis by -1, .* by -1; "),
-        ("th1 = { th2 = 2.0 }\nth2 = { th1 = 2.0 }", r"coupling: th1: the joint alone .* by 1, .* by -0.333333; "),
-        ("th2 = { th1 = 3000.0 }", r"coupling: the matrix has the condition number 9e\+06, "),
-        (
-            'th1 = { th2 = 0.5 }\nth2 = { th1 = 0.5 }\n[joints.th1.second_motor]\nname = "s"\nskew_max = 1.0',
-            r"joints.th1.homing: joints that depend on each other cannot be homed where one has a second motor, as th1",
-        ),
-        (
-            "th1 = { th2 = 1.0 }\nth2 = { th1 = -4.5 }",
-            r"joints.th1.homing.search_speed: 45 moves th2's axis at 202.5, above its limit of 180; 40 is right$",
-        ),
-        (
-            "th1 = { th1 = 5.0 }",
-            r"joints.th1.homing.search_speed: 45 moves the axis at 225, above its limit of 180; 36 is right$",
-        ),
+        "th2 = { th2 = 0.0 }",
+        "th1 = { th2 = 1.0 }\nth2 = { th1 = 1.0 }",
+        "th2 = { th9 = 1.0 }",
+        "elbow = { th1 = 1.0 }",
+        "th2 = { th1 = 'x' }",
+        "th2 = { th1 = 1.0, th2 = -1.0 }",
+        "th1 = { th2 = 2.0 }\nth2 = { th1 = 2.0 }",
+        "th2 = { th1 = 3000.0 }",
+        'th1 = { th2 = 0.5 }\nth2 = { th1 = 0.5 }\n[joints.th1.second_motor]\nname = "s"\nskew_max = 1.0',
+        "th1 = { th2 = 1.0 }\nth2 = { th1 = -4.5 }",
+        "th1 = { th1 = 5.0 }",
     ],
 )
-def test_what_is_refused(coupling: str, complaint: str) -> None:
-    with pytest.raises(InputError, match=rf"^belt.toml: {complaint}"):
+def test_what_is_refused(coupling: str) -> None:
+    with refusing(InputError):
         coupled_robot(coupling)
 
 
 def test_both_sides_of_the_condition_number() -> None:
     """diag(1, s) has the condition number s."""
     assert Coupling.of(("a", "b"), {"b": {"b": CONDITION_MAX}}).matrix
-    with pytest.raises(InputError, match="condition number"):
+    with refusing(InputError):
         Coupling.of(("a", "b"), {"b": {"b": CONDITION_MAX * (1 + 1e-9)}})
 
 
@@ -117,20 +109,20 @@ def test_limits_of_a_coupled_axis() -> None:
     assert robot.axis_speeds_max.tolist() == [180.0, 300.0, 40.0, 360.0]
     assert robot.axis_accelerations_max.tolist() == [1000.0, 1500.0, 200.0, 2000.0]
     assert coupled_robot().axis_speeds_max.tolist() == [180.0, 180.0, 40.0, 360.0]
-    with pytest.raises(InputError, match=r"^belt.toml: joints.th2.axis_speed_max: is for a coupled axis; speed_max"):
+    with refusing(InputError):
         coupled_robot("", axis_speed_max="300.0")
-    with pytest.raises(InputError, match=r"^belt.toml: joints.th2.axis_speed_max: -1 is not above 0"):
+    with refusing(InputError):
         coupled_robot(axis_speed_max="-1.0")
     coupled_robot(axis_speed_max="421.8")  # 15 kHz are 421.875 deg/s
-    with pytest.raises(InputError, match=r"^belt.toml: joints.th2.axis_speed_max: 422 deg/s takes 15.00\d kHz"):
+    with refusing(InputError):
         coupled_robot(axis_speed_max="422.0")
 
 
 def test_both_sides_of_the_wire() -> None:
     """The wire's i32 reaches 58982.4 deg here: 150 deg of the elbow times 393.2, but its search would be too fast."""
-    with pytest.raises(InputError, match=r"coupling.th2: the axis goes up to 58995 deg from zero, beyond the wire's"):
+    with refusing(InputError):
         coupled_robot("th2 = { th2 = 393.3 }")
-    with pytest.raises(InputError, match=r"^belt.toml: joints.th2.homing.search_speed: 45 moves the axis at 17685, "):
+    with refusing(InputError):
         coupled_robot("th2 = { th2 = 393.0 }")
 
 

@@ -9,6 +9,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.protocol.drivers import ActiveEdge
+from tests.messages import refusing
 
 BOARD = replace(
     load_robot("lab-scara").board, osc_pf=None, driver_profile="dm542", dirsetup_ns=50_000, dirhold_ns=50_000
@@ -45,7 +46,7 @@ def test_pulses_too_short_for_the_chip_are_refused(driver: str, key: str, least_
 def test_a_falling_edge_holds_dir_from_the_rise_on() -> None:
     falling = replace(BOARD, active_edge=ActiveEdge.FALLING, steplen_ns=20_000)
     assert replace(falling, dirhold_ns=30_000).dirhold_ns == 30_000
-    with pytest.raises(InputError, match=r"^dirhold_ns: 29999 ns is too short for dm542: at least 30000 ns$"):
+    with refusing(InputError):
         replace(falling, dirhold_ns=29_999)
 
 

@@ -11,6 +11,7 @@ from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.reader import parse_robot
 from steptwin.host.robots.robot import AXES_MAX
 from tests.host.robots.gantries import SECOND, STEPS_PER_MM, UNITS_PER_MM, gantry_robot, gantry_text
+from tests.messages import refusing
 
 NAMES = ("a", "b", "c")
 
@@ -121,5 +122,5 @@ def test_a_board_drives_eight_motors() -> None:
         return "\n".join([head.split("[home]")[0], "[home]", homes, *joints])
 
     assert len(parse_robot(file(AXES_MAX), "eight").axes) == AXES_MAX
-    with pytest.raises(InputError, match="joints: 9 motors, but a board drives 1 to 8"):
+    with refusing(InputError):
         parse_robot(file(AXES_MAX + 1), "nine")

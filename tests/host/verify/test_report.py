@@ -40,6 +40,7 @@ from tests.host.verify.motions import (
     still,
     trapezoid,
 )
+from tests.messages import refusing
 
 RATE_HZ = 1000.0
 PERIOD_COUNTS = 72_000
@@ -367,17 +368,17 @@ def test_angles_wrap_into_a_half_open_turn() -> None:
 def test_a_planned_position_that_is_not_finite_is_refused() -> None:
     broken = expect(motion(1.0, still(0.0), (lambda t: np.where(t > 0.5, np.nan, 0.0), lambda t: 0.0 * t)), 1.0, 1.0)
     standing = expect(motion(1.0, still(0.0), still(0.0)), 1.0, 1.0)
-    with pytest.raises(ValueError, match=r"planned position of b is nan at 0\.501 s"):
+    with refusing(ValueError):
         verify(broken, perfect_evidence(standing), RUN)
 
 
 def test_evidence_of_other_axes_than_planned_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"evidence of axes \('a',\), but a plan of joints \('a', 'b', 'c', 'd'\)"):
+    with refusing(ValueError):
         verify(SWINGING, perfect_evidence(STEADY), RUN)
 
 
 def test_an_expectation_needs_one_conversion_per_joint() -> None:
-    with pytest.raises(ValueError, match="1 joints, but steps_per_unit"):
+    with refusing(ValueError):
         Expectation(STEADY.trajectory, np.array([1.0, 2.0]), ("mm",), planar_forward)
 
 

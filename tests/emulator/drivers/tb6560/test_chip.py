@@ -12,6 +12,7 @@ from steptwin.emulator.drivers.terminals import LevelChange, Rail, TerminalEdges
 from steptwin.protocol.drivers import Oscillator
 from steptwin.protocol.drivers.tb6560 import PINS, PinKind
 from tests.emulator.pins import PERIOD, POWER_UP, TERMINALS, WIDTH, a_tb6560, at, cut, pins
+from tests.messages import refusing
 
 UP = ((1, 1),)
 """DIR is high from the start."""
@@ -38,27 +39,27 @@ class TestDatasheet:
 
     @pytest.mark.parametrize("osc_pf", [0, -330, float("nan")])
     def test_a_capacitor_has_a_positive_value(self, osc_pf: float) -> None:
-        with pytest.raises(ValueError, match="330"):
+        with refusing(ValueError):
             Oscillator(osc_pf)
 
     @pytest.mark.parametrize("full_a", [0, -0.5])
     def test_a_current_has_a_positive_value(self, full_a: float) -> None:
-        with pytest.raises(ValueError, match="is not above 0 and up to 3 A"):
+        with refusing(ValueError):
             a_tb6560(330, full_a)
 
     def test_the_oscillator_is_600_khz_at_most(self) -> None:
         """44e6 / (C + 10) by page 25's formula: 603 kHz at 63 pF, 595 kHz at 64 pF."""
         assert Oscillator(64).hz == pytest.approx(44e6 / 74)
-        with pytest.raises(ValueError, match=r"63 pF, which makes 603 kHz: at most 600 kHz are allowed, 64 pF or more"):
+        with refusing(ValueError):
             Oscillator(63)
-        with pytest.raises(ValueError, match="64 pF or more"):
+        with refusing(ValueError):
             a_tb6560(5)
 
     def test_the_outputs_carry_3_amperes_at_most(self) -> None:
         assert a_tb6560(330, 3).violation_count == 0
-        with pytest.raises(ValueError, match=r"3\.01 A is not above 0 and up to 3 A, the most that a TB6560"):
+        with refusing(ValueError):
             a_tb6560(330, 3.01)
-        with pytest.raises(ValueError, match=r"10\.00 A is not"):
+        with refusing(ValueError):
             a_tb6560(330, 10)
 
     def test_the_pins(self) -> None:

@@ -5,6 +5,7 @@ import pytest
 from steptwin.emulator.drivers.driver_module import Switches, fitted
 from steptwin.protocol.drivers import CurrentSetting
 from steptwin.protocol.drivers.tb6560 import THREE_AMP_MODULE
+from tests.messages import refusing
 
 assert THREE_AMP_MODULE.currents is not None
 CURRENT_SETTINGS = THREE_AMP_MODULE.currents.value
@@ -66,24 +67,15 @@ def test_idle_torque(idle: int, levels: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "words"),
+    "setting",
     [
-        (
-            {"current_a": 1.3, "microsteps": 16},
-            r"1\.3 A is not one of 3a-module's 0\.3, .*: the nearest are 1\.2 A and 1\.4 A$",
-        ),
-        ({"current_a": 9, "microsteps": 16}, r"9 A is not one .*: the nearest is 3 A$"),
-        ({"current_a": 1, "microsteps": 4}, "4 is not one of 3a-module's 1, 2, 8, 16: the nearest are 2 and 8"),
-        (
-            {"current_a": 1, "microsteps": 1, "fast_decay_percent": 30},
-            "30 % is not one of 3a-module's 0, 25, 50, 100 %: the nearest are 25 % and 50 %",
-        ),
-        (
-            {"current_a": 1, "microsteps": 1, "idle_percent": 0},
-            "0 % is not one of 3a-module's 20, 50 %: the nearest is 20 %",
-        ),
+        {"current_a": 1.3, "microsteps": 16},
+        {"current_a": 9, "microsteps": 16},
+        {"current_a": 1, "microsteps": 4},
+        {"current_a": 1, "microsteps": 1, "fast_decay_percent": 30},
+        {"current_a": 1, "microsteps": 1, "idle_percent": 0},
     ],
 )
-def test_what_cannot_be_set(setting: dict[str, float], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+def test_what_cannot_be_set(setting: dict[str, float]) -> None:
+    with refusing(ValueError):
         switches_for(**setting)  # type: ignore[arg-type]

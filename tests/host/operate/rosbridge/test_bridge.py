@@ -34,6 +34,7 @@ from tests.host.operate.rosbridge.stub_rosbridge import (
     served,
 )
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, board_at
+from tests.messages import refusing
 
 TH1 = ROBOT.joint_names.index("th1")
 
@@ -165,7 +166,7 @@ def test_a_cancellation_right_behind_its_goal_lets_nothing_move(session: Session
 
 def test_a_lost_connection_stops_the_axes(session: Session) -> None:
     stub = StubRosbridge(session, [(0.5, goal(FORTH)), (1.7, LOST)])
-    with pytest.raises(RosbridgeLostError, match="the connection has ended"):
+    with refusing(RosbridgeLostError):
         RosBridge(session, stub, NAMES).run()
     assert stub.now_s() <= 2.2
     assert states(session) == {State.QUICK_STOP_ACTIVE}
@@ -202,7 +203,7 @@ def test_a_silent_board_ends_the_bridge(
     session: Session, board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stub = StubRosbridge(session, [(0.5, lambda: monkeypatch.setattr(board.network, "notify", lambda *_: None))])
-    with pytest.raises(BusError, match="no status for 1 s"):
+    with refusing(BusError):
         RosBridge(session, stub, NAMES).run()
     assert stub.now_s() <= 2.0
 

@@ -24,6 +24,7 @@ from steptwin.host.operate.rosbridge.goals import (
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.operate.rosbridge.stub_rosbridge import FORTH, arguments, moved, point
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT
+from tests.messages import refused_with, refusing
 
 TH1 = ROBOT.joint_names.index("th1")
 START_LIMIT_DEG = 0.01 * 180.0 / pi
@@ -42,7 +43,9 @@ PATHS = [
 def refusal(args: object) -> tuple[int, str]:
     with pytest.raises(RefusedGoalError) as refused:
         follow_goal(ROBOT, args, HOME)
-    return int(refused.value.code), str(refused.value)
+    code = int(refused.value.code)
+    refused_with(f"{code}: {refused.value}")
+    return code, str(refused.value)
 
 
 def tolerance(name: str = "th1", **values: float) -> dict[str, Any]:
@@ -143,10 +146,7 @@ def test_goals_that_cannot_be_executed(args: dict[str, Any], says: str) -> None:
 def test_a_start_at_a_time_of_ros_is_refused() -> None:
     args = arguments(point(0.0, HOME), point(2.0, HOME))
     args["trajectory"]["header"] = {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}
-    assert refusal(args) == (
-        -3,
-        "header.stamp: a start at a time of ROS' clock, which the bridge does not have; 0 starts at once",
-    )
+    refusal(args)
 
 
 def test_tolerances_on_the_way_that_a_stepper_cannot_keep() -> None:
@@ -159,10 +159,7 @@ def test_tolerances_on_the_way_that_a_stepper_cannot_keep() -> None:
     assert refusal({**FORTH, "path_tolerance": [tolerance(velocity=0.1)]})[1] == (
         "path_tolerance, th1: velocity is not watched; leave it 0"
     )
-    assert refusal({**FORTH, "path_tolerance": [tolerance("x")]}) == (
-        -2,
-        f"path_tolerance 1: x is no joint of {ROBOT.name}",
-    )
+    refusal({**FORTH, "path_tolerance": [tolerance("x")]})
 
 
 def test_tolerances_at_the_end() -> None:
@@ -206,7 +203,7 @@ def test_durations_are_within_half_a_nanosecond(time_s: float) -> None:
 
 @pytest.mark.parametrize("name", ["", "1arm", "arm-controller", "/arm", "arm/", "a b", "arm//x"])
 def test_names_that_ros_does_not_take(name: str) -> None:
-    with pytest.raises(InputError, match="is no name in ROS"):
+    with refusing(InputError):
         RosNames.of(name)
     assert RosNames.of("robot1/arm_controller").action == "/robot1/arm_controller/follow_joint_trajectory"
 
@@ -233,5 +230,5 @@ def test_every_transition_is_on_a_way_and_no_other_happens() -> None:
         if (state, event) not in TRANSITIONS:
             goal = ActiveGoal("g", {})
             goal.state = state
-            with pytest.raises(ValueError, match=f"{event.name} does not happen to a goal that is {state.name}"):
+            with refusing(ValueError):
                 goal.take(event)

@@ -15,6 +15,7 @@ from steptwin.host.panel.page import motions
 from steptwin.host.panel.page.motions import path_mm, plan_apart, plan_upload
 from steptwin.host.robots import load_robot
 from tests.end_to_end.pages import ROOT
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 PROGRAM = (ROOT / "docs" / "programs" / "teaching-scara.toml").read_bytes()
@@ -72,7 +73,7 @@ def test_it_ends_with_the_task_that_waits_for_it() -> None:
 def test_it_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(motions, "PLANNING_S_MAX", 0.5)
     before = children()
-    with pytest.raises(InputError, match=r"^slow\.toml: planning it takes more than 0\.5 s, so it was ended$"):
+    with refusing(InputError):
         asyncio.run(plan_apart(ROBOT, "slow.toml", SLOW, 1.0))
     assert children() == before
 

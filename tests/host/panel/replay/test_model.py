@@ -20,6 +20,7 @@ from steptwin.host.record.animation import make_film
 from steptwin.host.record.folder.edges_file import PINS
 from steptwin.host.record.waveforms import pins
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
+from tests.messages import refusing
 
 SOME_PINS = ("step", "dir", "enable", "m1")
 JOINTS = ("th1", "th2", "d3", "th4")
@@ -182,12 +183,12 @@ def test_the_shown_span_is_the_motion_and_a_second_before_it(replay: Replay, arr
 
 
 def test_other_folders_are_refused(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(InputError, match="is not a folder of a run"):
+    with refusing(InputError):
         Replay.of_folder(tmp_path / "none")
     for path in folder.iterdir():
         if path.name != "bus.log":
             (tmp_path / path.name).symlink_to(path)
-    with pytest.raises(InputError, match=r"bus\.log: is missing"):
+    with refusing(InputError):
         Replay.of_folder(tmp_path)
 
 

@@ -15,6 +15,7 @@ from steptwin.host.planning.paths import Arc, StraightLine, straight
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.planning.fastest.paths import joint_legs, tool_legs
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 START = np.array([20.0, 105.0, 30.0, 0.0])
@@ -154,7 +155,7 @@ class TestRefusals:
 
     def test_longer_than_the_first_leg(self) -> None:
         legs = tool_legs(ROBOT, START, [(-5.0, 0.0, 0.0), (0.0, -30.0, 0.0)])
-        with pytest.raises(CornerError, match=r"blend_mm: 5\.1 mm is more than the leg has: 5 mm; .*5"):
+        with refusing(CornerError):
             flowing(ROBOT, legs, [5.1])
         assert flowing(ROBOT, legs, [5.0]).corners[0].r_mm == 5.0
 
@@ -168,5 +169,5 @@ class TestRefusals:
         if passes:
             assert flowing(ROBOT, legs, [0.0]).corners[0].passes_mm == 0.0
         else:
-            with pytest.raises(CornerError, match="round the corner"):
+            with refusing(CornerError):
                 flowing(ROBOT, legs, [0.0])

@@ -14,6 +14,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.loop_closure import LoopClosure
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.mechanisms import with_geometry
+from tests.messages import refusing
 
 ROBOT = load_robot("hybrid-arm")
 ARM = make_kinematics(ROBOT)
@@ -82,14 +83,9 @@ def test_it_starts_and_ends_at_rest() -> None:
 
 def test_too_fast_a_helix_is_refused() -> None:
     plan(ROBOT, helix(duration_s="60"))
-    with pytest.raises(
-        InputError, match=r"^th1: a mean acceleration over 1 ms of 667\.9 deg/s\^2 at t = 0\.000 s is more"
-    ):
+    with refusing(InputError):
         plan(ROBOT, helix(duration_s="18.5"))
-    with pytest.raises(
-        InputError,
-        match=r"^Z6: \d+\.\d+ kHz of steps at t = \d+\.\d+ s is more than the driver's 15\.0 kHz; [\d.]+ times slower",
-    ):
+    with refusing(InputError):
         plan(ROBOT, helix(duration_s="15"))
 
 
@@ -126,7 +122,7 @@ def test_the_helix_is_an_option_of_both() -> None:
 
 def test_more_samples_than_milliseconds_are_refused() -> None:
     helix(duration_s="1", samples="1001", radius_mm="1", rise_mm="1", turns="1")
-    with pytest.raises(InputError, match=r"^option samples: 1002 in 1000 ms .*; 1001 passes$"):
+    with refusing(InputError):
         helix(duration_s="1", samples="1002", radius_mm="1", rise_mm="1", turns="1")
 
 

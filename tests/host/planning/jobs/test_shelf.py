@@ -14,6 +14,7 @@ from steptwin.host.planning.trajectory import Switching, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.robots.shelves import ROBOT, SHELF
+from tests.messages import refusing
 
 SCARA = make_kinematics(ROBOT)
 SX, SZ, L1 = range(3)
@@ -87,19 +88,16 @@ def test_the_locked_hand_moves_straight_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    "changes",
     [
-        ({"places": {"A1": {"sx": 1.0}}}, "places.hand-over.sx: is missing"),
-        ({"places": {**ROBOT.places, "hand-over": {"sx": 1.0}}}, "places.hand-over.sz: is missing"),
-        (
-            {"outputs": {}, "boxes": {}, "dynamics": None},
-            "outputs: warehouse-scara has none; its file names them under",
-        ),
+        {"places": {"A1": {"sx": 1.0}}},
+        {"places": {**ROBOT.places, "hand-over": {"sx": 1.0}}},
+        {"outputs": {}, "boxes": {}, "dynamics": None},
     ],
 )
-def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object], words: str) -> None:
+def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object]) -> None:
     robot = dataclasses.replace(ROBOT, shelf=None, **changes)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=words):
+    with refusing(InputError):
         make_job(robot, "store", {})
 
 
@@ -107,15 +105,12 @@ def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object
 def test_an_arm_that_cannot_be_drawn_back(name: str) -> None:
     """Links of 30 and 400 mm reach the drawer, but cannot fold back to the position in front of the shelf."""
     robot = dataclasses.replace(ROBOT, geometry={**ROBOT.geometry, "L2_mm": 30.0, "L3_mm": 400.0})
-    with pytest.raises(
-        InputError,
-        match=r"^in front of the shelf: shoulder to wrist 367\.3 mm is outside 370\.\.430 mm, by 2\.68 mm; ",
-    ):
+    with refusing(InputError):
         make_job(robot, name, {})
 
 
 def test_the_hand_over_is_not_a_slot() -> None:
-    with pytest.raises(InputError, match=r"option slot: 'hand-over' is unknown: there are A1, A2, B1, B2"):
+    with refusing(InputError):
         job("store", slot="hand-over")
 
 
@@ -144,7 +139,7 @@ def test_a_job_that_waits_for_the_sensors() -> None:
     shorter = waits_of(job("fetch", sensors="wait", travel_mm="179.9"))
     assert "drawer_end" not in [wait.input for wait in shorter]
     blind = dataclasses.replace(ROBOT, shelf=dataclasses.replace(SHELF, box_present=""))
-    with pytest.raises(InputError, match=r"^shelf\.box_present: is missing in the robot's file: sensors=ignore does"):
+    with refusing(InputError):
         make_job(blind, "store", {"sensors": "wait"})
 
 

@@ -11,6 +11,7 @@ from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 ROBOT = load_robot("lab-scara")
 SCARA = make_kinematics(ROBOT)
@@ -127,8 +128,5 @@ def test_options_that_are_refused(options: dict[str, str], words: str) -> None:
 
 def test_too_near_the_base_is_beyond_a_joints_limit() -> None:
     """Nearer than 338.095 mm th3 would have to bend by more than 130 deg."""
-    with pytest.raises(
-        InputError,
-        match=r"^th3: 1\d\d\.\d+ deg at t = \d+\.\d+ s is outside -130\.\.130 deg, by .*; the nearest is 130 deg; the",
-    ):
+    with refusing(InputError):
         plan(ROBOT, spiral(x_mm="-250", y_mm="250"))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from tests.host.planning.laws.made import DISTANCES, instants_s, peak_speed
+from tests.messages import refusing
 
 KEPT = 1.0 + 1e-11
 """A limit may be exceeded by rounding only."""
@@ -135,13 +136,13 @@ def test_no_distance_and_no_limits(kind: str, shortest_s: float, distance: float
 @pytest.mark.parametrize("which", ["speed_max", "acceleration_max"])
 def test_senseless_limits_are_refused(kind: str, which: str, limit: float) -> None:
     limits = {"speed_max": 1.0, "acceleration_max": 1.0} | {which: limit}
-    with pytest.raises(InputError, match=rf"{which}: {limit:g} is not a finite number above 0"):
+    with refusing(InputError):
         FASTEST[kind](1.0, limits["speed_max"], limits["acceleration_max"], 1.0)
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, inf, nan])
 def test_senseless_jerks_are_refused(limit: float) -> None:
-    with pytest.raises(InputError, match=rf"jerk_max: {limit:g} is not a finite number above 0"):
+    with refusing(InputError):
         SCurve.fastest(1.0, 1.0, 1.0, limit)
 
 
@@ -153,17 +154,17 @@ def test_a_motion_of_many_days() -> None:
 @pytest.mark.parametrize("kind", FASTEST)
 @pytest.mark.parametrize("limits", [(1.0, 1e6, 1e6), (1e9, 1e-9, 1e6), (1e-300, 1e-300, 1e-300)])
 def test_a_motion_that_lasts_too_long(kind: str, limits: tuple[float, float, float]) -> None:
-    with pytest.raises(InputError, match="at most 1000000 s"):
+    with refusing(InputError):
         FASTEST[kind](1.1e6, *limits)
 
 
 def test_a_jerk_so_low_that_it_lasts_too_long() -> None:
-    with pytest.raises(InputError, match="at most 1000000 s"):
+    with refusing(InputError):
         SCurve.fastest(1.0, 1e300, 1e300, 1e-300)
 
 
 @pytest.mark.parametrize("kind", FASTEST)
 @pytest.mark.parametrize("distance", [inf, -inf, nan])
 def test_a_distance_must_be_finite(kind: str, distance: float) -> None:
-    with pytest.raises(InputError, match="at most 1000000 s"):
+    with refusing(InputError):
         FASTEST[kind](distance, 1.0, 1.0, 1.0)

@@ -18,6 +18,7 @@ from steptwin.host.robots.poses import POSE, Orientation, Pose, Turning
 from steptwin.host.robots.robot import Robot
 from tests.host.robots.kinematics.serial.arms import arm, kinematics_of
 from tests.host.robots.kinematics.serial.test_numeric import five_axes, missing_wrist
+from tests.messages import refusing
 
 FINE_S = 1e-4
 
@@ -97,9 +98,7 @@ class TestThroughTheStretchedWrist:
         joints = [0.0, 10.0, -20.0, 2.0, 10.0, 0.0]
         here = pose_of(self.ROBOT, joints)
         path = straight(POSE, here, POSE.stepped(here, {"x": 20.0, "ry": -25.0}))
-        with pytest.raises(
-            OutOfReachError, match=r"^at t = \S+ s the tool's path breaks off: J[46] would move by"
-        ) as e:
+        with refusing(OutOfReachError) as e:
             along(self.ROBOT, path, joints)
         assert "near the stretched wrist, at x " in str(e.value)
 
@@ -142,7 +141,7 @@ def test_a_turn_of_half_a_turn_is_refused() -> None:
     there = POSE.changed(
         here, {"x": here[0] + 10.0}, Orientation("quaternion_xyzw", (-here[4], here[3], here[6], -here[5]))
     )
-    with pytest.raises(InputError, match="which way is not certain from 180 deg on; a position in between says it"):
+    with refusing(InputError):
         straight(POSE, here, there)
 
 
@@ -150,5 +149,5 @@ def test_out_of_reach_on_the_way() -> None:
     robot = arm("AR4")
     joints = [0.0, 0.0, 0.0, 0.0, 45.0, 0.0]
     here = pose_of(robot, joints)
-    with pytest.raises(OutOfReachError, match=r"path breaks off: .*; it passes up to x \S+, y 0, z \S+ mm, rpy "):
+    with refusing(OutOfReachError):
         along(robot, straight(POSE, here, POSE.stepped(here, {"x": 400.0})), joints)

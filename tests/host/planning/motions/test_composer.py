@@ -19,6 +19,7 @@ from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 WAREHOUSE = load_robot("warehouse-scara")
 LAB = load_robot("lab-scara")
@@ -92,7 +93,7 @@ def test_a_move_to_the_present_position_adds_nothing(start: FloatArray, goal: Fl
 
 def test_a_goal_of_nan_is_refused() -> None:
     """Inverse kinematics gives NaN out of reach; a move that did nothing then would spoil all later moves."""
-    with pytest.raises(InputError, match="nan"):
+    with refusing(InputError):
         composer().go(np.array([0.0, 0.0, 100.0, np.nan, np.nan, np.nan]))
 
 
@@ -100,7 +101,7 @@ def test_some_joints_go_and_the_others_stay() -> None:
     moves = composer()
     moves.go_some({"th2": -30.0, "sz": 12.5})
     assert moves.joints.tolist() == [0.0, 12.5, 100.0, 0.0, -30.0, 30.0]
-    with pytest.raises(InputError, match=r"^joint 'th' is unknown: did you mean th\d or th\d or th\d\?$"):
+    with refusing(InputError):
         moves.go_some({"th": 1.0})
 
 
@@ -208,13 +209,13 @@ def test_a_line_out_of_reach(way_mm: tuple[float, float, float], words: str) -> 
 def test_a_line_on_the_other_branch() -> None:
     moves = composer()
     moves.pause(5.0)
-    with pytest.raises(InputError, match=r"^th1: at t = 5\.000 s the tool's path on the branch 'left' begins at"):
+    with refusing(InputError):
         moves.line("left", (0.0, -10.0, 0.0), Trapezoid(10.0, 1.0, 0.25))
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -0.001, 0.0015, float("nan")])
 def test_a_pause_must_last(duration_s: float) -> None:
-    with pytest.raises(InputError, match=rf"^duration_s: {duration_s:g} s is not"):
+    with refusing(InputError):
         composer().pause(duration_s)
 
 

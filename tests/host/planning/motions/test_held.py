@@ -13,6 +13,7 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import PlannedWait, waits_of
 from steptwin.host.robots import load_robot
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 
@@ -64,7 +65,7 @@ def test_the_executed_plan_has_the_records_of_the_plan_and_those_of_the_standsti
         assert own.end_velocities == [0] * 3 + old.end_velocities[:at] + [0] * 2 + old.end_velocities[at:]
     at_points = executed.trajectory.positions(executed.times_ms / 1000)
     assert np.array_equal(ROBOT.to_units(at_points), executed.points_units)
-    with pytest.raises(ValueError, match="25 ms are not a number of records of 10 ms"):
+    with refusing(ValueError):
         planned.held([Hold(0, 25)], 10)
 
 
@@ -88,7 +89,7 @@ def test_a_wait_is_said_and_counted_as_next_to_no_time() -> None:
 def test_a_time_out_is_above_0_and_up_to_an_hour(timeout_s: float) -> None:
     composer = Composer(ROBOT, np.array(ROBOT.home))
     composer.wait("part_ready", on=True, timeout_s=WAIT_MAX_S)
-    with pytest.raises(InputError, match=r"^timeout_s: .* is not above 0 and up to 3600 s$"):
+    with refusing(InputError):
         composer.wait("part_ready", on=True, timeout_s=timeout_s)
     said = complaint_of(lambda: composer.wait("part", on=True, timeout_s=1.0))
     assert said == "inputs: 'part' is unknown: did you mean part_ready?"

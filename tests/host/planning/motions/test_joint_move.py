@@ -9,6 +9,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Cubic, Law, Quintic, SCurve, Trapezoid
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.robots import load_robot
+from tests.messages import refusing
 
 ROBOT = load_robot("lab-scara")
 START, GOAL = (10.0, -20.0, 30.0, 200.0), (200.0, -20.0, -45.0, -160.0)
@@ -36,7 +37,7 @@ def test_it_goes_from_start_to_goal_at_rest(law: Law) -> None:
 
 @pytest.mark.parametrize("distance", [0.0, 0.5, -1.0, 90.0, np.nan])
 def test_a_law_of_another_distance_is_refused(distance: float) -> None:
-    with pytest.raises(InputError, match=rf"^the law of a joint move covers {distance:g} instead of 1$"):
+    with refusing(InputError):
         JointMove(ROBOT.joint_names, START, GOAL, Cubic(distance, 1.0))
 
 

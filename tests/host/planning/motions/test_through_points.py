@@ -7,6 +7,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.trajectory_file.file_motion import through_points
+from tests.messages import refusing
 
 NAMES = ("a", "b")
 PLACES = [f"line {i}" for i in range(2, 12)]
@@ -44,7 +45,5 @@ def test_points_that_only_repeat() -> None:
 
 def test_a_pause_begins_and_ends_at_whole_milliseconds() -> None:
     positions = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
-    with pytest.raises(
-        InputError, match=r"^line 3: 0\.5004 s is not a whole number of milliseconds: the nearest is 0\.5 s"
-    ):
+    with refusing(InputError):
         through_points(NAMES, np.array([0.0, 0.5004, 1.0, 2.0]), positions, PLACES[:4])

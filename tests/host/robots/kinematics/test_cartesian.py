@@ -12,6 +12,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
+from tests.messages import refusing
 
 COREXY = "[coupling]\nX = { X = 1.0, Y = 1.0 }\nY = { X = -1.0, Y = 1.0 }\n"
 BASE = "[base]\nx_mm = 100.0\ny_mm = 50.0\nz_mm = 20.0\nphi_deg = 30.0\n"
@@ -61,7 +62,7 @@ def test_a_coordinate_without_a_slide() -> None:
 
 @pytest.mark.parametrize("axes", ["", "XX", "ABC", "C", "xyz"])
 def test_axes_that_are_none(axes: str) -> None:
-    with pytest.raises(InputError, match=r"axes: '\w*' is not 1 to 4 of the letters X, Y, Z and C"):
+    with refusing(InputError):
         gantry(axes)
 
 

@@ -6,6 +6,7 @@ import pytest
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.kinematics import Elbow, Planar2R
+from tests.messages import refusing
 
 ARM = Planar2R(200.0, 150.0)
 
@@ -86,5 +87,5 @@ def test_the_determinant_vanishes_where_the_arm_is_stretched_or_folded() -> None
 
 @pytest.mark.parametrize("links", [(0.0, 150.0), (200.0, -1.0), (float("nan"), 150.0), (200.0, float("nan"))])
 def test_links_must_be_longer_than_0(links: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="make no arm"):
+    with refusing(InputError):
         Planar2R(*links)

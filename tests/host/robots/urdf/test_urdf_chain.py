@@ -13,6 +13,7 @@ from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics.base import tool_frames
 from steptwin.host.robots.kinematics.kinds import make_kinematics
 from tests.host.robots.urdf.urdfs import Matrix, joint, moved, placed, product, robot_of, urdf
+from tests.messages import refusing
 
 
 def frame_at(text: str, *positions: float) -> Matrix:
@@ -241,7 +242,7 @@ def row_of(count: int) -> str:
 
 @pytest.mark.parametrize(("count", "held"), [(4, ["J0"]), (7, ["J0"]), (8, ["J0", "J1"])])
 def test_more_joints_than_the_tool_takes_are_held(count: int, held: list[str], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"{count} joints move the tool.* as in --set held={','.join(held)}$"):
+    with refusing(InputError):
         robot_of(tmp_path, row_of(count))
     made = robot_of(tmp_path, row_of(count), held=",".join(held))
     assert read_robot(made.text).geometry["held"] == tuple(held)
@@ -252,7 +253,7 @@ def test_more_joints_than_the_tool_takes_are_held(count: int, held: list[str], t
 def test_what_the_tool_is_told_may_be_set(tmp_path: Path) -> None:
     made = robot_of(tmp_path, row_of(5), task="position", held="J0, J4")
     assert (made.geometry["task"], made.geometry["held"]) == ("position", ["J0", "J4"])
-    with pytest.raises(InputError, match=r"kinematics\.task: 'all' is not one of pose, direction, position, by-joints"):
+    with refusing(InputError):
         robot_of(tmp_path, row_of(5), task="all")
 
 

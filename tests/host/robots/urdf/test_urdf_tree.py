@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.urdf.urdf_tree import LINKS_MAX, read_urdf
 from tests.host.robots.urdf.urdfs import joint, robot_of, urdf
+from tests.messages import refusing
 
 ONE = joint("J1", "a", "b")
 TWO = ONE + joint("J2", "b", "c")
@@ -75,12 +76,12 @@ def test_a_file_of_too_many_links() -> None:
         return "<robot>" + "".join(f'<link name="l{i}"/>' for i in range(count)) + "</robot>"
 
     assert len(read_urdf(text(1000)).links) == LINKS_MAX == 1000
-    with pytest.raises(InputError, match=r"has 1001 links: at most 1000 are read"):
+    with refusing(InputError):
         read_urdf(text(1001))
 
 
 def test_a_file_that_is_too_long(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"r\.urdf: has 1 MiB: at most 1 MiB are read"):
+    with refusing(InputError):
         robot_of(tmp_path, urdf(ONE) + " " * (1 << 20))
     text = urdf(ONE, links="ab")
     assert robot_of(tmp_path, text + " " * ((1 << 20) - len(text))).joints == ("J1",)

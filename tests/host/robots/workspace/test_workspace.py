@@ -15,6 +15,7 @@ from steptwin.host.robots.kinematics.usual_scara import Lift
 from steptwin.host.robots.workspace import SAMPLES_MAX, Scan, monte_carlo, orientation_words, scan
 from steptwin.host.robots.workspace.sections import edges, extent, stretches, swapped, widths
 from tests.host.robots.kinematics.test_usual_scara import scara
+from tests.messages import refusing
 
 
 @cache
@@ -77,11 +78,11 @@ class TestMonteCarlo:
 
     @pytest.mark.parametrize("samples", [-1, 0, SAMPLES_MAX + 1])
     def test_too_few_or_too_many(self, samples: int) -> None:
-        with pytest.raises(InputError, match=rf"samples: {samples} is outside 1\.\.10000000"):
+        with refusing(InputError):
             monte_carlo(load_robot("lab-scara"), samples, 1)
 
     def test_a_negative_seed_is_refused(self) -> None:
-        with pytest.raises(InputError, match="seed: -1 is below 0"):
+        with refusing(InputError):
             monte_carlo(load_robot("lab-scara"), 10, -1)
 
 

@@ -23,6 +23,7 @@ from steptwin.host.studies.campaign.values import drawn, read_template
 from steptwin.host.studies.campaign.variations import VARIATIONS, RampSource
 from steptwin.protocol.cia402 import DigitalInput, State
 from tests.host.studies.campaign.campaigns import campaign_of
+from tests.messages import refusing
 
 WHEN = {"at_s", "power_up_s", "at_position", "at_state", "on_frame", "for_s", "until"}
 """Keys of a fault that say when it is."""
@@ -143,5 +144,5 @@ def test_every_draw_is_on_the_page() -> None:
     kinds = re.findall(r"\{ (\w+) = ", table)
     assert len(kinds) == 7
     for kind in kinds:
-        with pytest.raises(InputError, match=f"^{kind}: |^any: "):
+        with refusing(InputError):
             read_template({kind: "nonsense"})

@@ -17,6 +17,7 @@ from steptwin.host.studies.motors.fitting import TABLE_RPM, JointFit, fits_of, n
 from steptwin.host.twin.motors.poses import halton
 from steptwin.host.twin.motors.verdict import MARGIN_MIN
 from tests.emulator.motors.motor_bench import natural_hz as stiff_hz
+from tests.messages import refusing
 
 MOTOR = CATALOGUE["17HS19-2004S1"]
 
@@ -146,5 +147,5 @@ def test_poses_are_spread_by_haltons_sequence() -> None:
     theirs = qmc.Halton(8, scramble=False).random(65)[1:]
     np.testing.assert_allclose(halton(64, 8), theirs, rtol=1e-14)
     np.testing.assert_array_equal(halton(4, 2), [[1 / 2, 1 / 3], [1 / 4, 2 / 3], [3 / 4, 1 / 9], [1 / 8, 4 / 9]])
-    with pytest.raises(ValueError, match="shorter"):
+    with refusing(ValueError):
         halton(1, 9)

@@ -20,6 +20,7 @@ from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.verify import Evidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 from tests.host.record.captures.analyser import Probe, probes_of, seen_by, write_session
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 MOTION = plan(ROBOT, make_job(ROBOT, "carry", {}))
@@ -218,5 +219,5 @@ def test_without_a_plan_steps_rates_and_limits_are_told(evidence: Evidence, tmp_
 
 
 def test_drivers_that_do_not_exist_are_refused(evidence: Evidence, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="driver profile 'tmc' is unknown"):
+    with refusing(InputError):
         judged(probes_of(evidence), tmp_path, 1e6, CaptureJudge(maps=MAPS, driver_profile="tmc"))

@@ -25,6 +25,7 @@ from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.verify import Expectation, compare, verify_comparison
 from steptwin.protocol.pvt import PvtRecord
 from tests.host.complaints import complaint_of
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 
@@ -126,7 +127,7 @@ def test_a_plan_is_cut_only_where_it_stands_at_a_point() -> None:
     at_ms = round(1000 * MOTION.waits[0].at_s)
     assert PLAN.until(at_ms).times_ms[-1] == at_ms
     for end_ms in (at_ms - 200, at_ms + 1, int(PLAN.times_ms[-1]) + 1):
-        with pytest.raises(ValueError, match=rf"^the plan does not stand at a point at {end_ms} ms$"):
+        with refusing(ValueError):
             PLAN.until(end_ms)
 
 
@@ -176,7 +177,7 @@ class TestLive:
         assert outcome.to_dict()["duration_s"] == pytest.approx(0.01 + wait.stood_s)
 
     def test_a_time_out_leaves_the_machine_at_rest(self, board: EmbeddedBoard, session: Session) -> None:
-        with pytest.raises(WaitTimeoutError, match=r"^step 2: the input part_ready was not on within 3 s$"):
+        with refusing(WaitTimeoutError):
             execute_live(session, PLAN, "waits")
         status = read_status(session)
         assert [axis.state for axis in status.axes] == ["QUICK STOP ACTIVE"] * 4  # as after any error, with power

@@ -15,6 +15,7 @@ from steptwin.host.verify import Slips
 from steptwin.host.verify.counted import counted_steps
 from steptwin.protocol import od
 from tests.host.twin.embedded.test_excitation import Master
+from tests.messages import refusing
 
 LAB = load_robot("lab-scara")
 JOINT = "d1"
@@ -46,7 +47,7 @@ def test_only_whole_cycles_are_a_slip() -> None:
     for full_steps in (-4, 4, 400):
         Slip(0, full_steps)
     for full_steps in (0, 1, -6):
-        with pytest.raises(ValueError, match=f"full_steps: {full_steps} is not a multiple of 4: "):
+        with refusing(ValueError):
             Slip(0, full_steps)
 
 
@@ -90,5 +91,5 @@ def test_the_count_is_the_motors_position(moved: BoardUnderTest) -> None:
     assert (slipped.positions - plain.positions).tolist() == [-4 * microsteps] * plain.positions.size
     later = counted_steps(axis, in_motion + 1, microsteps)
     assert later.start_steps == plain.start_steps - 4 * microsteps
-    with pytest.raises(ValueError, match="only the planned microsteps tell"):
+    with refusing(ValueError):
         counted_steps(axis, in_motion)

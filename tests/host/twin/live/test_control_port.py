@@ -23,6 +23,7 @@ from steptwin.host.robots.board_settings import Input
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.pages import blocks_of, read_page
+from tests.messages import refusing
 
 ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2)})
 HUNG_UP = (errno.ECONNRESET, errno.EPIPE, errno.ENOTCONN)
@@ -64,7 +65,7 @@ def test_each_answer_is_the_state_after_it(client: ControlClient, served: Served
     assert last.switches == first.switches
     assert last.simulated_s > first.simulated_s
     assert last.document["bus"]["frames"] == 4
-    with pytest.raises(InputError, match=r"^supply_v: -1.0 V is outside 0..655.35 V; the nearest is 0 V$"):
+    with refusing(InputError):
         client.supply(-1)
     operations = served.report()["operations"]
     assert len(operations) == 12
@@ -243,18 +244,18 @@ def test_no_such_port(control: list[str], code: int, told: str, capsys: pytest.C
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    "answer",
     [
-        (b"", "accepts but does not answer within 0.1 s"),
-        (b"< hi >", "is not a board's control port: its answer is not JSON: "),
-        (b"[]\n", "is not a board's control port: its answer [] is not a JSON object"),
-        (b"{}\n", "is not a board's control port: its answer protect: is missing"),
-        (b'{"error": 1}\n', "is not a board's control port: its answer error: 1 is not a text"),
-        (None, "the server has closed the connection"),
+        b"",
+        b"< hi >",
+        b"[]\n",
+        b"{}\n",
+        b'{"error": 1}\n',
+        None,
     ],
 )
 def test_another_server_than_a_boards(
-    answer: bytes | None, told: str, served: ServedBoard, monkeypatch: pytest.MonkeyPatch
+    answer: bytes | None, served: ServedBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The client says what is wrong, and connects anew when it is asked again."""
     monkeypatch.setattr("steptwin.host.client.control_client.ANSWER_S", 0.1)
@@ -269,7 +270,7 @@ def test_another_server_than_a_boards(
                 peer.shutdown(socket.SHUT_WR)
             else:
                 peer.sendall(answer)
-            with pytest.raises(BusError, match=f"^127.0.0.1:{port}: {re.escape(told)}"):
+            with refusing(BusError):
                 client.state()
     assert served.control
     client._port = served.control.port  # noqa: SLF001

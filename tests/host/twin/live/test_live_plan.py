@@ -27,6 +27,7 @@ from tests.host.twin.live.live_session import (
     queue,
     start_at_sync,
 )
+from tests.messages import refusing
 
 HALF_A_STEP_DEG = 0.5 * 360 / (200 * 16 * 3) + 1e-9
 """Half a step of th3, the largest: joints without records are known no better."""
@@ -278,7 +279,7 @@ def test_counts_without_any_plan_are_shown(
 
 def test_a_recording_in_which_nothing_has_moved_cannot_be_shown(fast_kernel: Kernel, tmp_path: Path) -> None:
     LiveSession(fast_kernel, tmp_path).end()
-    with pytest.raises(InputError, match=r"edges\.npz: no driver has counted a step: nothing has moved$"):
+    with refusing(InputError):
         read_run(tmp_path, counts_suffice=True)
 
 

@@ -1,7 +1,6 @@
 """A served board as a library: in a thread of its own, for programs in the same process."""
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from steptwin.host.record.folder import read_recording
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.board_settings import Input
 from steptwin.host.twin.live.served_board import ServedBoard
+from tests.messages import refusing
 
 ROBOT = load_robot("lab-scara")
 TIMEOUT_S = 60.0
@@ -59,7 +59,7 @@ def test_inputs_are_set_from_any_thread(fast_kernel: Kernel) -> None:
         served.set_input("part", on=False)
         while answer(bus, 0x490 + 3).data[:4] != bytes(4):
             pass
-        with pytest.raises(InputError, match=r"^input of lab-scara 'box' is unknown: there are part$"):
+        with refusing(InputError):
             served.set_input("box", on=True)
 
 
@@ -83,7 +83,7 @@ def test_an_exception_in_the_board_leaves_the_recording(fast_kernel: Kernel, tmp
 
     served = ServedBoard(ROBOT, port=0, kernel=fast_kernel, out=tmp_path / "out")
     served.call_every(1.2, fail)
-    with pytest.raises(ZeroDivisionError, match="of the board"):
+    with refusing(ZeroDivisionError):
         served.serve_forever()
     recording = read_recording(tmp_path / "out")
     assert recording
@@ -98,9 +98,9 @@ def test_a_recording_is_replaced_only_if_asked(fast_kernel: Kernel, tmp_path: Pa
             pass
     log.write_text("frames")
     for folder, file in ((out, None), (None, log)):
-        with pytest.raises(InputError, match=r"take another (folder|file), such as \S+-2\S*, or replace=True$"):
+        with refusing(InputError):
             ServedBoard(ROBOT, port=0, kernel=fast_kernel, out=folder, log=file)
-    with pytest.raises(InputError, match=r"^replace=True: is for out=DIR and log=FILE$"):
+    with refusing(InputError):
         ServedBoard(ROBOT, port=0, kernel=fast_kernel, replace=True)
 
 
@@ -111,30 +111,30 @@ def test_a_file_that_cannot_be_written_is_an_error_at_the_end(fast_kernel: Kerne
     with can.Bus("vcan0", interface="socketcand", host="127.0.0.1", port=served.port) as bus:
         bus.send(NMT_START_ALL)
         answer(bus, 0x190)
-    with pytest.raises(RecordingError, match=r"^/dev/full: No space left on device: the bus log ends at 0.000 s$"):
+    with refusing(RecordingError):
         served.__exit__()
     assert served.report()["bus"]["frames"] > 4
 
 
 def test_errors_in_the_block_end_the_board_and_pass_on(fast_kernel: Kernel) -> None:
-    with pytest.raises(KeyError, match="of the block"), ServedBoard(ROBOT, port=0, kernel=fast_kernel) as served:
+    with refusing(KeyError), ServedBoard(ROBOT, port=0, kernel=fast_kernel) as served:
         raise KeyError("of the block")
     assert served.report()["clients"]["served"] == 0
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    "arguments",
     [
-        ({"port": 80}, "port=80: is neither 0 nor from 1024 to 65535"),
-        ({"host": "0.0.0.0"}, "host=0.0.0.0: other machines could drive this board; allow_remote=True permits it"),
-        ({"speed": 0.0}, "speed=0: is not from 0.001 to 1000"),
-        ({"bitrate": 1}, "bitrate=1: is not one of 125000, 250000, 500000, 1000000"),
-        ({"channel": "can0"}, "channel=can0: needs interface=NAME"),
-        ({"interface": "virtual", "port": 5000}, "port=5000: is for a socketcand server, not for interface=virtual"),
-        ({"axes_per_board": [3, 2]}, "axes_per_board=3,2: 5 axes in all, but the robot has 4; try 3,1"),
-        ({"stand_at": [0.0]}, "stand_at: 1 values for the 4 joints d1 th2 th3 th4"),
+        {"port": 80},
+        {"host": "0.0.0.0"},
+        {"speed": 0.0},
+        {"bitrate": 1},
+        {"channel": "can0"},
+        {"interface": "virtual", "port": 5000},
+        {"axes_per_board": [3, 2]},
+        {"stand_at": [0.0]},
     ],
 )
-def test_errors_name_the_parameter(arguments: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(InputError, match=f"^{re.escape(complaint)}$"):
+def test_errors_name_the_parameter(arguments: dict[str, Any]) -> None:
+    with refusing(InputError):
         ServedBoard(ROBOT, **({"port": 0} | arguments))

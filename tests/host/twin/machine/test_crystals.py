@@ -1,7 +1,5 @@
 """A robot's board with a crystal that is off: what the bus and the drivers show, what the verdict says."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -18,6 +16,7 @@ from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.machine.boards import check_crystals
 from steptwin.host.twin.machine.machine_options import read_crystals
 from steptwin.host.verify import Report, verify
+from tests.messages import refusing
 
 ROBOT = load_robot("teaching-scara")
 
@@ -66,17 +65,17 @@ def test_a_motion_goes_on_and_the_verdict_tells_its_timing(
 
 
 @pytest.mark.parametrize(
-    ("crystals", "boards", "motors", "complaint"),
+    ("crystals", "boards", "motors"),
     [
-        ([1001], 1, False, "crystal_ppm=1001: 1001 ppm is not from -1000 to 1000; the nearest is 1000"),
-        ([5, -1001], 2, False, "crystal_ppm=5,-1001: -1001 ppm is not from -1000 to 1000; the nearest is -1000"),
-        ([100], 2, False, "crystal_ppm=100: has 1 numbers, but the boards are 2"),
-        ([0, 0], 1, False, "crystal_ppm=0,0: has 2 numbers, but the boards are 1"),
-        ([1], 1, True, "crystal_ppm=1: motors that turn with the board need its exact crystal, 0"),
+        ([1001], 1, False),
+        ([5, -1001], 2, False),
+        ([100], 2, False),
+        ([0, 0], 1, False),
+        ([1], 1, True),
     ],
 )
-def test_what_is_no_crystal_is_refused(crystals: list[int], boards: int, complaint: str, *, motors: bool) -> None:
-    with pytest.raises(InputError, match=f"^{re.escape(complaint)}$"):
+def test_what_is_no_crystal_is_refused(crystals: list[int], boards: int, *, motors: bool) -> None:
+    with refusing(InputError):
         check_crystals(crystals, boards, motors=motors)
 
 
@@ -84,7 +83,7 @@ def test_what_is_a_crystal_is_taken(fast_kernel: Kernel) -> None:
     for crystals, motors in (([], True), ([0, 0], True), ([1000, -1000], False)):
         check_crystals(crystals, 2, motors=motors)
     assert read_crystals("100,-100") == [100, -100]
-    with pytest.raises(InputError, match=r"^crystal_ppm=1e2: is not a whole number of ppm for each board"):
+    with refusing(InputError):
         read_crystals("1e2")
-    with pytest.raises(InputError, match=r"^crystal_ppm=-2000: "):
+    with refusing(InputError):
         BoardUnderTest(ROBOT, kernel=fast_kernel, crystal_ppm=-2000)

@@ -1,6 +1,5 @@
 """Device descriptions of further nodes: what is read of them, and that anything else ends in one line."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from steptwin.protocol.entry import Access
 from steptwin.protocol.exports import render_eds
 from steptwin.protocol.objects import ENTRIES
 from tests.emulator.bus.test_simple_node import EDS
+from tests.messages import refusing
 
 TEXT = EDS.read_text(encoding="utf-8")
 
@@ -43,28 +43,24 @@ def test_compact_arrays_have_all_their_entries() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new"),
     [
-        ("[DeviceInfo]", "[Other]", "has no section [DeviceInfo], so it is no EDS"),
-        ("ParameterName=Device type\n", "", "is no EDS: No option 'ParameterName' in section: '1000'"),
-        ("DataType=3\n", "DataType=none\n", "is no EDS that can be read: "),
-        ("AccessType=rww", "AccessType=all", "0x2401:00: AccessType 'all' is not one of ro, wo, rw, rwr, rww, const"),
-        ("LowLimit=-100", "LowLimit=101", "0x2401:00: LowLimit 101 is above HighLimit 100"),
-        ("DefaultValue=255", "DefaultValue=256", "0x1400:02: DefaultValue 256 is not from 0 to 255"),
-        ("0x24010010", "0x24010008", "0x1600:03 maps 0x2401:00 with 8 bits, which such a PDO cannot carry"),
-        ("0x24020001", "0x24030040", "0x1A00:02 maps 0x2403:00 with 64 bits, which such a PDO cannot carry"),
-        (
-            "CompactSubObj=2",
-            "CompactSubObj=255",
-            "is no EDS that can be read: [6000] CompactSubObj=255 is not from 1 to 254",
-        ),
-        ("[2400]", "no ini file", "is no EDS: "),
-        ("[2402]", "[2401]", "is no EDS: "),
+        ("[DeviceInfo]", "[Other]"),
+        ("ParameterName=Device type\n", ""),
+        ("DataType=3\n", "DataType=none\n"),
+        ("AccessType=rww", "AccessType=all"),
+        ("LowLimit=-100", "LowLimit=101"),
+        ("DefaultValue=255", "DefaultValue=256"),
+        ("0x24010010", "0x24010008"),
+        ("0x24020001", "0x24030040"),
+        ("CompactSubObj=2", "CompactSubObj=255"),
+        ("[2400]", "no ini file"),
+        ("[2402]", "[2401]"),
     ],
 )
-def test_what_is_wrong_in_it_is_told_in_a_line(tmp_path: Path, old: str, new: str, told: str) -> None:
+def test_what_is_wrong_in_it_is_told_in_a_line(tmp_path: Path, old: str, new: str) -> None:
     assert old in TEXT
-    with pytest.raises(InputError, match=re.escape(told)) as caught:
+    with refusing(InputError) as caught:
         described(tmp_path, TEXT.replace(old, new, 1))
     assert len(str(caught.value).splitlines()) == 1
 

@@ -31,6 +31,7 @@ from steptwin.host.verify import shelf_contradictions
 from steptwin.host.verify.shelf_verdict import shelf_reasons
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.messages import refusing
 
 ROBOT = load_robot("warehouse-scara")
 LOCKED = np.array([400.0, 100.0, 100.0, 0.0, 60.0, 30.0])
@@ -142,16 +143,14 @@ def test_a_wait_for_a_drawer_that_is_locked_ends_the_motion(fast_kernel: Kernel)
 
 
 @pytest.mark.parametrize(
-    ("stock", "locked", "words"),
+    ("stock", "locked"),
     [
-        ({"C9": "x"}, [], r"^stock=C9: place 'C9' is unknown: there are A1, A2, B1, B2, hand-over, pick-up, output$"),
-        ({}, ["hand-over"], r"^locked_drawers=hand-over: place 'hand-over' is unknown: there are A1, A2, B1, B2$"),
+        ({"C9": "x"}, []),
+        ({}, ["hand-over"]),
     ],
 )
-def test_places_that_the_shelf_does_not_have(
-    fast_kernel: Kernel, stock: dict[str, str], locked: list[str], words: str
-) -> None:
-    with pytest.raises(InputError, match=words):
+def test_places_that_the_shelf_does_not_have(fast_kernel: Kernel, stock: dict[str, str], locked: list[str]) -> None:
+    with refusing(InputError):
         execute(at_drawer(waiting=False), "quick", fast_kernel, stock=stock, locked_drawers=locked)
 
 

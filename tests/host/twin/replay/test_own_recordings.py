@@ -35,6 +35,7 @@ from tests.host.twin.live.live_session import (
     queue,
     start_at_sync,
 )
+from tests.messages import refusing
 
 
 def replayed(folder: Path, kernel: Kernel) -> Replayed:
@@ -210,7 +211,7 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
     log = tmp_path / "other.log"
     log.write_text("(0.1) can0 1A0#01\n(0.2) can0 620#4000100000000000\n(0.3) can0 000#0100\n")
     robot = load_robot("lab-scara")
-    with pytest.raises(InputError, match=r"other\.log: is of nodes 0x20; lab-scara has 0x10 to 0x13$"):
+    with refusing(InputError):
         replay(read_bus(log), robot, MachineAtPowerUp(), fast_kernel)
 
 
