@@ -8,7 +8,7 @@ COMPILED := out/compiled
 LOWEST := out/lowest
 CAMPAIGN_OUT := out/campaign
 
-.PHONY: campaign demo panel test test-commands test-live test-compiled test-lowest wheel wheel-compiled check lint coverage bench docs sbom site panel-pictures clean
+.PHONY: campaign demo panel test test-all test-compiled test-lowest wheel wheel-compiled lint coverage bench docs sbom site panel-pictures clean
 
 # Install, run the warehouse robot's drawer pull on the embedded board and print where the pictures are.
 demo: $(VENV)/.installed
@@ -21,29 +21,23 @@ panel: $(VENV)/.installed-panel
 	$(BIN)/steptwin serve lab-scara --panel --out $(PANEL_OUT) --replace
 
 # Tests start some hundred processes: keep bytecode, even where the environment says not to, and a core for each.
-test test-commands test-live test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
-test test-commands test-live test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
+test test-all test-compiled test-lowest coverage: export PYTHONDONTWRITEBYTECODE =
+test test-all test-compiled test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
-# Tests that start processes, a browser or servers: they wait as long as they compute.
-LIVE := tests/live tests/package tests/emulator/native tests/host/panel tests/host/client/test_live.py \
-	tests/host/client/test_socketcand_bus.py \
-	$(addprefix tests/end_to_end/test_,bounded_planning.py ci_example.py commands.py docs.py hostile_files.py \
-		interrupts.py machines_page.py programs.py readme.py)
-IN_REAL_TIME := tests/host/panel/desk tests/live/test_held_network.py tests/live/test_browser.py
-# Tests of whole commands and studies.
-WHOLE := tests/end_to_end tests/host/cli tests/host/studies
+PYTEST = $(BIN)/python -m pytest
+TOGETHER := --numprocesses auto --dist worksteal
 
+# All tests that are fast: units, whole commands, runs from end to end. tests/budget.py says what fast is.
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE:%=--ignore %) $(LIVE:%=--ignore %)
+	$(PYTEST) $(TOGETHER) -m "not slow and not live"
 
-test-commands: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(WHOLE) $(LIVE:%=--ignore %)
-
-# More workers than cores; each file by one of them, for what its tests share, and the longest files first. Then those that
-# hold buttons in real time, one after the other: beside others a slow computer is too slow for them.
-test-live: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder $(LIVE) $(IN_REAL_TIME:%=--ignore %)
-	$(BIN)/python -m pytest $(IN_REAL_TIME)
+# The rest too: slow tests; those with a browser, a server or processes in real time, one after the other; the lowest
+# versions of libraries; linters.
+test-all: test $(LOWEST)/.installed
+	$(PYTEST) $(TOGETHER) -m "slow and not live"
+	$(PYTEST) -m live
+	$(MAKE) test-lowest
+	$(MAKE) lint
 
 # The wheel for every machine, and one for this kind of machine whose hot modules are compiled (docs/benchmarks.md).
 wheel: $(BIN)/python
@@ -80,7 +74,7 @@ test-compiled: $(VENV)/.installed-dev
 test-lowest: export NUMBA_CACHE_DIR = $(abspath $(LOWEST)/numba)
 test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/steptwin run warehouse-scara drawer-pull --out $(LOWEST)/drawer-pull
-	$(LOWEST)/bin/python -m pytest --numprocesses 2 --dist worksteal \
+	$(LOWEST)/bin/python -m pytest $(TOGETHER) \
 		tests/host/record/recorded_bus tests/host/record/animation tests/host/record/waveforms tests/host/studies/campaign/test_results.py \
 		tests/host/client/test_axis.py tests/host/client/test_bus_link.py tests/live/test_ros2_bridge.py tests/host/panel/page/test_guard.py \
 		tests/end_to_end/test_help.py tests/end_to_end/test_narrow_terminal.py
@@ -93,17 +87,16 @@ $(LOWEST)/.installed: pyproject.toml tests/lowest_versions.py
 		'.[fast,plot,m3,mcap,campaign,panel,ros2]' filelock hypothesis pytest pytest-xdist
 	@touch $@
 
-check: lint test test-commands test-live
-
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy --num-workers auto
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.rules
 
 # Measure the lines and branches of firmware and protocol that the tests run; fail below 95 %.
 coverage: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal tests/controller tests/protocol tests/host/client tests/emulator \
+	$(PYTEST) $(TOGETHER) tests/controller tests/protocol tests/host/client tests/emulator \
 		--cov=steptwin.controller --cov=steptwin.protocol --cov-branch --cov-fail-under=95 --cov-report=term-missing:skip-covered
 
 # Make the nightly campaign, 10 000 runs over the papers' robots and all faults, and its report; it continues where it was interrupted.

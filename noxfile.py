@@ -1,6 +1,6 @@
 """Run the tests on other Pythons, on what is built instead of the checkout, and with the lowest libraries: `nox`.
 
-`nox -l` lists the sessions; a Python that is not installed is skipped. `make check` tests the checkout itself.
+`nox -l` lists the sessions; a Python that is not installed is skipped. `make test-all` tests the checkout itself.
 """
 
 import sys
@@ -12,14 +12,7 @@ import nox
 PYTHONS: Final = ("3.11", "3.12", "3.13", "3.14")
 EXTRAS: Final = "[fast,plot,mcap,campaign,panel]"
 WITHOUT_PROCESSES: Final = ("tests/protocol", "tests/controller", "tests/emulator", "tests/host")
-"""What every Python and everything built must pass; tests in real time and whole commands are the checkout's."""
-SLOW: Final = (
-    "tests/emulator/native",
-    "tests/host/panel",
-    "tests/host/cli",
-    "tests/host/studies",
-    "tests/host/client/test_live.py",
-)
+"""What every Python and everything built must pass, but for slow tests; tests of whole commands are the checkout's."""
 
 nox.options.sessions = ["tests", "built", "lowest", "types"]
 nox.options.default_venv_backend = "venv"
@@ -31,10 +24,9 @@ def _temporary(session: nox.Session) -> Path:
 
 def _pytest(session: nox.Session, *options: str, **environment: str) -> None:
     """Run the tests, or those that are named behind `--`; each session's numba keeps its code apart."""
-    ignored = [word for path in SLOW for word in ("--ignore", path)]
     session.run(
         *("python", "-P", "-m", "pytest", "--numprocesses", "auto", "--dist", "worksteal", *options),
-        *(session.posargs or [*WITHOUT_PROCESSES, *ignored]),
+        *(session.posargs or ["-m", "not slow and not live", *WITHOUT_PROCESSES]),
         env={"OPENBLAS_NUM_THREADS": "1", "NUMBA_CACHE_DIR": str(_temporary(session) / "numba"), **environment},
     )
 

@@ -73,6 +73,13 @@ def pytest_collection(session: pytest.Session) -> None:
             import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all tests of tests/live."""
+    for item in items:
+        if item.path.is_relative_to(TESTS / "live"):
+            item.add_marker(pytest.mark.live)
+
+
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what lives as long as the session: tests of pages collect all of it twice each."""
     gc.freeze()
