@@ -1,6 +1,7 @@
 """The kernel in hand-computed cases, at its limits on both sides, and independent of how its calls are divided."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -145,6 +146,28 @@ class TestPulseTiming:
         assert np.diff(rises).tolist() == [4800] * 19
         assert rig.get(k.DELAYED_STEPS) == 19
         assert timing_faults(rig, Timing()) == []
+
+    @pytest.mark.parametrize(("pulse_counts", "waits"), [(4799, []), (4800, []), (4801, [1, 2, 3])])
+    def test_a_pulse_as_long_as_the_interval_need_not_wait(self, pulse_counts: int, waits: list[int]) -> None:
+        """15 kHz is a step each 4800 counts; only longer pulses take the way of steps that wait, each a count more."""
+        slow, placed = k.place_waiting_steps, list[bool]()
+
+        def place(*arguments: Any) -> bool:
+            placed.append(True)
+            return slow(*arguments)
+
+        rig = KernelRig(python_kernel(), timing=Timing(1000, pulse_counts - 1000, 0, 0))
+        rig.set(k.TAIL_VELOCITY, 15 * ONE_STEP_PER_MS)
+        rig.push_ticks(15 * STEP // 4, 15 * ONE_STEP_PER_MS, 1)
+        rig.start()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(k, "place_waiting_steps", place)
+            rig.advance(1)
+        dues = [2700 + 4800 * i for i in range(4)]  # from a counter at rest 9/16 step to the first threshold
+        late = [rise - due for rise, due in zip(rig.rises(), dues, strict=False)]
+        assert [wait for wait in late if wait] == waits
+        assert rig.get(k.DELAYED_STEPS) == len(waits)
+        assert placed == [True] * bool(waits)
 
     def test_a_step_more_than_a_tick_late_asks_for_attention(self, kernel: Kernel) -> None:
         """20 kHz demanded at 15 kHz falls behind by a quarter of the time: a tick of lag after about four ticks."""
