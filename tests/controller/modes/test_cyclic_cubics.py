@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ points = st.integers(-(2**31), 2**31)
 RATES_Q16 = st.integers(4, 125 << 16).map(lambda rate: rate & -4)
 
 
+@pytest.mark.slow
 @given(units=st.tuples(points, points, points), after_us=st.integers(-249, 249), period_us=st.integers(1000, 10_020))
 def test_the_parabola_goes_through_all_three(units: tuple[int, int, int], after_us: int, period_us: int) -> None:
     """Compare with Lagrange's formula and its derivative, each rounded once."""
@@ -28,6 +30,7 @@ def test_the_parabola_goes_through_all_three(units: tuple[int, int, int], after_
     assert parabola(units, 0, period_us).position_units == p0
 
 
+@pytest.mark.slow
 @example(159_700, 2, 16, Fraction(0), Fraction(-1), Fraction(0), 2751)  # half a Q16 step, which is rounded up
 @given(
     rate_q16=RATES_Q16,
@@ -58,6 +61,7 @@ def test_the_kernel_takes_every_slowed_cubic_and_none_that_is_better(
     assert rig.push_ticks(*cubic, ticks) == k.ACCEPTED
 
 
+@pytest.mark.slow
 @given(
     room_units=st.integers(0, 10**6),
     displacement=st.integers(0, 10**6),

@@ -247,6 +247,7 @@ CHANGES = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(changes=CHANGES)
 @settings(max_examples=40, deadline=None)
 def test_whatever_rates_and_halts_the_end_is_the_planned_one_within_the_limit(

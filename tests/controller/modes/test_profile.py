@@ -76,6 +76,7 @@ def steepest(limits: Limits) -> float:
     return max(limits.acceleration, limits.deceleration) * PER_S2
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), distance=distances)
 @example(limits=Limits(1, 1, 1), distance=3)
 def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, distance: int) -> None:
@@ -87,6 +88,7 @@ def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, dista
         assert (run.units, run.velocity) == (distance, 0)
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), distance=distances, velocity=st.integers(-960_000, 960_000))
 def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, velocity: int) -> None:
     """Starts may also move the wrong way, be too near to stop or too fast: the deceleration corrects them."""
@@ -97,6 +99,7 @@ def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, 
         assert (run.units, run.velocity) == (distance, 0)
 
 
+@pytest.mark.slow
 @given(
     first=st.one_of(linear, smooth),
     second=st.one_of(linear, smooth),
@@ -116,6 +119,7 @@ def test_a_new_target_with_new_limits_on_the_way(
         assert (run.units, run.velocity) == (target, 0)
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), velocity=st.integers(-960_000, 960_000))
 def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
     run = ExecutedProfile(velocity).take(stop(velocity, 0, limits))
@@ -129,6 +133,7 @@ def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
     assert all(segment.end_velocity * velocity >= 0 for segment in run.segments)
 
 
+@pytest.mark.slow
 @given(limits=smooth, distance=st.integers(10**5, 10**8), change_after=st.integers(1, 40))
 def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
     limits: Limits, distance: int, change_after: int
@@ -161,6 +166,7 @@ def changes(run: ExecutedProfile) -> list[float]:
     return [*steps, *(abs(b - a) - 2 * rounding(t) for t, a, b in run.accelerations)]
 
 
+@pytest.mark.slow
 @given(limits=fast, distance=st.integers(10**4, 10**7), change_after=st.integers(1, 60), sign=st.sampled_from([1, -1]))
 @example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=30, sign=1)
 @example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=42, sign=-1)
@@ -179,6 +185,7 @@ def test_a_jerk_limited_halt_on_the_way_ends_before_the_target(
     assert max(changes(joined)) <= limits.jerk * 64 / 10**9 * PIECE_MS + 3 * 64 * 15_000 / 1000
 
 
+@pytest.mark.slow
 @given(limits=fast, distance=st.integers(10**4, 10**7), at=st.integers(0, 60))
 def test_a_jerk_limited_axis_that_brakes_may_be_given_its_target_again(limits: Limits, distance: int, at: int) -> None:
     """It goes there without overrunning it."""

@@ -118,6 +118,7 @@ def test_a_set_point_that_comes_at_full_speed(distance: int) -> None:
 ways = st.one_of(st.integers(1, 2000), st.integers(1, 10**6))
 
 
+@pytest.mark.slow
 @given(
     limits=st.one_of(linear, smooth),
     onward_limits=st.one_of(linear, smooth),
@@ -149,6 +150,7 @@ def test_it_keeps_all_limits_and_never_overruns(
         assert any(0 < speed <= min(wanted, limits.velocity) for speed in speeds)
 
 
+@pytest.mark.slow
 @given(
     limits=linear, distance=st.integers(10**4, 10**6), onward=st.integers(10**4, 10**6), wanted=st.integers(1, 10**5)
 )
@@ -159,6 +161,7 @@ def test_from_rest_it_keeps_the_acceleration_exactly(limits: Limits, distance: i
         assert run.acceleration_excess <= steepest(limits) * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @given(
     limits=st.one_of(linear, smooth),
     distance=st.integers(10**4, 10**6),

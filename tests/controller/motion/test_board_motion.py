@@ -149,6 +149,7 @@ def test_stop_ramps_are_straight_lines_to_zero(velocity: int, duration_ms: int) 
     assert abs(distance - velocity * duration_ms / 128) < 1
 
 
+@pytest.mark.slow
 @given(
     displacement=st.integers(-300_000, 300_000),
     end_velocity=st.integers(-900_000, 900_000),
@@ -207,6 +208,7 @@ def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
     assert motion.room_ticks > 0
 
 
+@pytest.mark.slow
 @given(
     displacement=st.integers(-60 * STEP, 60 * STEP),
     end_velocity=st.integers(-40_000, 40_000),

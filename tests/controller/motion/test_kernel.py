@@ -65,7 +65,7 @@ def test_every_unit_of_a_long_random_walk_is_accounted_for(kernel: Kernel) -> No
     rng = np.random.default_rng(7)
     rig = KernelRig(kernel)
     total = 0
-    for displacement in rng.integers(-3000, 3000, 500):
+    for displacement in rng.integers(-3000, 3000, 200):
         assert rig.push(int(displacement), 0, 20) == k.ACCEPTED
         rig.start()
         rig.advance(80)
@@ -236,6 +236,7 @@ class TestPulseTiming:
         assert down_counts - last_up >= timing.dirhold
         assert first_down - down_counts == timing.dirsetup
 
+    @pytest.mark.slow
     @given(
         points=st.lists(st.tuples(st.integers(-9000, 9000), st.integers(1, 20)), min_size=1, max_size=12),
         timing=st.builds(
@@ -255,6 +256,7 @@ class TestPulseTiming:
         assert timing_faults(rig, timing) == []
         assert sum(rig.signs()) == rig.get(k.COUNTER)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", FORMS)
     @given(
         units_per_ms=st.integers(100, 60_000),
@@ -320,6 +322,7 @@ TIMINGS = st.builds(
 
 
 class TestIndependence:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
     @given(
         axes=st.lists(SEGMENTS, min_size=1, max_size=3),
@@ -345,6 +348,7 @@ class TestIndependence:
             results.append((answers, started, rates, rig.snapshot()))
         assert results[0] == results[1]
 
+    @pytest.mark.slow
     @given(
         segments=st.lists(
             st.tuples(st.integers(-1500, 1500), st.integers(-5000, 5000), st.integers(1, 20)), min_size=1, max_size=8
@@ -369,6 +373,7 @@ class TestIndependence:
             patch.setattr(k, "makes_no_step", lambda *_: False)
             assert run().snapshot() == jumping.snapshot()
 
+    @pytest.mark.slow
     @given(chunks=st.lists(st.integers(1, 50), min_size=1, max_size=40))
     def test_edges_do_not_depend_on_how_time_is_cut(self, chunks: list[int]) -> None:
         def run(steps: list[int]) -> KernelRig:
