@@ -11,6 +11,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State, Status
 from tests.controller.modes.profile_bench import AT_ONCE, HALT, NEW, RELATIVE, ProfileBench
 from tests.controller.units import MS, STEP
+from tests.one_example import one_example
 
 ON_SET_POINT = 0x200
 """Bit 9 of the controlword."""
@@ -89,9 +90,16 @@ GOLDEN_COUNTS = {
 
 
 @pytest.mark.parametrize("end_velocity", GOLDEN_COUNTS)
-def test_golden_pulses(kernel: Kernel, end_velocity: int) -> None:
-    """The same on each kernel; with 0 the profile is that of a drive without end velocity."""
-    board = ProfileBench(kernel, Mode.PROFILE_POSITION)
+def test_golden_pulses(pp: ProfileBench, end_velocity: int) -> None:
+    """With 0 the profile is that of a drive without end velocity."""
+    golden_pulses(pp, end_velocity)
+
+
+def test_golden_pulses_of_every_kernel(kernel: Kernel) -> None:
+    golden_pulses(ProfileBench(kernel, Mode.PROFILE_POSITION), 4000)
+
+
+def golden_pulses(board: ProfileBench, end_velocity: int) -> None:
     board.write(od.END_VELOCITY, end_velocity * STEP)
     board.set_point(700 * STEP)
     board.set_point(1200 * STEP)
@@ -403,3 +411,12 @@ def test_in_one_direction_no_target_given_is_ever_exceeded(
         assert sign * board.value(od.POSITION_DEMAND) <= last
         assert ms < 20_000
     assert board.value(od.POSITION_DEMAND) == sign * last
+
+
+@pytest.mark.parametrize(("halt_ms", "profile_type"), [(None, 3), (150, 0)])
+def test_a_row_of_targets_is_never_exceeded(fast_kernel: Kernel, halt_ms: int | None, profile_type: int) -> None:
+    one_example(
+        test_in_one_direction_no_target_given_is_ever_exceeded,
+        fast_kernel, ways=[400_000, 1, 90_000], velocity=10**6, deceleration=10**7, halt_ms=halt_ms,
+        profile_type=profile_type, sign=-1,
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from tests.controller.modes.cyclic_bench import FIRST_SYNC_COUNTS, CyclicBench, 
 from tests.controller.motion.exact_hermite import ExactHermite
 from tests.controller.motion.kernel_rig import Timing, pin_timing_faults
 from tests.controller.units import MS, STEP
+from tests.one_example import one_example
 
 PERIODS = pytest.mark.parametrize("period_ms", [1, 2, 5, 10])
 ENABLE, HALT, QUICK_STOP, DISABLE = 0x0F, 0x10F, 0x02, 0x07
@@ -740,3 +741,21 @@ def test_set_points_within_the_axis_speed_are_never_a_fault(
     board.settle(6)
     assert board.errors() == []
     assert board.value(od.POSITION_DEMAND) == points[-1]
+
+
+@pytest.mark.parametrize("period_ms", [1, 10])
+def test_full_reversals_at_the_axis_speed_are_no_fault(fast_kernel: Kernel, period_ms: int) -> None:
+    ways = [Fraction(way) for way in (1, -1, 1, 1, -1, -1, 0, 1)]
+    one_example(test_set_points_within_the_axis_speed_are_never_a_fault, fast_kernel, ways=ways, period_ms=period_ms)
+
+
+def test_some_cycles_are_followed_and_some_end_in_a_reported_fault(fast_kernel: Kernel) -> None:
+    """Up to a soft limit with one SYNC lost and one late; then far away."""
+    followed: list[Cycle] = [
+        ([Fraction(1, 2), Fraction(-1, 3)], number != 9, 0.3 * (number % 3 - 1)) for number in range(30)
+    ]
+    for script in (followed, [*followed, ([2**31 - 1, None], True, 0.0)]):
+        one_example(
+            test_any_cycles_are_followed_or_end_in_a_reported_fault,
+            fast_kernel, script=script, period_ms=2, microsteps=8, speed=3_333_333, limits=(-100_000, 50_000),
+        )  # fmt: skip

@@ -19,6 +19,7 @@ from steptwin.controller.motion.step_config import StepConfig
 from steptwin.protocol import od
 from tests.controller.motion.kernel_rig import KernelRig, Timing, pin_timing_faults
 from tests.controller.units import STEP
+from tests.one_example import one_example
 
 FULL = k.FULL_RATE_Q16
 SLOWEST, FASTEST = od.RATE_MIN_Q16, od.RATE_MAX_Q16
@@ -471,3 +472,10 @@ def planned_steps(records: list[Record], t_ms: Fraction) -> Fraction:
             return start + ((a + e - 2 * d) * s**3 + (3 * d - 2 * a - e) * s**2 + a * s)
         start, v0, t_ms = start + d, v1, t_ms - dt_ms
     return start
+
+
+def test_the_demand_is_the_plan_in_some_ramps() -> None:
+    segments = [(30_000, 900_000, 20), (20_000, -300_000, 20), (-40_000, 0, 60)]
+    ramps = [(60, 30_000, 50), (80, FASTEST, 33), (90, 0, 80), (20, FULL, 7)]
+    one_example(test_the_demand_is_the_plan_at_the_scaled_time, segments, ramps)
+    one_example(test_both_kernels_and_any_cut_of_time_give_the_same_bits, [segments, segments[:1]], ramps, 16)

@@ -14,6 +14,7 @@ from steptwin.controller.motion.backend import Kernel, python_kernel
 from tests.controller.motion.kernel_rig import KernelRig, Timing, timing_faults
 from tests.controller.units import MS, STEP
 from tests.kernel_forms import FORMS, kernel_form
+from tests.one_example import one_example
 
 ONE_STEP_PER_MS = 64 * STEP
 """1000 steps/s as a record's velocity, in 1/64 unit per ms."""
@@ -447,3 +448,22 @@ def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> NDArr
     assert rig.get(k.DELAYED_STEPS) == 0
     error: NDArray[np.float64] = ideal - thresholds
     return error
+
+
+def test_waiting_and_jumps_in_some_cases() -> None:
+    checks = TestPulseTiming()
+    for wait_counts in (-1, 0, 1, k.TICK_COUNTS, k.TICK_COUNTS + 1):
+        for pulse_beyond_interval in (-1, 0, 1):
+            one_example(
+                TestPulseTiming.test_steps_wait_exactly_if_they_must,
+                checks, "python", 20_000, -1, 300, wait_counts, pulse_beyond_interval,
+            )  # fmt: skip
+    points = [(9000, 1), (-9000, 2), (4000, 20), (-1, 1)]
+    one_example(TestPulseTiming.test_no_edge_ever_breaks_a_window, checks, points, Timing(2376, 2424, 9000, 5000))
+    jumps = TestIndependence()
+    for rate_q16 in (k.FULL_RATE_Q16, 50_000):
+        one_example(
+            TestIndependence.test_a_segment_without_a_step_is_one_jump_with_the_same_bits,
+            jumps, [(400, 0, 20), (1500, -300, 7), (-900, 0, 20)], rate_q16,
+        )  # fmt: skip
+    one_example(TestIndependence.test_edges_do_not_depend_on_how_time_is_cut, jumps, [1, 50, 7, 33, 49])

@@ -129,19 +129,20 @@ class TestFastTpdos:
             return sent + lost + overloaded.waiting
 
         before = fate()
-        for _ in range(10):
+        for _ in range(3):
             wait(overloaded.simulation, 100)
             assert overloaded.waiting <= AXES * len(COB_TPDO) + MAILBOXES
-        assert fate() - before == pytest.approx(1000 * AXES * len(COB_TPDO), abs=AXES * len(COB_TPDO))
+        assert fate() - before == pytest.approx(300 * AXES * len(COB_TPDO), abs=AXES * len(COB_TPDO))
         assert all(overloaded.value(od.FRAMES_LOST, axis) > 0 for axis in range(AXES))
 
     def test_sdo_is_answered(self, overloaded: Flooded) -> None:
-        for _ in range(20):
+        for _ in range(5):
             frames = overloaded.answer_frames(lambda: wait(overloaded.simulation, 1))
             assert frames <= ANSWER_FRAMES_MAX
 
+    @pytest.mark.slow
     def test_the_loss_is_an_error_once_and_ends_a_second_after_the_flood(self, overloaded: Flooded) -> None:
-        wait(overloaded.simulation, 1500)
+        wait(overloaded.simulation, 1100)
         assert [overloaded.emergencies(axis) for axis in range(AXES)] == [[OVERRUN]] * AXES
         overloaded.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         wait(overloaded.simulation, 100)
@@ -159,7 +160,7 @@ def test_tpdos_that_fit_are_not_lost(flooded: Flooded) -> None:
         for number in range(len(COB_TPDO)):
             flooded.set_tpdo(node, number, ASYNCHRONOUS, event_timer_ms=3)
     flooded.nmt(NmtCommand.START)
-    wait(flooded.simulation, 2000)
+    wait(flooded.simulation, 500)
     assert [flooded.value(od.FRAMES_LOST, axis) for axis in range(AXES)] == [0] * AXES
     assert not any(flooded.emergencies(axis) for axis in range(AXES))
 
@@ -176,7 +177,7 @@ def test_a_flood_of_syncs(flooded: Flooded) -> None:
             wait(flooded.simulation, 0.1)
 
     syncs()
-    for _ in range(50):
+    for _ in range(10):
         assert flooded.answer_frames(syncs) <= ANSWER_FRAMES_MAX
         assert flooded.waiting <= 3 * AXES
     assert flooded.value(od.FRAMES_LOST) > 100
@@ -185,7 +186,7 @@ def test_a_flood_of_syncs(flooded: Flooded) -> None:
 
 def test_a_flood_of_resets(flooded: Flooded) -> None:
     """NMT has the best identifier of all: boot-up messages cannot be sent before the last reset."""
-    for _ in range(200):
+    for _ in range(50):
         for _ in range(5):
             flooded.nmt(NmtCommand.RESET_COMMUNICATION)
         wait(flooded.simulation, 0.2)
@@ -224,7 +225,7 @@ class TestEmergencies:
         self.alternate(errors, 100)
         errors.simulation.operate(EmergencyStop(pressed=True))
         wait(errors.simulation, 1)
-        self.alternate(errors, 1000)
+        self.alternate(errors, 200)
         lost, sent = errors.value(od.EMCYS_LOST), len(errors.emergencies())
         wait(errors.simulation, (EMCY_PLACES + 5) * self.INHIBIT_MS)
         heard = errors.emergencies()
@@ -233,7 +234,7 @@ class TestEmergencies:
         assert {ErrorCode.ESTOP, ErrorCode.PDO_TOO_SHORT, ErrorCode.CAN_OVERRUN} < set(codes)
         assert heard[-1][0] == ErrorCode.NONE
         assert heard[-1][1] == errors.value(od.ERROR_REGISTER)
-        produced = 2 * 1100 + 1 + 2  # an error and its end each; the e-stop; the overrun and its end
+        produced = 2 * 300 + 1 + 2  # an error and its end each; the e-stop; the overrun and its end
         assert len(heard) + lost == produced
 
     def test_an_error_more_than_there_are_places(self, errors: Flooded) -> None:

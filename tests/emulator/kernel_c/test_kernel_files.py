@@ -25,6 +25,10 @@ from tests.emulator.kernel_c.scenarios import play, scenario
 from tests.kernel_forms import FORMS, kernel_form
 
 SEEDS: Final = range(120)
+SOME_OR_THE_OTHERS: Final = pytest.mark.parametrize(
+    "seeds", [pytest.param(SEEDS[:12], id="some"), pytest.param(SEEDS[12:], id="others", marks=pytest.mark.slow)]
+)
+"""The scenarios of a cheap and of a slow test."""
 WHOLE: Final = 1 << 20
 """More ticks than any scenario has: each phase is one call."""
 STRUCTURES: Final = {
@@ -51,6 +55,7 @@ def compiled(compiler: str, folder: Path, *arguments: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_compilers_are_silent(folder: Path, compiler: str) -> None:
     assert {"-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Werror"} <= set(WARNINGS)
@@ -71,11 +76,12 @@ def of_plain_python(seed: int) -> tuple[object, ...]:
     return play(python_kernel(), scenario(seed), WHOLE)
 
 
+@SOME_OR_THE_OTHERS
 @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
-def test_random_scenarios_whole_and_tick_by_tick(name: str) -> None:
+def test_random_scenarios_whole_and_tick_by_tick(name: str, seeds: range) -> None:
     """On this machine with gcc's sanitizer and all bounds checked, and on the emulated core."""
     events: set[int] = set()
-    for seed in SEEDS:
+    for seed in seeds:
         expected = of_plain_python(seed)
         assert play(kernel_form(name), scenario(seed), WHOLE) == expected
         assert play(kernel_form(name), scenario(seed), 1) == expected
@@ -83,6 +89,7 @@ def test_random_scenarios_whole_and_tick_by_tick(name: str) -> None:
     assert events == {k.EVENT_FINISHED, k.EVENT_UNDERRUN, k.EVENT_LATE_STEP}  # the scenarios have all that there is
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
@@ -154,7 +161,8 @@ def test_the_bounds_of_the_header_are_read() -> None:
     assert (low[k.MICROSTEPS], high[k.MICROSTEPS]) == (1, 256)
 
 
-def test_every_cell_keeps_the_range_in_its_members_comment() -> None:
+@SOME_OR_THE_OTHERS
+def test_every_cell_keeps_the_range_in_its_members_comment(seeds: range) -> None:
     """In plain Python, where nothing overflows, before and after each tick of the scenarios."""
     limits = {structure: np.array(bounds(structure)) for structure in STRUCTURES}
 
@@ -171,7 +179,7 @@ def test_every_cell_keeps_the_range_in_its_members_comment() -> None:
         check("axis", axes)
         return answer
 
-    for seed in SEEDS:
+    for seed in seeds:
         assert play(replace(python_kernel(), advance=advance), scenario(seed), 1) == of_plain_python(seed)
 
 
