@@ -23,6 +23,7 @@ from steptwin.host.cli.app import run
 from tests.emulator.kernel_c import native_kernel
 from tests.emulator.kernel_c.scenarios import play, scenario
 from tests.kernel_forms import FORMS, kernel_form
+from tests.one_example import one_example
 
 SEEDS: Final = range(120)
 SOME_OR_THE_OTHERS: Final = pytest.mark.parametrize(
@@ -208,6 +209,7 @@ DIVISORS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(numerator=NUMERATORS, divisor=DIVISORS)
 def test_divisions_against_python(divisions: ctypes.CDLL, numerator: int, divisor: int) -> None:
     assert divisions.divided(numerator, divisor) == numerator // divisor
@@ -215,8 +217,17 @@ def test_divisions_against_python(divisions: ctypes.CDLL, numerator: int, diviso
     assert divisions.floor_divided(negative, divisor) == negative // divisor
 
 
+@pytest.mark.slow
 @given(since_q16=st.integers(-k.FULL_RATE_Q16, 1020 << 16), n=st.integers(1, 1020))
 def test_the_parameter_of_a_segment_against_python(divisions: ctypes.CDLL, since_q16: int, n: int) -> None:
     rest = ctypes.c_int32()
     since_q16 = min(since_q16, n << 16)
     assert (divisions.parameter_of(since_q16, n, ctypes.byref(rest)), rest.value) == divmod(since_q16 << 14, n)
+
+
+@pytest.mark.parametrize("divisor", [1, 3, (1 << 20) - 1, 1 << 20, (1 << 32) - 1])
+def test_some_divisions(divisions: ctypes.CDLL, divisor: int) -> None:
+    for numerator in (0, divisor - 1, divisor, (1 << 32) - 1, 1 << 32, 18_000 << 32, (1 << 64) - 1):
+        one_example(test_divisions_against_python, divisions, numerator, divisor)
+    for since_q16 in (-k.FULL_RATE_Q16, -1, 0, 12_345_678):
+        one_example(test_the_parameter_of_a_segment_against_python, divisions, since_q16, 1 + divisor % 1020)
