@@ -28,6 +28,10 @@ KHZ = 64 * STEP
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=15_000 * STEP)
 DECELERATION = 40_000 * STEP
 
+DECELERATIONS = pytest.mark.parametrize(
+    "deceleration_hz_per_s", [pytest.param(20_000, marks=pytest.mark.slow), 40_000, 400_000]
+)
+
 Record = tuple[int, int, int]
 
 
@@ -195,7 +199,7 @@ def test_whole_ramps_only_shift_the_rest_of_the_motion(fast_kernel: Kernel, plan
         assert list(after - shift) == list(planned.rises(axis)[-len(after) :])
 
 
-@pytest.mark.parametrize("deceleration_hz_per_s", [20_000, 40_000, 400_000])
+@DECELERATIONS
 @pytest.mark.parametrize("name", ["once", "resumed while it slows down", "halted while it speeds up"])
 def test_no_axis_decelerates_harder_than_allowed(fast_kernel: Kernel, name: str, deceleration_hz_per_s: int) -> None:
     """Where the plan has constant speed, all acceleration is the ramp's; over 20 ticks, rounding hardly shows."""
@@ -334,7 +338,7 @@ def test_a_rate_takes_its_part_of_the_time(fast_kernel: Kernel, planned: GroupRu
         assert planned.motion.tick == 4800
 
 
-@pytest.mark.parametrize("deceleration_hz_per_s", [20_000, 40_000, 400_000])
+@DECELERATIONS
 @pytest.mark.parametrize("name", ["slower", "faster", "up and down", "halted from a rate and back to it"])
 def test_no_ramp_between_rates_is_steeper_than_allowed(
     fast_kernel: Kernel, name: str, deceleration_hz_per_s: int

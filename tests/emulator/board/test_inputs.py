@@ -197,7 +197,9 @@ class TestEdges:
     @pytest.mark.parametrize(
         ("method", "home"), [(17, (-20, 30)), (18, (-20, 30)), (20, (10, None)), (21, (None, 10)), (26, (-20, 30))]
     )
-    @pytest.mark.parametrize("start", [-640, -21, 0, 11, 300])
+    @pytest.mark.parametrize(
+        "start", [-640, pytest.param(-21, marks=pytest.mark.slow), 0, 11, pytest.param(300, marks=pytest.mark.slow)]
+    )
     def test_a_homing_goes_as_on_the_bench(
         self, fast_kernel: Kernel, method: int, home: tuple[int | None, int | None], start: int
     ) -> None:
