@@ -181,7 +181,7 @@ def test_nothing_is_lost_unsaid_and_the_queue_is_bounded(script: list[tuple[str,
 
 
 def test_a_flood_is_bounded_and_counted() -> None:
-    flood: list[tuple[str, int, object]] = [("put", node, service) for node in range(NODES) for service in Service] * 60
+    flood = [("put", node, service) for node in range(NODES) for service in Service] * 60
     one_example(test_nothing_is_lost_unsaid_and_the_queue_is_bounded, [*flood, ("pdo", 0, 1), ("take", 0, 0)])
 
 
