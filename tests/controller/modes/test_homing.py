@@ -68,7 +68,9 @@ FIRST_MOVES = {
 }
 """The direction in which a method moves first, by its start."""
 
-STARTS = (-440, -400, -399, -200, -21, -20, 9, 10, 11, 30, 31, 200, 399, 400, 440)
+STARTS = (-440, -400, -399, -200, 200, 399, 400, 440)
+AT_THE_EDGE, AT_THE_SWITCH = (9, 10, 11), (-21, -20, 10, 30, 31)
+"""Starts on both sides of what a method uses: the limits' edges, the home switch's edge, or its two edges."""
 
 MOMENTS_MS = [pytest.param(ms, marks=[pytest.mark.slow] if ms % 60 else []) for ms in range(0, 400, 20)]
 """Moments of a homing that takes 0.4 s."""
@@ -104,7 +106,8 @@ class TestMethods:
     @pytest.mark.parametrize("method", FIGURES)
     def test_home_is_the_same_step_wherever_the_axis_starts(self, fast_kernel: Kernel, method: int) -> None:
         edge, _ = FIGURES[method]
-        for start in STARTS:
+        home = () if method < 19 else AT_THE_EDGE if method < 23 else AT_THE_SWITCH
+        for start in (*STARTS, *home):
             bench = bench_for(fast_kernel, method, start)
             bench.home(method)
             assert bench.zero_steps == edge, start
