@@ -44,7 +44,9 @@ def test_the_tables_steps_are_whole() -> None:
     assert make_kinematics(TABLE).task.width == 0
 
 
-@pytest.mark.parametrize("at", [(30.0, 60.0, 200.0), (251.9, 251.9, 249.0), (253.0, 240.0, 253.0)])
+@pytest.mark.parametrize(
+    "at", [pytest.param((30.0, 60.0, 200.0), marks=pytest.mark.slow), (251.9, 251.9, 249.0), (253.0, 240.0, 253.0)]
+)
 def test_the_gantry_finds_its_switches(at: tuple[float, float, float], fast_kernel: Kernel) -> None:
     board = BoardUnderTest(GANTRY, stand_at=at, kernel=fast_kernel)
     session = Session(board, GANTRY)

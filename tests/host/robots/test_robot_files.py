@@ -564,6 +564,7 @@ VALUES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(place=st.sampled_from([i for i, line in enumerate(LINES) if re.match(r"\w+ = ", line)]), value=VALUES)
 def test_any_value_at_any_key_gives_a_robot_or_an_error(place: int, value: str) -> None:
     key = LINES[place].partition(" = ")[0]

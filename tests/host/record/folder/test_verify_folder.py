@@ -149,6 +149,10 @@ def test_frames_that_are_missing_fail(store_run: Path, tmp_path: Path, capsys: p
     (folder / "bus.log").write_text("".join(lines[:-1]))
     told = f"report.json says bus.frames = {len(lines)}, bus.log has {len(lines) - 1}"
     assert verify(capsys, folder, 1)["reasons"] == [told]
+
+
+def test_a_missing_log_is_named(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = shutil.copytree(store_run, tmp_path / "copy")
     (folder / "bus.log").unlink()
     assert run(["verify", str(folder)]) == 2
     assert capsys.readouterr().err == f"steptwin: {folder}/bus.log: is missing\n"
@@ -162,11 +166,11 @@ def test_a_file_of_another_kind_fails(store_run: Path, tmp_path: Path, capsys: p
 
 
 def test_another_motion_fails(store_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One point of th3 is moved by a hundredth of a degree, a quarter of a step."""
+    """One point of th3 is moved by a tenth of a degree, two steps and a half."""
     folder = shutil.copytree(store_run, tmp_path / "copy")
     lines = (folder / "trajectory.csv").read_text().splitlines()
     fields = lines[500].split(",")
-    fields[6] = repr(float(fields[6]) + 0.01)
+    fields[6] = repr(float(fields[6]) + 0.1)
     lines[500] = ",".join(fields)
     (folder / "trajectory.csv").write_text("\n".join(lines))
     assert any("th3: " in line for line in verify(capsys, folder, 1)["reasons"])
@@ -182,6 +186,7 @@ def test_another_robot_fails(store_run: Path, tmp_path: Path, capsys: pytest.Cap
     assert any("th2: " in line for line in verify(capsys, folder, 1)["reasons"])
 
 
+@pytest.mark.slow
 def test_a_run_that_ended_in_a_fault_gives_the_fault_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["-o", "duration_s=2", "-o", "ramp_s=0.5", "--cut-stream", "0.7"]
     command = ["run", "warehouse-scara", "pull-line", *words, "--out", str(tmp_path)]
@@ -212,19 +217,21 @@ def test_a_run_that_failed_fails_again(store_run: Path, tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("profile", "exit_code"),
-    [("3a-module", 1), pytest.param("chip-1000pf", 1, marks=pytest.mark.slow), ("chip-100pf", 0)],
+    ("motion", "profile", "exit_code"),
+    [
+        (["teaching-scara", "carry"], "chip-1000pf", 1),
+        pytest.param(["teaching-scara", "carry"], "chip-100pf", 0, marks=pytest.mark.slow),
+        pytest.param(["lab-scara", "spiral"], "3a-module", 1, marks=pytest.mark.slow),
+    ],
+    ids=["chip-1000pf", "chip-100pf", "3a-module"],
 )
 def test_other_drivers_get_the_same_verdict(
-    profile: str, exit_code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    motion: list[str], profile: str, exit_code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Late directions and lost pulses do not contradict the pins, since a limit was broken."""
     command = [
         "run",
-        "lab-scara",
-        "spiral",
-        "-o",
-        "law=fastest",
+        *motion,
         "--driver-profile",
         profile,
         "--out",
