@@ -237,7 +237,7 @@ def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(
     ("joints", "task", "told"),
     [
-        (6, "pose", None),
+        pytest.param(6, "pose", None, marks=pytest.mark.slow),
         (
             5,
             "pose",

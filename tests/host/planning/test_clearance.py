@@ -87,6 +87,7 @@ def joints_between(number: int) -> st.SearchStrategy[float]:
 POSITIONS = st.tuples(*(joints_between(number) for number in range(6)))
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(POSITIONS, POSITIONS)
 def test_nothing_slips_through_on_any_way(start: tuple[float, ...], goal: tuple[float, ...]) -> None:

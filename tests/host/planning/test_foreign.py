@@ -186,6 +186,7 @@ def test_any_line_is_read_or_refused_in_a_line(language: str, text: str) -> None
     assert "\n" not in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", LANGUAGES)
 @given(text=st.text())
 def test_whatever_is_left_out_stays_a_comment(

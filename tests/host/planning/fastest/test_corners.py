@@ -28,6 +28,7 @@ def tool_mm(joints: FloatArray) -> FloatArray:
 ways = st.tuples(st.floats(-24, 24), st.floats(-24, 24), st.floats(-8, 8)).filter(lambda way: np.linalg.norm(way) > 10)
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(ways, ways, st.floats(0.2, 9.9))
 def test_a_corner_of_lines_is_left_at_r_and_passed_at_what_the_formula_says(

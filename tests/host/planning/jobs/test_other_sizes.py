@@ -42,7 +42,7 @@ def scaled(robot: Robot, factor: float) -> Robot:
     return dataclasses.replace(robot, geometry=geometry, joints=joints, home=home, places=places)
 
 
-@pytest.mark.parametrize("factor", [0.4, 0.7, 1.0, 1.5])
+@pytest.mark.parametrize("factor", [0.4, *(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.7, 1.0, 1.5))])
 @pytest.mark.parametrize(("name", "job"), JOBS)
 def test_every_job_fits_a_robot_of_another_size(name: str, job: str, factor: float) -> None:
     robot = scaled(load_robot(name), factor)

@@ -42,7 +42,9 @@ def complaint(factory: str, times_s: list[float]) -> str:
 
 
 class TestEveryKind:
-    @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
+    @pytest.mark.parametrize(
+        "factory", ["c2_spline", *(pytest.param(each, marks=pytest.mark.slow) for each in ("akima", "hermite"))]
+    )
     @given(points=samples())
     def test_goes_through_all_points_from_rest_to_rest(
         self, factory: str, points: tuple[FloatArray, FloatArray]
@@ -55,6 +57,7 @@ class TestEveryKind:
         assert motion.positions(times_s) == pytest.approx(positions, abs=1e-9)
         assert motion.velocities(times_s[[0, -1]]) == pytest.approx(0.0, abs=1e-9)  # the planner's tolerance
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     @given(points=samples(), part=st.floats(0.1, 0.9))
     def test_velocity_and_acceleration_are_the_derivatives(
@@ -73,6 +76,7 @@ class TestEveryKind:
         slope = (motion.velocities(t_s + h_s) - motion.velocities(t_s - h_s)) / (2 * h_s[:, np.newaxis])
         assert motion.accelerations(t_s) == pytest.approx(slope, abs=1e-10 * size / gaps_s.min() + 1e-12)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     @given(points=samples())
     def test_acceleration_is_largest_at_the_points(self, factory: str, points: tuple[FloatArray, FloatArray]) -> None:
@@ -153,6 +157,7 @@ class TestC2Spline:
 
 
 class TestAkima:
+    @pytest.mark.slow
     @given(points=samples())
     def test_is_scipys_away_from_the_ends(self, points: tuple[FloatArray, FloatArray]) -> None:
         times_s, positions = points

@@ -127,6 +127,7 @@ def test_a_missing_file_and_an_unknown_frame(tmp_path: Path) -> None:
         assert found.messages == [message]
 
 
+@pytest.mark.slow
 def test_the_pages_engraving_runs() -> None:
     path = Path(__file__).resolve().parents[4] / "docs" / "programs" / "engraving" / "compass.toml"
     motion = plan(ROBOT, compile_program(read_program(str(path)), ROBOT).trajectory)

@@ -429,6 +429,7 @@ def test_any_bytes_give_a_motion_or_an_error(suffix: str, content: bytes) -> Non
 FIELDS = st.sampled_from(["0", "0.5", "1", "-3", "1e-300", "1e9", "nan", "", '"', "#", "x", *HEADER.split(",")])
 
 
+@pytest.mark.slow
 @given(
     header=st.just(HEADER) | st.lists(FIELDS | st.text(max_size=3), max_size=6).map(",".join),
     rows=st.lists(st.lists(FIELDS, min_size=5, max_size=5) | st.lists(FIELDS, max_size=6), max_size=5),
@@ -461,6 +462,7 @@ KEYS = st.sampled_from(["joint_names", "points", "positions", "velocities", "tim
 VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS | st.text(), inner))
 
 
+@pytest.mark.slow
 @given(
     entries=st.dictionaries(KEYS, VALUES, max_size=3),
     where=st.sampled_from(["document", "point", "position"]),
@@ -514,6 +516,7 @@ class TestLimitsOnFiles:
                 link.symlink_to(path)
                 assert told in complaint_of(partial(read_trajectory, str(link), ROBOT))
 
+    @pytest.mark.slow
     def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path: Path) -> None:
         """25 000 points of 5 numbers, the last one wrong: 1 MB of numbers."""
         rows = [f"{i / 1000},10.0000000000001,-5.0000000000001,20,{i}e-9\n" for i in range(25_000)]

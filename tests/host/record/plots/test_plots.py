@@ -661,6 +661,7 @@ def test_a_name_is_drawn_as_it_is(robot: str, job: str, tmp_path: Path) -> None:
     assert (tmp_path / "edges.svg").stat().st_size < 200_000
 
 
+@pytest.mark.slow
 def test_only_labels_at_axes_are_formulas(tmp_path: Path) -> None:
     """Powers of ten are formulas; the texts with names are not."""
     with mpl.rc_context(STYLE):

@@ -109,6 +109,7 @@ def test_the_robot_is_as_drawn(trials: list[Trial]) -> None:
     assert slower == pytest.approx(varied["stretch"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_ramps_that_motors_manage_are_those_of_the_robot_as_drawn_wherever_they_are_named(wide: Campaign) -> None:
     """A heavier payload lowers them; nothing asks what is drawn first. By default they are the file's."""
     first = replace(wide, vary={"ramps": "motors", "payload_kg": 1.0, "friction": 2})
