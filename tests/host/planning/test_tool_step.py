@@ -39,9 +39,9 @@ BENT = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
 ROBOTS = [load_robot(name) for name in STANDING]
 AXES = ("x", "y", "z", "phi")
 CENTIMETRES = [
-    ("x", 10.0), ("y", -10.0), ("z", 10.0), ("phi", -10.0),
-    *(pytest.param(axis, distance, marks=pytest.mark.slow) for axis, distance in zip(AXES, (-10.0, 10.0, -10.0, 10.0), strict=True)),
-]  # fmt: skip
+    *(("x", 10.0), ("y", -10.0), ("z", 10.0), ("phi", -10.0)),
+    *(pytest.param(*way, marks=pytest.mark.slow) for way in (("x", -10.0), ("y", 10.0), ("z", -10.0), ("phi", 10.0))),
+]
 
 
 def rounded(robot: Robot, joints: list[float]) -> list[float]:
