@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.urdf.urdf_tree import LINKS_MAX, read_urdf
 from tests.host.robots.urdf.urdfs import joint, robot_of, urdf
-from tests.messages import refusing
+from tests.messages import refused_with, refusing
 
 ONE = joint("J1", "a", "b")
 TWO = ONE + joint("J2", "b", "c")
@@ -19,7 +19,7 @@ TWO = ONE + joint("J2", "b", "c")
 def complaint(text: str, base: str | None = None, tip: str | None = None) -> str:
     with pytest.raises(InputError) as caught:
         read_urdf(text).way(base, tip)
-    return str(caught.value)
+    return refused_with(str(caught.value))
 
 
 @pytest.mark.parametrize(
