@@ -85,6 +85,7 @@ def findings_of(changes: Mapping[str, str]) -> list[str]:
     return sorted(caught.value.messages)
 
 
+@pytest.mark.slow
 def test_no_mistake_hides_another() -> None:
     """Any two mistakes are found as each is alone: nothing more, and nothing less."""
     alone = {old: findings_of({old: new}) for old, new in MISTAKES.items()}

@@ -252,9 +252,10 @@ def test_the_actual_tool_has_rows_of_its_own_in_the_error_picture() -> None:
     assert labels == ["tool [mm]", "attitude [deg]", "actual tool [mm]", "actual attitude [deg]"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "axis", "angle"),
-    [pytest.param("ar4-mk3", "z", "orientation", marks=pytest.mark.slow), ("teaching-scara", "x", "attitude")],
+    [("ar4-mk3", "z", "orientation"), ("teaching-scara", "x", "attitude")],
 )
 def test_a_run_in_space_shows_where_the_tool_points(name: str, axis: str, angle: str) -> None:
     """By arrows that begin on the path; frames of base, joints and tool on request."""
