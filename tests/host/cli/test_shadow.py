@@ -61,6 +61,12 @@ def test_nothing_differs(
     heard, before = estopped
     assert shadowing(heard[:before], monkeypatch) == 0
     assert capsys.readouterr().out.endswith(" frames of the board: the board does what its twin does\n")
+
+
+def test_nothing_differs_as_json(
+    estopped: tuple[Heard, int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard, before = estopped
     assert shadowing(heard[:before], monkeypatch, "--json") == 0
     told = capsys.readouterr()
     (line,) = told.out.splitlines()

@@ -20,6 +20,7 @@ def test_the_value_at_an_instant_includes_a_change_at_it(made: Made, counts: int
     assert made.signal.changes.at(counts) == made.at(counts)
 
 
+@pytest.mark.slow
 @given(made=ANY_SIGNAL, ends=st.tuples(INSTANT, INSTANT).map(sorted))
 def test_changes_between_two_instants(made: Made, ends: list[int]) -> None:
     counts, values = made.signal.changes.between(*ends)

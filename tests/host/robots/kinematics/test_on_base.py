@@ -142,10 +142,8 @@ def test_what_follows_from_the_arm_is_told_in_the_station() -> None:
 
 
 class TestWorkspace:
-    @pytest.mark.parametrize(
-        "name",
-        ["lab-scara", *(pytest.param(name, marks=pytest.mark.slow) for name in ("warehouse-scara", "hybrid-arm"))],
-    )
+    @pytest.mark.slow
+    @pytest.mark.parametrize("name", ["lab-scara", "warehouse-scara", "hybrid-arm"])
     def test_it_is_the_same_one_moved(self, name: str) -> None:
         robot = load_robot(name)
         robot, placed = dataclasses.replace(robot, shelf=None), on_base(robot)

@@ -80,15 +80,8 @@ def belt_board() -> EmbeddedBoard:
     return EmbeddedBoard(robot, fastest_kernel())
 
 
-@pytest.mark.parametrize(
-    ("steps", "told"),
-    [
-        (3.0, ""),
-        pytest.param(-3.0, "", marks=pytest.mark.slow),
-        (3.1, "+3.1"),
-        pytest.param(-3.1, "-3.1", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("steps", "told"), [(3.0, ""), (-3.0, ""), (3.1, "+3.1"), (-3.1, "-3.1")])
 def test_a_recovery_takes_the_elbow_up_to_that_limit_and_no_farther(
     steps: float, told: str, belt_board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -104,7 +104,7 @@ def test_a_text_that_is_none_and_columns_of_others_are_named(tmp_path: Path) -> 
             marks=pytest.mark.slow,
         ),
         (lambda: [_document(0, codes=["x"] * 1_000_001)], "has a column of more than 1000000 values"),
-        (lambda: [_document(0, message="x" * 66 * MIB)], "takes 66 MiB of memory"),
+        pytest.param(lambda: [_document(0, message="x" * 66 * MIB)], "takes 66 MiB of memory", marks=pytest.mark.slow),
         (
             lambda: [_document(seed, parameters=_parameters(seed)) for seed in range(101)],
             "parameters: has 101000 different texts",
@@ -172,6 +172,7 @@ def test_rows_beyond_the_runs_asked_for_do_not_count(tmp_path: Path) -> None:
     assert (results.row(7) or Row(0, "", "", "", Ended.DONE)).seed == 7
 
 
+@pytest.mark.slow
 def test_a_campaign_continues_beside_others_files_and_tells_a_copy_before_its_runs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

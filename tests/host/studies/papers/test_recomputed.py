@@ -433,7 +433,11 @@ RUNS = {
 
 
 @pytest.mark.parametrize(
-    "robot", [pytest.param(name, marks=pytest.mark.slow if name == "warehouse-scara" else ()) for name in PAPERS]
+    "robot",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in ("warehouse-scara", "hybrid-arm") else ())
+        for name in PAPERS
+    ],
 )
 def test_what_needs_no_run_agrees_with_the_paper(robot: str) -> None:
     values = [one for item in PAPERS[robot].items for one in item.values if one.what not in RUNS]
