@@ -60,6 +60,7 @@ def free_mm(boxes: list[Box], joints: FloatArray) -> FloatArray:
     return np.asarray(np.min(distances, axis=0) - RADIUS_MM)
 
 
+@pytest.mark.slow
 @given(st.lists(COORDINATES, min_size=6, max_size=6), st.tuples(COORDINATES, COORDINATES, COORDINATES))
 def test_the_distance_of_a_box_from_a_line(ends: list[float], corner: tuple[float, float, float]) -> None:
     """No point of the line is nearer than the one found, and the point found has the distance told."""

@@ -139,6 +139,7 @@ def test_the_parol6s_own_example_goes_straight_down() -> None:
     assert kinematics.task.off_deg(start, goal) < 0.5
 
 
+@pytest.mark.slow
 @given(st.tuples(*[st.floats(-180.0, 180.0)] * 3))
 def test_the_angles_of_the_parol6_are_spatialmaths(angles: tuple[float, float, float]) -> None:
     """The Commander itself reads them by SE3.RPY(..., order='xyz')."""

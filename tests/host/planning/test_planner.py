@@ -214,6 +214,7 @@ class TestAcceleration:
         assert told.startswith("th1: a mean acceleration over 1 ms of 720.2 deg/s^2 at t = 0.0")
         assert "s is more than 720.0 deg/s^2; " in told
 
+    @pytest.mark.slow
     def test_a_jump_of_speed(self) -> None:
         """100 deg/s from one millisecond to the next: 100 000 deg/s^2."""
         jump = OneJoint(lambda t: 100 * np.clip(t - 0.5, 0, 0.1), lambda t: np.where((t > 0.5) & (t < 0.6), 100.0, 0.0))
@@ -282,6 +283,7 @@ class TestWire:
             told = complaint(trajectory, self.robot(), point_ms=255)
             assert told.startswith("sx: a displacement of 8397619 units at t = 0.510 s does not fit")
 
+    @pytest.mark.slow
     def test_a_velocity_beyond_every_integer(self) -> None:
         """Near a singular pose speeds can be any finite number; they must not wrap when they become integers."""
         absurd = OneJoint(zero, lambda t: np.where((t > 0) & (t < 1), 1e300, 0.0))

@@ -100,7 +100,10 @@ def test_there_and_back(robot: Robot) -> None:
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 @pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("robot", ROBOTS, ids=list(STANDING))
+@pytest.mark.parametrize(
+    "robot",
+    [pytest.param(robot, id=robot.name, marks=pytest.mark.slow if robot.shelf else ()) for robot in ROBOTS],
+)
 def test_what_is_said_to_pass_passes_and_a_tenth_more_does_not(
     robot: Robot, axis: str, sign: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,7 +210,7 @@ def turn_about(axis: int, angle_deg: float) -> FloatArray:
     return turn
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("frame", StepFrame)
 def test_a_six_axis_arm_moves_along_and_turns_about_each_axis(frame: StepFrame, axis: int, sign: float) -> None:

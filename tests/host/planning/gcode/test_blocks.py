@@ -78,6 +78,7 @@ def test_the_number_of_lines_has_a_bound(count: int, passes: bool) -> None:
 words = st.dictionaries(st.sampled_from("XYZIJKFS"), st.integers(-99999, 99999), min_size=1)
 
 
+@pytest.mark.slow
 @given(st.lists(words, min_size=1, max_size=5), st.booleans(), st.sampled_from(["", " ", "\t"]))
 def test_numbers_come_back_however_they_are_spaced(lines: list[dict[str, int]], lower: bool, space: str) -> None:
     written = [space.join(f"{name}{space}{value / 1000:.3f}" for name, value in line.items()) for line in lines]

@@ -14,7 +14,11 @@ from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import with_geometry
 from tests.messages import refusing
 
-JOBS = [(name, job) for name in robot_names() for job in job_names(load_robot(name))]
+JOBS = [
+    pytest.param(name, job, marks=pytest.mark.slow if job == "every-slot" else ())
+    for name in robot_names()
+    for job in job_names(load_robot(name))
+]
 
 
 def scaled(robot: Robot, factor: float) -> Robot:

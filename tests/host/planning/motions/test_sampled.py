@@ -42,9 +42,8 @@ def complaint(factory: str, times_s: list[float]) -> str:
 
 
 class TestEveryKind:
-    @pytest.mark.parametrize(
-        "factory", ["c2_spline", *(pytest.param(each, marks=pytest.mark.slow) for each in ("akima", "hermite"))]
-    )
+    @pytest.mark.slow
+    @pytest.mark.parametrize("factory", [*FACTORIES, "hermite"])
     @given(points=samples())
     def test_goes_through_all_points_from_rest_to_rest(
         self, factory: str, points: tuple[FloatArray, FloatArray]
@@ -104,6 +103,7 @@ class TestEveryKind:
 
 
 class TestC2Spline:
+    @pytest.mark.slow
     @given(points=samples())
     def test_acceleration_does_not_jump(self, points: tuple[FloatArray, FloatArray]) -> None:
         """Its value from the left is extrapolated from the piece before, in which it is a straight line."""

@@ -72,6 +72,7 @@ def test_a_square_in_its_frame_at_its_feed(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_it_runs_and_its_outputs_change_on_the_way(tmp_path: Path) -> None:
     motion = plan(ROBOT, compiled(tmp_path, SQUARE).trajectory)
     changes = motion.trajectory.switchings

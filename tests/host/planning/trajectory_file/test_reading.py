@@ -392,6 +392,7 @@ def read_or_refuse(content: bytes, suffix: str) -> None:
             assert np.isfinite(trajectory.positions(np.linspace(0.0, trajectory.duration_s))).all()
 
 
+@pytest.mark.slow
 @given(content=st.binary() | st.text().map(lambda text: text.encode("utf-8", "replace")))
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
 def test_any_bytes_give_a_motion_or_an_error(suffix: str, content: bytes) -> None:
@@ -410,6 +411,7 @@ def test_near_csv_gives_a_motion_or_an_error(header: str, rows: list[list[str]])
     read_or_refuse("\n".join([header, *map(",".join, rows)]).encode(), ".csv")
 
 
+@pytest.mark.slow
 @given(
     times_s=st.lists(st.floats(0.0, 2.0) | st.sampled_from([0.001, 1.0, 1e9]), max_size=4).map(sorted),
     position=st.floats(-1e9, 1e9),

@@ -224,6 +224,7 @@ def test_any_text_is_read_or_refused_in_a_line(text: str) -> None:
 WHOLE = urdf(TWO, MIMIC, joint("S", "d", "e", '<origin xyz="1 2 3" rpy="0 0 1.5708"/>', "prismatic"), links="abcde")
 
 
+@pytest.mark.slow
 @given(start=st.integers(0, len(WHOLE)), length=st.integers(0, 40), instead=st.text(max_size=8))
 def test_a_file_with_any_part_of_it_replaced_is_read_or_refused_in_a_line(
     start: int, length: int, instead: str, tmp_path_factory: pytest.TempPathFactory

@@ -313,6 +313,7 @@ class TestStretches:
         assert edges(found, lines, grid).shape == (0, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lift", Lift)
 def test_a_tool_that_does_not_turn_reaches_the_annulus_of_its_arm(lift: Lift) -> None:
     """Links of 200 and 150 mm and an elbow of +-150 deg: 350 to sqrt(200^2 + 150^2 - 2 * 200 * 150 cos 30) mm."""

@@ -66,7 +66,7 @@ def flange(chain: Sequence[Joint], joints_deg: FloatArray) -> tuple[FloatArray, 
 def apart(theirs: tuple[FloatArray, Rotation], poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How far poses of ours are from theirs, in mm and rad."""
     place, turned = theirs
-    off_rad: FloatArray = (turned.inv() * Rotation.from_quat(poses[:, 3:])).magnitude()
+    off_rad = np.asarray((turned.inv() * Rotation.from_quat(poses[:, 3:])).magnitude())
     return np.linalg.norm(place - poses[:, :3], axis=1), off_rad
 
 
