@@ -101,7 +101,8 @@ def _each_workspace_once() -> Iterator[None]:
     scans: dict[object, workspace.Scan] = {}
 
     def scan_once(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = None) -> workspace.Scan:
-        key = repr(robot), attitude_deg, z_mm
+        arm = robot.name, robot.kinematics, robot.geometry, robot.home, robot.base
+        key = repr(arm), *((joint.name, joint.lower, joint.upper) for joint in robot.joints), attitude_deg, z_mm
         if key not in scans:
             scans[key] = scan(robot, attitude_deg, z_mm)
         return scans[key]

@@ -61,9 +61,9 @@ class FirmwareProcess:
             library.write(self._requests, (name, *arguments))
         except BrokenPipeError:
             raise self._ended(name) from None
-        return self._answer(name)
+        return self._answer(name, HANGS_S)
 
-    def _answer(self, name: str, within_s: float = HANGS_S) -> Any:
+    def _answer(self, name: str, within_s: float) -> Any:
         if not select.select([self._answers], [], [], within_s)[0]:
             self.close()
             raise FirmwareError(f"{self._path}: {_C_NAMES[name]} has not returned for {within_s:g} s: does it loop?")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.emergency import PLACES as EMCY_PLACES
 from steptwin.protocol.emergency import EmergencyProducer
+from tests.one_example import one_example
 
 
 def _is_code(code: ErrorCode, active: ErrorCode, _detail: int) -> bool:
@@ -140,6 +141,7 @@ def test_a_lasting_flood_is_one_loss_to_report() -> None:
     assert [data[:2] for data in frames].count(b"\x10\x81") == 1
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.sampled_from(list(ErrorCode)[1:]), st.integers(0, 3), st.sampled_from(("raise", "end", "send"))),
@@ -172,3 +174,9 @@ def test_the_last_frame_of_every_code_and_the_last_register_are_sent(script: lis
 @pytest.mark.parametrize("code", list(ErrorCode))
 def test_every_code_has_its_register_bits(code: ErrorCode) -> None:
     assert code.register & 1 == (code is not ErrorCode.NONE)
+
+
+def test_the_last_frames_of_a_flood_are_sent() -> None:
+    codes = [ErrorCode.ESTOP, ErrorCode.PDO_TOO_SHORT, ErrorCode.FOLLOWING_ERROR]
+    script = [(codes[number % 3], number % 4, ("raise", "end")[number % 5 == 4]) for number in range(90)]
+    one_example(test_the_last_frame_of_every_code_and_the_last_register_are_sent, [*script, (codes[0], 0, "send")])

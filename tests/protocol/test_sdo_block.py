@@ -13,6 +13,7 @@ from steptwin.protocol import od
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.sdo_server import SdoServer
 from tests.compiled import on_sources_only
+from tests.one_example import one_example
 
 pytestmark = on_sources_only
 NODE = 0x10
@@ -257,8 +258,13 @@ class TestRawDownload:
         assert exchange(server, "c1 00 00 00 00 00 00 00") == abort(0x0504_0001, "00 00 00")
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from(list(range(256))), st.binary(min_size=7, max_size=7)), max_size=60))
 def test_junk_never_raises(frames: list[tuple[int, bytes]]) -> None:
     server = SdoServer(BlobDictionary())
     for first, rest in frames:
         assert all(len(answer) == 8 for answer in server.handle(bytes((first,)) + rest))
+
+
+def test_some_junk_does_not_raise() -> None:
+    one_example(test_junk_never_raises, [(first, bytes((0, 16, 47, 0, 1, 2, 3))) for first in range(256)])

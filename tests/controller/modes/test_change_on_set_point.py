@@ -11,6 +11,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, State, Status
 from tests.controller.modes.profile_bench import AT_ONCE, HALT, NEW, RELATIVE, ProfileBench
 from tests.controller.units import MS, STEP
+from tests.one_example import one_example
 
 ON_SET_POINT = 0x200
 """Bit 9 of the controlword."""
@@ -62,9 +63,11 @@ def passing_time_ms(at: float, distance: float = 1000, onward: float = 1000) -> 
     ("bits", "end_velocity", "passes_at"),
     [(ON_SET_POINT, 0, 4000), (0, 1000, 1000), (0, 4000, 4000), (ON_SET_POINT, 1000, 4000), (0, 9000, 4000)],
 )
-def test_the_first_target_is_passed(kernel: Kernel, bits: int, end_velocity: int, passes_at: int, sign: int) -> None:
+def test_the_first_target_is_passed(
+    fast_kernel: Kernel, bits: int, end_velocity: int, passes_at: int, sign: int
+) -> None:
     """At the profile velocity by bit 9, else at the end velocity, but never faster than at the profile velocity."""
-    board = ProfileBench(kernel, Mode.PROFILE_POSITION)
+    board = ProfileBench(fast_kernel, Mode.PROFILE_POSITION)
     board.write(od.END_VELOCITY, end_velocity * STEP)
     begins_ms = board.now / MS
     board.set_point(sign * 1000 * STEP)
@@ -87,9 +90,16 @@ GOLDEN_COUNTS = {
 
 
 @pytest.mark.parametrize("end_velocity", GOLDEN_COUNTS)
-def test_golden_pulses(kernel: Kernel, end_velocity: int) -> None:
-    """The same on each kernel; with 0 the profile is that of a drive without end velocity."""
-    board = ProfileBench(kernel, Mode.PROFILE_POSITION)
+def test_golden_pulses(pp: ProfileBench, end_velocity: int) -> None:
+    """With 0 the profile is that of a drive without end velocity."""
+    golden_pulses(pp, end_velocity)
+
+
+def test_golden_pulses_of_every_kernel(kernel: Kernel) -> None:
+    golden_pulses(ProfileBench(kernel, Mode.PROFILE_POSITION), 4000)
+
+
+def golden_pulses(board: ProfileBench, end_velocity: int) -> None:
     board.write(od.END_VELOCITY, end_velocity * STEP)
     board.set_point(700 * STEP)
     board.set_point(1200 * STEP)
@@ -285,7 +295,7 @@ def test_a_set_point_that_comes_late(pp: ProfileBench, given_ms: int, profile_ty
 
 @pytest.mark.parametrize("microsteps", [1, 16])
 def test_a_row_of_relative_set_points_is_one_motion(fast_kernel: Kernel, microsteps: int) -> None:
-    """Ten ways of 400 full steps take as long as one of 4000: 1.1 s at 4000 full steps/s."""
+    """Ten ways of a tenth of a second each take as long as one of them all: 1.1 s with the ramps."""
     board = ProfileBench.with_microsteps(fast_kernel, microsteps)
     full_step = 16384
     speed = min(4000, 8000 // microsteps) * full_step
@@ -296,11 +306,11 @@ def test_a_row_of_relative_set_points_is_one_motion(fast_kernel: Kernel, microst
     for _ in range(10):
         while board.has(WAITS):
             board.wait(1)
-        board.set_point(400 * full_step, RELATIVE | ON_SET_POINT)
-    board.until(REACHED, 20_000)
+        board.set_point(speed // 10, RELATIVE | ON_SET_POINT)
+    board.until(REACHED)
     took_ms = board.now / MS - begins_ms
-    assert board.value(od.POSITION_DEMAND) == 4000 * full_step
-    assert took_ms == pytest.approx(4000 * full_step / speed * 1000 + 100, abs=40)
+    assert board.value(od.POSITION_DEMAND) == speed
+    assert took_ms == pytest.approx(1000 + 100, abs=40)
 
 
 def test_a_quick_stop_forgets_both(pp: ProfileBench) -> None:
@@ -340,6 +350,7 @@ commands = st.tuples(
 )
 
 
+@pytest.mark.slow
 @given(script=st.lists(commands, min_size=1, max_size=8), microsteps=st.sampled_from([1, 8, 16]))
 def test_for_any_set_points_it_ends_at_the_last_target(
     fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, int, float]], microsteps: int
@@ -359,6 +370,7 @@ def test_for_any_set_points_it_ends_at_the_last_target(
     board.ends_at_a_last_target()
 
 
+@pytest.mark.slow
 @given(
     ways=st.lists(st.integers(1, 400_000), min_size=2, max_size=6),
     velocity=st.sampled_from([10**5, 10**6, 10**7]),
@@ -399,3 +411,12 @@ def test_in_one_direction_no_target_given_is_ever_exceeded(
         assert sign * board.value(od.POSITION_DEMAND) <= last
         assert ms < 20_000
     assert board.value(od.POSITION_DEMAND) == sign * last
+
+
+@pytest.mark.parametrize(("halt_ms", "profile_type"), [(None, 3), (150, 0)])
+def test_a_row_of_targets_is_never_exceeded(fast_kernel: Kernel, halt_ms: int | None, profile_type: int) -> None:
+    one_example(
+        test_in_one_direction_no_target_given_is_ever_exceeded,
+        fast_kernel, ways=[400_000, 1, 90_000], velocity=10**6, deceleration=10**7, halt_ms=halt_ms,
+        profile_type=profile_type, sign=-1,
+    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -10,11 +11,13 @@ from steptwin.controller.motion import kernel as k
 from steptwin.controller.motion.backend import python_kernel
 from steptwin.controller.node.soft_limits import hull
 from tests.controller.motion.kernel_rig import KernelRig
+from tests.one_example import one_example
 
 points = st.integers(-(2**31), 2**31)
 RATES_Q16 = st.integers(4, 125 << 16).map(lambda rate: rate & -4)
 
 
+@pytest.mark.slow
 @given(units=st.tuples(points, points, points), after_us=st.integers(-249, 249), period_us=st.integers(1000, 10_020))
 def test_the_parabola_goes_through_all_three(units: tuple[int, int, int], after_us: int, period_us: int) -> None:
     """Compare with Lagrange's formula and its derivative, each rounded once."""
@@ -28,6 +31,7 @@ def test_the_parabola_goes_through_all_three(units: tuple[int, int, int], after_
     assert parabola(units, 0, period_us).position_units == p0
 
 
+@pytest.mark.slow
 @example(159_700, 2, 16, Fraction(0), Fraction(-1), Fraction(0), 2751)  # half a Q16 step, which is rounded up
 @given(
     rate_q16=RATES_Q16,
@@ -58,6 +62,7 @@ def test_the_kernel_takes_every_slowed_cubic_and_none_that_is_better(
     assert rig.push_ticks(*cubic, ticks) == k.ACCEPTED
 
 
+@pytest.mark.slow
 @given(
     room_units=st.integers(0, 10**6),
     displacement=st.integers(0, 10**6),
@@ -71,3 +76,13 @@ def test_the_room_before_a_limit_is_kept(room_units: int, displacement: int, dur
     assert most <= displacement + room_units + 1
     _, most = hull(displacement, velocity, -displacement, 0, duration_ms)
     assert most <= displacement + room_units + 1
+
+
+@pytest.mark.parametrize(("way", "end"), [(Fraction(1, 2), Fraction(1, 2)), (Fraction(2), Fraction(-3))])
+def test_some_cubics(way: Fraction, end: Fraction) -> None:
+    one_example(test_the_parabola_goes_through_all_three, (1000, -70_001, 12), -200, 3001)
+    for start, room in ((Fraction(-1), 10**12), (Fraction(1, 3), 900)):
+        one_example(
+            test_the_kernel_takes_every_slowed_cubic_and_none_that_is_better, 983_040, 16, 20, start, way, end, room
+        )
+    one_example(test_the_room_before_a_limit_is_kept, 5000, 70_000, 5, Fraction(-1))

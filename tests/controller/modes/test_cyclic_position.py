@@ -21,6 +21,7 @@ from tests.controller.modes.cyclic_bench import FIRST_SYNC_COUNTS, CyclicBench, 
 from tests.controller.motion.exact_hermite import ExactHermite
 from tests.controller.motion.kernel_rig import Timing, pin_timing_faults
 from tests.controller.units import MS, STEP
+from tests.one_example import one_example
 
 PERIODS = pytest.mark.parametrize("period_ms", [1, 2, 5, 10])
 ENABLE, HALT, QUICK_STOP, DISABLE = 0x0F, 0x10F, 0x02, 0x07
@@ -92,17 +93,18 @@ def fault_of(board: BenchBoard, axis: int = 0) -> tuple[int, int]:
 
 class TestFollowing:
     @PERIODS
-    def test_a_sine_against_exact_arithmetic(self, kernel: Kernel, period_ms: int) -> None:
+    def test_a_sine_against_exact_arithmetic(self, fast_kernel: Kernel, period_ms: int) -> None:
         """At every tick the demand is within a unit of the exact motion, on the way out and back."""
         points = sine(2000, 2, 1000 // period_ms, period_ms)
         planned = Planned(points, period_ms)
-        board = CyclicBench(kernel, period_ms)
+        board = CyclicBench(fast_kernel, period_ms)
         board.follow(points[:2])
         for point in points[2:]:
             board.cycle(point)
             exact_units = planned.position(elapsed_ms(board))
             assert abs(board.firmware.motion.axes[0].demand_units - exact_units) <= 1
 
+    @pytest.mark.slow
     @given(steps=st.lists(st.integers(-300, 300), min_size=4, max_size=25), period_ms=st.integers(1, 10))
     @settings(max_examples=60)
     def test_any_set_points_against_exact_arithmetic(
@@ -155,10 +157,10 @@ class TestFollowing:
         assert worst <= 0.032 * jerk * period_s**3 + snap * period_s**4 / 384 + arithmetic
         assert worst_at_start <= 0.04 * acceleration * period_s**2 + arithmetic
 
-    def test_set_points_are_reached_to_the_unit_and_steps_made(self, kernel: Kernel) -> None:
+    def test_set_points_are_reached_to_the_unit_and_steps_made(self, fast_kernel: Kernel) -> None:
         end = -123 * STEP - 7
         points = [end + round(-end * (1 + math.cos(math.pi * i / 60)) / 2) for i in range(61)]
-        board = CyclicBench(kernel, 2)
+        board = CyclicBench(fast_kernel, 2)
         board.follow(points)
         board.settle()
         assert (board.value(od.POSITION_DEMAND), board.value(od.POSITION_ACTUAL)) == (end, -123 * STEP)
@@ -210,12 +212,9 @@ class TestFollowing:
 
 class TestTiming:
     @PERIODS
-    @pytest.mark.parametrize("seed", range(3))
-    def test_jitter_of_half_a_period_either_way_changes_no_edge(
-        self, fast_kernel: Kernel, period_ms: int, seed: int
-    ) -> None:
+    def test_jitter_of_half_a_period_either_way_changes_no_edge(self, fast_kernel: Kernel, period_ms: int) -> None:
         points = sine(5000, 2, 500 // period_ms, period_ms)
-        drawn = random.Random(seed)
+        drawn = random.Random(period_ms)
         runs = []
         for jitter_counts in (0, period_ms * MS // 2 - 100):
             board = CyclicBench(fast_kernel, period_ms)
@@ -252,10 +251,11 @@ class TestTiming:
                 assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(2_000_000, rel=1 / 200)
         assert board.state() is State.OPERATION_ENABLED
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("ppm", [-300, 300])
-    @pytest.mark.parametrize(("period_ms", "seconds"), [(1, 7), (10, 67)])
+    @pytest.mark.parametrize(("period_ms", "seconds"), [(1, 4), (10, 40)])
     def test_drift(self, fast_kernel: Kernel, period_ms: int, seconds: int, ppm: int) -> None:
-        """The clocks drift by more than two periods: the axis stays within an eighth of a period and a little."""
+        """The clocks drift by more than a period: the axis stays within an eighth of a period and a little."""
         board = CyclicBench(fast_kernel, period_ms, ppm=ppm)
         points = ramped(500 * period_ms, 10 * period_ms, 1000 * seconds // period_ms)
         delay_ms = first_tick(period_ms) / 4 + period_ms - FIRST_SYNC_COUNTS / MS
@@ -267,7 +267,7 @@ class TestTiming:
                 to_go_ms = (point - board.firmware.motion.axes[0].demand_units) / 500
                 since_sync_ms = board.firmware.motion.tick / 4 - board.now / MS
                 worst_ms = max(worst_ms, abs(since_sync_ms + to_go_ms - delay_ms))
-        assert seconds * abs(ppm) / 1000 > 2 * period_ms
+        assert seconds * abs(ppm) / 1000 > period_ms
         assert worst_ms <= period_ms * (1 / 8 + 0.06) + 0.01
         board.settle()
         assert board.value(od.POSITION_DEMAND) == points[-1]
@@ -591,9 +591,9 @@ class TestModes:
 
 
 class TestGroup:
-    def test_axes_are_in_step_whenever_they_join(self, kernel: Kernel) -> None:
+    def test_axes_are_in_step_whenever_they_join(self, fast_kernel: Kernel) -> None:
         """The second axis joins while the first one moves, with a SYNC that comes early."""
-        board = CyclicBench(kernel, 2, axes=2)
+        board = CyclicBench(fast_kernel, 2, axes=2)
         board.write(od.CONTROLWORD, DISABLE, 1)
         way = [round(200 * STEP * (1 - math.cos(math.pi * i / 40)) / 2) for i in range(41)]
         for i, point in enumerate(way):
@@ -670,6 +670,7 @@ tame = cycles(st.one_of(*[shares] * 6, st.sampled_from([None, None, Fraction(101
 CAUSES = {ErrorCode.OVERSPEED, ErrorCode.SYNC_CONTROLLER, ErrorCode.GROUP_STOPPED}
 
 
+@pytest.mark.slow
 @given(
     script=st.one_of(st.lists(wild, max_size=20), st.lists(tame, min_size=12, max_size=60)),
     period_ms=st.integers(1, 10),
@@ -724,6 +725,7 @@ def test_any_cycles_are_followed_or_end_in_a_reported_fault(
         assert (board.state(axis) is State.FAULT) is bool(board.errors(axis))
 
 
+@pytest.mark.slow
 @given(
     ways=st.lists(st.one_of(shares, st.sampled_from([Fraction(-1), Fraction(0), Fraction(1)])), max_size=60),
     period_ms=st.integers(1, 10),
@@ -739,3 +741,21 @@ def test_set_points_within_the_axis_speed_are_never_a_fault(
     board.settle(6)
     assert board.errors() == []
     assert board.value(od.POSITION_DEMAND) == points[-1]
+
+
+@pytest.mark.parametrize("period_ms", [1, 10])
+def test_full_reversals_at_the_axis_speed_are_no_fault(fast_kernel: Kernel, period_ms: int) -> None:
+    ways = [Fraction(way) for way in (1, -1, 1, 1, -1, -1, 0, 1)]
+    one_example(test_set_points_within_the_axis_speed_are_never_a_fault, fast_kernel, ways=ways, period_ms=period_ms)
+
+
+def test_some_cycles_are_followed_and_some_end_in_a_reported_fault(fast_kernel: Kernel) -> None:
+    """Up to a soft limit with one SYNC lost and one late; then far away."""
+    followed: list[Cycle] = [
+        ([Fraction(1, 2), Fraction(-1, 3)], number != 9, 0.3 * (number % 3 - 1)) for number in range(30)
+    ]
+    for script in (followed, [*followed, ([2**31 - 1, None], True, 0.0)]):
+        one_example(
+            test_any_cycles_are_followed_or_end_in_a_reported_fault,
+            fast_kernel, script=script, period_ms=2, microsteps=8, speed=3_333_333, limits=(-100_000, 50_000),
+        )  # fmt: skip

@@ -49,10 +49,10 @@ def integral(velocities: list[int], period_ms: int) -> list[int]:
 
 @PERIODS
 @pytest.mark.parametrize("velocity", [333, -7, 600_001, -2_000_000])
-def test_a_constant_velocity(kernel: Kernel, period_ms: int, velocity: int) -> None:
+def test_a_constant_velocity(fast_kernel: Kernel, period_ms: int, velocity: int) -> None:
     """At the end the demand has gone the whole way; meanwhile its speed is the set-point, to a unit or two a period."""
-    speeds = [round(velocity * min(i, 20) / 20) for i in range(1000 // period_ms)]
-    board = VelocityBench(kernel, period_ms)
+    speeds = [round(velocity * min(i, 20) / 20) for i in range(400 // period_ms)]
+    board = VelocityBench(fast_kernel, period_ms)
     board.follow(speeds)
     assert board.value(od.VELOCITY_ACTUAL) == pytest.approx(velocity, abs=2000 / period_ms + abs(velocity) / 500)
     board.follow([0] * 5)
@@ -61,6 +61,7 @@ def test_a_constant_velocity(kernel: Kernel, period_ms: int, velocity: int) -> N
     assert board.state() is State.OPERATION_ENABLED
 
 
+@pytest.mark.slow
 @given(steps=st.lists(st.integers(-40_000, 40_000), min_size=4, max_size=25), period_ms=st.integers(1, 10))
 @settings(max_examples=60, deadline=None)
 def test_any_velocities_against_exact_arithmetic(fast_kernel: Kernel, steps: list[int], period_ms: int) -> None:

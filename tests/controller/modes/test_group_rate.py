@@ -14,6 +14,7 @@ from steptwin.protocol.pvt import PvtFlag
 from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS, STEP
+from tests.one_example import one_example
 
 RUN, HALT = 0x1F, 0x11F
 FULL, HALF, SLOWEST, FASTEST = 65_536, 32_768, 6_554, 98_304
@@ -247,6 +248,7 @@ CHANGES = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(changes=CHANGES)
 @settings(max_examples=40, deadline=None)
 def test_whatever_rates_and_halts_the_end_is_the_planned_one_within_the_limit(
@@ -296,3 +298,11 @@ def test_the_same_frames_give_the_same_bytes_with_both_kernels() -> None:
 def test_the_board_says_how_many_axes_share_its_time(fast_kernel: Kernel) -> None:
     for axes in (1, 2):
         assert BenchBoard(fast_kernel, axes).value(od.BOARD_AXES) == axes
+
+
+def test_some_rates_and_halts_lead_to_the_planned_end() -> None:
+    changes = [(60, FASTEST), (30, 0), (100, None), (20, HALF)]
+    one_example(
+        test_whatever_rates_and_halts_the_end_is_the_planned_one_within_the_limit,
+        [(ms, rate_q16) for ms, rate_q16 in changes],
+    )

@@ -11,6 +11,7 @@ from steptwin.protocol.cia402 import Mode, Status
 from steptwin.protocol.sdo_frames import AbortCode
 from tests.controller.modes.profile_bench import AT_ONCE, RELATIVE, ProfileBench
 from tests.controller.units import STEP
+from tests.one_example import one_example
 
 TURN = 3200 * STEP
 
@@ -99,6 +100,7 @@ def test_a_turn_has_a_length(pp: ProfileBench) -> None:
     assert pp.write(od.POSITION_RANGE_MAX, 11) == 0
 
 
+@pytest.mark.slow
 @given(st.integers(-(10**9), 10**9), st.integers(-(10**9), 10**9), st.integers(2, 10**7))
 def test_ways_end_at_the_target_and_keep_their_direction(start: int, target: int, turn: int) -> None:
     """The shortest way is the shorter of the other two."""
@@ -106,3 +108,8 @@ def test_ways_end_at_the_target_and_keep_their_direction(start: int, target: int
     assert all((start + way - target) % turn == 0 for way in (negative, positive, shortest))
     assert -turn < negative <= 0 <= positive < turn
     assert shortest == min(positive, negative, key=abs)
+
+
+@pytest.mark.parametrize(("start", "target", "turn"), [(0, 3, 10), (7, -20, 10), (-3, 2, 10), (5, 5, 2)])
+def test_some_ways(start: int, target: int, turn: int) -> None:
+    one_example(test_ways_end_at_the_target_and_keep_their_direction, start, target, turn)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from steptwin.controller.modes.profile import Limits, move, stop
 from steptwin.controller.modes.ramps import GRAIN_MS, PIECE_MS, Profile, Segment
+from tests.one_example import one_example
 
 PER_S2 = 64 / 1_000_000
 """A unit per s^2 in 1/64 unit per ms^2."""
@@ -76,6 +77,7 @@ def steepest(limits: Limits) -> float:
     return max(limits.acceleration, limits.deceleration) * PER_S2
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), distance=distances)
 @example(limits=Limits(1, 1, 1), distance=3)
 def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, distance: int) -> None:
@@ -87,6 +89,7 @@ def test_from_rest_it_ends_at_the_target_within_all_limits(limits: Limits, dista
         assert (run.units, run.velocity) == (distance, 0)
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), distance=distances, velocity=st.integers(-960_000, 960_000))
 def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, velocity: int) -> None:
     """Starts may also move the wrong way, be too near to stop or too fast: the deceleration corrects them."""
@@ -97,6 +100,7 @@ def test_from_any_velocity_it_ends_at_the_target(limits: Limits, distance: int, 
         assert (run.units, run.velocity) == (distance, 0)
 
 
+@pytest.mark.slow
 @given(
     first=st.one_of(linear, smooth),
     second=st.one_of(linear, smooth),
@@ -116,6 +120,7 @@ def test_a_new_target_with_new_limits_on_the_way(
         assert (run.units, run.velocity) == (target, 0)
 
 
+@pytest.mark.slow
 @given(limits=st.one_of(linear, smooth), velocity=st.integers(-960_000, 960_000))
 def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
     run = ExecutedProfile(velocity).take(stop(velocity, 0, limits))
@@ -129,6 +134,7 @@ def test_a_stop_never_turns_round(limits: Limits, velocity: int) -> None:
     assert all(segment.end_velocity * velocity >= 0 for segment in run.segments)
 
 
+@pytest.mark.slow
 @given(limits=smooth, distance=st.integers(10**5, 10**8), change_after=st.integers(1, 40))
 def test_jerk_limited_motions_have_no_steps_in_their_acceleration(
     limits: Limits, distance: int, change_after: int
@@ -161,6 +167,7 @@ def changes(run: ExecutedProfile) -> list[float]:
     return [*steps, *(abs(b - a) - 2 * rounding(t) for t, a, b in run.accelerations)]
 
 
+@pytest.mark.slow
 @given(limits=fast, distance=st.integers(10**4, 10**7), change_after=st.integers(1, 60), sign=st.sampled_from([1, -1]))
 @example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=30, sign=1)
 @example(limits=Limits(10**7, 10**9, 10**8, 10**9), distance=10**7, change_after=42, sign=-1)
@@ -179,6 +186,7 @@ def test_a_jerk_limited_halt_on_the_way_ends_before_the_target(
     assert max(changes(joined)) <= limits.jerk * 64 / 10**9 * PIECE_MS + 3 * 64 * 15_000 / 1000
 
 
+@pytest.mark.slow
 @given(limits=fast, distance=st.integers(10**4, 10**7), at=st.integers(0, 60))
 def test_a_jerk_limited_axis_that_brakes_may_be_given_its_target_again(limits: Limits, distance: int, at: int) -> None:
     """It goes there without overrunning it."""
@@ -255,3 +263,25 @@ def test_a_creep_takes_its_time() -> None:
     run = ExecutedProfile(0).take(move(3, 0, 0, Limits(6400, 1, 1)))
     assert sum(segment.duration_ms for segment in run.segments) == 4243
     assert (run.units, run.velocity) == (3, 0)
+
+
+LINEAR, SMOOTH = Limits(200_000, 10**8, 5 * 10**7), Limits(200_000, 10**8, 5 * 10**7, 10**9)
+"""Some 3000 units per ms, reached within 32 ms."""
+
+
+@pytest.mark.parametrize("limits", [LINEAR, SMOOTH], ids=["linear", "smooth"])
+@pytest.mark.parametrize("distance", [7, -1500, 10**6])
+def test_some_profiles(limits: Limits, distance: int) -> None:
+    one_example(test_from_rest_it_ends_at_the_target_within_all_limits, limits, distance)
+    for velocity in (-150_000, 100, 400_000):
+        one_example(test_from_any_velocity_it_ends_at_the_target, limits, distance, velocity)
+        one_example(test_a_stop_never_turns_round, limits, velocity)
+    one_example(test_a_new_target_with_new_limits_on_the_way, limits, SMOOTH, distance, 5, -2 * distance)
+
+
+def test_some_jerk_limited_profiles() -> None:
+    one_example(test_jerk_limited_motions_have_no_steps_in_their_acceleration, SMOOTH, 10**6, 10)
+    limits = Limits(10**7, 10**9, 10**8, 10**9)
+    one_example(test_a_jerk_limited_halt_on_the_way_ends_before_the_target, limits, 10**7, 30, 1)
+    one_example(test_a_jerk_limited_halt_on_the_way_ends_before_the_target, limits, 10**7, 42, -1)
+    one_example(test_a_jerk_limited_axis_that_brakes_may_be_given_its_target_again, limits, 10**6, 3)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from steptwin.controller.modes.profile import Limits, Passing, move, move_through
 from steptwin.controller.modes.ramps import GRAIN_MS, PIECE_MS, Segment
 from tests.controller.modes.test_profile import ACROSS_A_BEND, ENOUGH, ExecutedProfile, linear, smooth, steepest
+from tests.one_example import one_example
 
 LIMITS = Limits(6400, 1_000_000, 1_000_000)
 """100 units per ms, 1 unit per ms^2: a ramp takes 100 ms and 5000 units."""
@@ -118,6 +119,7 @@ def test_a_set_point_that_comes_at_full_speed(distance: int) -> None:
 ways = st.one_of(st.integers(1, 2000), st.integers(1, 10**6))
 
 
+@pytest.mark.slow
 @given(
     limits=st.one_of(linear, smooth),
     onward_limits=st.one_of(linear, smooth),
@@ -149,6 +151,7 @@ def test_it_keeps_all_limits_and_never_overruns(
         assert any(0 < speed <= min(wanted, limits.velocity) for speed in speeds)
 
 
+@pytest.mark.slow
 @given(
     limits=linear, distance=st.integers(10**4, 10**6), onward=st.integers(10**4, 10**6), wanted=st.integers(1, 10**5)
 )
@@ -159,6 +162,7 @@ def test_from_rest_it_keeps_the_acceleration_exactly(limits: Limits, distance: i
         assert run.acceleration_excess <= steepest(limits) * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @given(
     limits=st.one_of(linear, smooth),
     distance=st.integers(10**4, 10**6),
@@ -184,3 +188,11 @@ def test_a_set_point_that_comes_on_the_way(
     if len(run.segments) - begun < ENOUGH:
         assert (run.units, run.velocity) == (distance + onward, 0)
         assert distance in places
+
+
+def test_some_passings() -> None:
+    for limits, velocity, sign in ((LIMITS, 0, 1), (LIMITS, 5000, -1), (LIMITS, -9000, 1)):
+        one_example(test_it_keeps_all_limits_and_never_overruns, limits, limits, 50_000, 40_000, 6400, velocity, sign)
+    one_example(test_from_rest_it_keeps_the_acceleration_exactly, LIMITS, 50_000, 40_000, 6400)
+    for change_after in (3, 30):
+        one_example(test_a_set_point_that_comes_on_the_way, LIMITS, 50_000, change_after, 40_000, 6400)

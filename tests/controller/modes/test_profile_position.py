@@ -21,19 +21,18 @@ def pp(fast_kernel: Kernel) -> ProfileBench:
 
 @pytest.mark.parametrize("profile_type", [0, 3])
 @pytest.mark.parametrize("steps", [1, -7, 400, -3000])
-def test_a_move_of_n_steps_makes_n_steps(kernel: Kernel, steps: int, profile_type: int) -> None:
-    board = ProfileBench(kernel, Mode.PROFILE_POSITION)
-    board.write(od.MOTION_PROFILE_TYPE, profile_type)
-    board.set_point(steps * STEP)
-    assert not board.has(Status.TARGET_REACHED)
-    board.until(Status.TARGET_REACHED)
-    assert (board.value(od.POSITION_DEMAND), board.value(od.POSITION_ACTUAL), board.steps()) == (
+def test_a_move_of_n_steps_makes_n_steps(pp: ProfileBench, steps: int, profile_type: int) -> None:
+    pp.write(od.MOTION_PROFILE_TYPE, profile_type)
+    pp.set_point(steps * STEP)
+    assert not pp.has(Status.TARGET_REACHED)
+    pp.until(Status.TARGET_REACHED)
+    assert (pp.value(od.POSITION_DEMAND), pp.value(od.POSITION_ACTUAL), pp.steps()) == (
         steps * STEP,
         steps * STEP,
         abs(steps),
     )
-    board.wait(100)
-    assert board.steps() == 0
+    pp.wait(100)
+    assert pp.steps() == 0
 
 
 def test_a_move_takes_the_time_of_its_trapezoid(pp: ProfileBench) -> None:
@@ -274,6 +273,7 @@ changes = st.tuples(
 )
 
 
+@pytest.mark.slow
 @given(script=st.lists(changes, min_size=1, max_size=8), microsteps=st.sampled_from([1, 2, 8, 16]))
 def test_for_any_set_points_the_queue_neither_runs_out_nor_is_refused(
     fast_kernel: Kernel, script: list[tuple[int, int, int, int, int, int, float]], microsteps: int

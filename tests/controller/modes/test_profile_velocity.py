@@ -18,8 +18,8 @@ def pv(fast_kernel: Kernel) -> ProfileBench:
 
 
 @pytest.mark.parametrize("profile_type", [0, 3])
-def test_up_down_and_reverse(kernel: Kernel, profile_type: int) -> None:
-    pv = ProfileBench(kernel, Mode.PROFILE_VELOCITY)
+def test_up_down_and_reverse(fast_kernel: Kernel, profile_type: int) -> None:
+    pv = ProfileBench(fast_kernel, Mode.PROFILE_VELOCITY)
     pv.write(od.MOTION_PROFILE_TYPE, profile_type)
     assert pv.has(Status.ZERO_SPEED)
     for steps_per_s in (3000, 1000, -2000, 2000, 0):
@@ -75,8 +75,7 @@ def test_a_target_does_not_outlive_operation_enabled(pv: ProfileBench, leave: Ca
     assert pv.steps() > 0
 
 
-def test_a_target_given_before_the_drive_is_enabled_is_void(kernel: Kernel) -> None:
-    pv = ProfileBench(kernel, Mode.PROFILE_VELOCITY)
+def test_a_target_given_before_the_drive_is_enabled_is_void(pv: ProfileBench) -> None:
     pv.write(od.CONTROLWORD, 0x07)
     pv.write(od.TARGET_VELOCITY, 100 * STEP)
     pv.word()

@@ -13,6 +13,7 @@ from steptwin.controller.motion.board_motion import BoardMotion
 from steptwin.controller.motion.kernel import FULL_RATE_Q16, HIGHEST_RATE_Q16, TICK_COUNTS, TICKS_PER_MS
 from steptwin.controller.motion.step_config import StepConfig
 from tests.controller.units import STEP
+from tests.one_example import one_example
 
 CONFIG = StepConfig(16, 33_000, 33_666, 15_000, 15_000, velocity_max_units_per_s=20_000 * STEP)
 
@@ -149,6 +150,7 @@ def test_stop_ramps_are_straight_lines_to_zero(velocity: int, duration_ms: int) 
     assert abs(distance - velocity * duration_ms / 128) < 1
 
 
+@pytest.mark.slow
 @given(
     displacement=st.integers(-300_000, 300_000),
     end_velocity=st.integers(-900_000, 900_000),
@@ -207,6 +209,7 @@ def test_time_passes_over_resting_axes_without_limit(kernel: Kernel) -> None:
     assert motion.room_ticks > 0
 
 
+@pytest.mark.slow
 @given(
     displacement=st.integers(-60 * STEP, 60 * STEP),
     end_velocity=st.integers(-40_000, 40_000),
@@ -249,3 +252,10 @@ def test_quiet_ticks_are_all_but_one_at_constant_speed() -> None:
     assert motion.axes[0].counter_steps == counter
     motion.advance(motion.tick + 2)
     assert motion.axes[0].counter_steps == counter + 1
+
+
+def test_some_stops_and_promises() -> None:
+    for at_tick, stop_ms in ((1, 600), (77, 1), (200, 50)):
+        one_example(test_a_stop_from_anywhere_keeps_position_and_ends, 100_000, -50_000, 60, at_tick, stop_ms)
+    for rate_q16 in (FULL_RATE_Q16, HIGHEST_RATE_Q16):
+        one_example(test_quiet_ticks_promise_fewer_steps, 40 * STEP, -10_000, 30, 20, 3, rate_q16)

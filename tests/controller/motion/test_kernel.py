@@ -1,6 +1,8 @@
 """The kernel in hand-computed cases, at its limits on both sides, and independent of how its calls are divided."""
 
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from steptwin.controller.motion.backend import Kernel, python_kernel
 from tests.controller.motion.kernel_rig import KernelRig, Timing, timing_faults
 from tests.controller.units import MS, STEP
 from tests.kernel_forms import FORMS, kernel_form
+from tests.one_example import one_example
 
 ONE_STEP_PER_MS = 64 * STEP
 """1000 steps/s as a record's velocity, in 1/64 unit per ms."""
@@ -64,7 +67,7 @@ def test_every_unit_of_a_long_random_walk_is_accounted_for(kernel: Kernel) -> No
     rng = np.random.default_rng(7)
     rig = KernelRig(kernel)
     total = 0
-    for displacement in rng.integers(-3000, 3000, 500):
+    for displacement in rng.integers(-3000, 3000, 200):
         assert rig.push(int(displacement), 0, 20) == k.ACCEPTED
         rig.start()
         rig.advance(80)
@@ -146,6 +149,28 @@ class TestPulseTiming:
         assert rig.get(k.DELAYED_STEPS) == 19
         assert timing_faults(rig, Timing()) == []
 
+    @pytest.mark.parametrize(("pulse_counts", "waits"), [(4799, []), (4800, []), (4801, [1, 2, 3])])
+    def test_a_pulse_as_long_as_the_interval_need_not_wait(self, pulse_counts: int, waits: list[int]) -> None:
+        """15 kHz is a step each 4800 counts; only longer pulses take the way of steps that wait, each a count more."""
+        slow, placed = k.place_waiting_steps, list[bool]()
+
+        def place(*arguments: Any) -> bool:
+            placed.append(True)
+            return slow(*arguments)
+
+        rig = KernelRig(python_kernel(), timing=Timing(1000, pulse_counts - 1000, 0, 0))
+        rig.set(k.TAIL_VELOCITY, 15 * ONE_STEP_PER_MS)
+        rig.push_ticks(15 * STEP // 4, 15 * ONE_STEP_PER_MS, 1)
+        rig.start()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(k, "place_waiting_steps", place)
+            rig.advance(1)
+        dues = [2700 + 4800 * i for i in range(4)]  # from a counter at rest 9/16 step to the first threshold
+        late = [rise - due for rise, due in zip(rig.rises(), dues, strict=False)]
+        assert [wait for wait in late if wait] == waits
+        assert rig.get(k.DELAYED_STEPS) == len(waits)
+        assert placed == [True] * bool(waits)
+
     def test_a_step_more_than_a_tick_late_asks_for_attention(self, kernel: Kernel) -> None:
         """20 kHz demanded at 15 kHz falls behind by a quarter of the time: a tick of lag after about four ticks."""
         rig = KernelRig(kernel, rate_limit_q16_per_ms=20 * k.STEP_Q16)
@@ -213,6 +238,7 @@ class TestPulseTiming:
         assert down_counts - last_up >= timing.dirhold
         assert first_down - down_counts == timing.dirsetup
 
+    @pytest.mark.slow
     @given(
         points=st.lists(st.tuples(st.integers(-9000, 9000), st.integers(1, 20)), min_size=1, max_size=12),
         timing=st.builds(
@@ -232,6 +258,7 @@ class TestPulseTiming:
         assert timing_faults(rig, timing) == []
         assert sum(rig.signs()) == rig.get(k.COUNTER)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", FORMS)
     @given(
         units_per_ms=st.integers(100, 60_000),
@@ -296,7 +323,29 @@ TIMINGS = st.builds(
 )
 
 
+def half_a_second(
+    kernel: Kernel, axes: tuple[tuple[tuple[int, int, int], ...], ...], microsteps: int, timing: Timing, inverted: int
+) -> tuple[object, ...]:
+    """Return what a kernel answers and places in 2000 ticks, whatever its axes need attention for."""
+    rig = KernelRig(kernel, len(axes), microsteps, timing, rate_limit_q16_per_ms=100 * k.STEP_Q16)
+    for axis in range(len(axes)):
+        rig.set(k.DIR_INVERTED, inverted, axis)
+    answers = [rig.push(*segment, axis) for axis, segments in enumerate(axes) for segment in segments]
+    started = [rig.start(axis) for axis in range(len(axes))]
+    while rig.tick < 2000 and rig.advance(2000 - rig.tick) < 2000:
+        for axis in range(len(axes)):
+            rig.set(k.EVENT, k.EVENT_NONE, axis)
+    return answers, started, [kernel.demand_rate(rig.axes, axis) for axis in range(len(axes))], rig.snapshot()
+
+
+@cache
+def of_plain_python(*told: Any) -> tuple[object, ...]:
+    """Return the reference, which is the same for each form: all are given the same examples."""
+    return half_a_second(python_kernel(), *told)
+
+
 class TestIndependence:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
     @given(
         axes=st.lists(SEGMENTS, min_size=1, max_size=3),
@@ -308,20 +357,10 @@ class TestIndependence:
     def test_every_form_gives_the_bits_of_plain_python(
         self, name: str, axes: list[list[tuple[int, int, int]]], microsteps: int, timing: Timing, inverted: int
     ) -> None:
-        results = []
-        for kernel in (python_kernel(), kernel_form(name)):
-            rig = KernelRig(kernel, len(axes), microsteps, timing, rate_limit_q16_per_ms=100 * k.STEP_Q16)
-            for axis in range(len(axes)):
-                rig.set(k.DIR_INVERTED, inverted, axis)
-            answers = [rig.push(*segment, axis) for axis, segments in enumerate(axes) for segment in segments]
-            started = [rig.start(axis) for axis in range(len(axes))]
-            while rig.tick < 2000 and rig.advance(2000 - rig.tick) < 2000:
-                for axis in range(len(axes)):
-                    rig.set(k.EVENT, k.EVENT_NONE, axis)
-            rates = [kernel.demand_rate(rig.axes, axis) for axis in range(len(axes))]
-            results.append((answers, started, rates, rig.snapshot()))
-        assert results[0] == results[1]
+        told = tuple(map(tuple, axes)), microsteps, timing, inverted
+        assert half_a_second(kernel_form(name), *told) == of_plain_python(*told)
 
+    @pytest.mark.slow
     @given(
         segments=st.lists(
             st.tuples(st.integers(-1500, 1500), st.integers(-5000, 5000), st.integers(1, 20)), min_size=1, max_size=8
@@ -346,6 +385,7 @@ class TestIndependence:
             patch.setattr(k, "makes_no_step", lambda *_: False)
             assert run().snapshot() == jumping.snapshot()
 
+    @pytest.mark.slow
     @given(chunks=st.lists(st.integers(1, 50), min_size=1, max_size=40))
     def test_edges_do_not_depend_on_how_time_is_cut(self, chunks: list[int]) -> None:
         def run(steps: list[int]) -> KernelRig:
@@ -419,3 +459,22 @@ def ideal_error_of_a_sine(kernel: Kernel, peak_hz: int, sine_hz: float) -> NDArr
     assert rig.get(k.DELAYED_STEPS) == 0
     error: NDArray[np.float64] = ideal - thresholds
     return error
+
+
+def test_waiting_and_jumps_in_some_cases() -> None:
+    checks = TestPulseTiming()
+    for wait_counts in (-1, 0, 1, k.TICK_COUNTS, k.TICK_COUNTS + 1):
+        for pulse_beyond_interval in (-1, 0, 1):
+            one_example(
+                TestPulseTiming.test_steps_wait_exactly_if_they_must,
+                checks, "python", 20_000, -1, 300, wait_counts, pulse_beyond_interval,
+            )  # fmt: skip
+    points = [(9000, 1), (-9000, 2), (4000, 20), (-1, 1)]
+    one_example(TestPulseTiming.test_no_edge_ever_breaks_a_window, checks, points, Timing(2376, 2424, 9000, 5000))
+    jumps = TestIndependence()
+    for rate_q16 in (k.FULL_RATE_Q16, 50_000):
+        one_example(
+            TestIndependence.test_a_segment_without_a_step_is_one_jump_with_the_same_bits,
+            jumps, [(400, 0, 20), (1500, -300, 7), (-900, 0, 20)], rate_q16,
+        )  # fmt: skip
+    one_example(TestIndependence.test_edges_do_not_depend_on_how_time_is_cut, jumps, [1, 50, 7, 33, 49])

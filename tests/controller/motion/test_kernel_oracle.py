@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -10,6 +11,7 @@ from steptwin.controller.motion.backend import python_kernel
 from tests.controller.motion.exact_hermite import ExactHermite
 from tests.controller.motion.kernel_rig import KernelRig, Timing
 from tests.controller.units import MS
+from tests.one_example import one_example
 
 TICKS_PER_MS = 4
 H = Fraction(9, 16)
@@ -18,6 +20,7 @@ FAST_PINS = Timing(steplen=1, stepspace=1, dirsetup=0, dirhold=0)
 """Pulse timing so fast that no step waits: these tests check when steps are due."""
 
 
+@pytest.mark.slow
 @given(
     microsteps=st.sampled_from([1, 2, 5, 8, 16, 125, 256]),
     start_velocity=st.integers(-3_000_000, 3_000_000),
@@ -64,6 +67,7 @@ def test_positions_and_edges_against_exact_arithmetic(
     assert counter == rig.get(k.COUNTER)
 
 
+@pytest.mark.slow
 @given(
     start_velocity=st.integers(-(1 << 23), (1 << 23) - 1),
     displacement=st.integers(-(1 << 23), (1 << 23) - 1),
@@ -88,3 +92,18 @@ def test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3(
             value = ((value * s + (1 << 29)) >> 30) + following
             assert abs(value) <= k.I32_MAX + 1
             assert abs(value * s) < 1 << 63
+
+
+@pytest.mark.parametrize(("microsteps", "duration_ticks"), [(1, 400), (16, 100), (256, 9)])
+def test_a_segment_against_exact_arithmetic(microsteps: int, duration_ticks: int) -> None:
+    """There and back within the segment, or over its end."""
+    for way, end in ((300, -600), (-77, 5)):
+        one_example(
+            test_positions_and_edges_against_exact_arithmetic,
+            microsteps, 64 * way, way * duration_ticks // 8, 64 * end, duration_ticks,
+        )  # fmt: skip
+
+
+def test_the_intermediates_of_the_steepest_segments_fit() -> None:
+    for velocity in (1 << 21, -(1 << 21)):
+        one_example(test_every_intermediate_of_an_accepted_segment_fits_a_cortex_m3, velocity, 0, -velocity, 100, 256)

@@ -102,3 +102,16 @@ def test_numbers_outlive_a_reset_of_the_node(board: BenchBoard) -> None:
 def test_each_axis_counts_its_own(pair: BenchBoard) -> None:
     stop(pair)
     assert [number(pair, axis) for axis in (0, 1)] == [1, 0]
+
+
+def test_a_pressed_button_counts_once_whatever_other_inputs_do(board: BenchBoard) -> None:
+    board.enable()
+    board.set_inputs(DigitalInput.ESTOP)
+    board.wait(10)
+    pressed = number(board)
+    for levels in (DigitalInput.ESTOP | DigitalInput.HOME, DigitalInput.ESTOP):
+        board.set_inputs(levels)
+        assert number(board) == pressed
+    board.set_inputs(DigitalInput(0))
+    board.set_inputs(DigitalInput.ESTOP)
+    assert number(board) == pressed + 1

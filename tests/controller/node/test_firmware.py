@@ -190,6 +190,7 @@ class TestNetwork:
         board.record(0, 0, 10, 0)
         assert board.frames(0x0A0) == [bytes(8)]
 
+    @pytest.mark.slow
     @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
     def test_junk_never_raises(self, frames: list[tuple[int, bytes]]) -> None:
         board = BenchBoard(python_kernel(), axes=2)

@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -106,6 +107,7 @@ def release(board: BenchBoard) -> None:
         board.write(od.CONTROLWORD, board.value(od.CONTROLWORD, axis) & ~0x100, axis)
 
 
+@pytest.mark.slow
 @given(script=st.lists(actions, max_size=40))
 @settings(max_examples=150)
 def test_invariants_hold_after_every_command(fast_kernel: Kernel, script: list[Action]) -> None:

@@ -202,6 +202,7 @@ def test_a_fast_scan_finds_only_nodes_without_node_id(pair: BenchBoard) -> None:
     assert ask(pair, 0x5E) == ["5eff000000000000"]
 
 
+@pytest.mark.slow
 @given(frames=st.lists(st.binary(max_size=8) | st.tuples(st.integers(0, 0x60)).map(lambda c: bytes(c).ljust(8, b"\0"))))
 def test_no_frame_is_answered_wrongly_or_raises(fast_kernel: Kernel, frames: list[bytes]) -> None:
     board = BenchBoard(fast_kernel)

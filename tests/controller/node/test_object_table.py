@@ -67,6 +67,7 @@ def named(value: object) -> str | None:
 
 
 walk = pytest.mark.parametrize(("index", "subindex", "entry"), TABLE, ids=named)
+each_object = pytest.mark.parametrize("item", OBJECTS, ids=lambda item: f"{item.index:04X}")
 
 
 def request(board: BenchBoard, data: bytes) -> bytes:
@@ -114,15 +115,16 @@ def upload(board: BenchBoard, index: int, subindex: int) -> bytes | int:
         toggle ^= 0x10
 
 
-@walk
-def test_read(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
-    answer = upload(board, index, subindex)
-    if entry.access is Access.WRITE_ONLY:
-        assert answer == AbortCode.WRITE_ONLY
-    elif entry.data_type is DataType.VISIBLE_STRING:
-        assert answer == str(entry.default).encode()
-    else:
-        assert answer == encode(entry.data_type, board.value(od.address_of(index, subindex)))
+@each_object
+def test_read(board: BenchBoard, item: DictionaryObject) -> None:
+    for subindex, entry in item.entries.items():
+        answer = upload(board, item.index, subindex)
+        if entry.access is Access.WRITE_ONLY:
+            assert answer == AbortCode.WRITE_ONLY, subindex
+        elif entry.data_type is DataType.VISIBLE_STRING:
+            assert answer == str(entry.default).encode(), subindex
+        else:
+            assert answer == encode(entry.data_type, board.value(od.address_of(item.index, subindex))), subindex
 
 
 def limits(entry: Entry) -> tuple[int, int]:
@@ -147,8 +149,14 @@ def test_write(board: BenchBoard, index: int, subindex: int, entry: Entry) -> No
         assert download(board, index, subindex, encode(kind, high + 1)) == AbortCode.VALUE_TOO_HIGH
 
 
-@walk
-def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
+@each_object
+def test_length(board: BenchBoard, item: DictionaryObject) -> None:
+    """It is refused, and changes nothing."""
+    for subindex, entry in item.entries.items():
+        refuses_other_lengths(board, item.index, subindex, entry)
+
+
+def refuses_other_lengths(board: BenchBoard, index: int, subindex: int, entry: Entry) -> None:
     size = entry.data_type.size
     if entry.data_type is DataType.VISIBLE_STRING:
         announced = request(board, b"\x21" + head(index, subindex) + (TEXT_BYTES_MAX + 1).to_bytes(4, "little"))
@@ -163,21 +171,41 @@ def test_length(board: BenchBoard, index: int, subindex: int, entry: Entry) -> N
         assert board.value(od.address_of(index, subindex)) == before
 
 
-@pytest.mark.parametrize("item", OBJECTS, ids=lambda item: f"{item.index:04X}")
-def test_sub_indices_that_do_not_exist(board: BenchBoard, item: DictionaryObject) -> None:
-    for subindex in set(range(256)) - set(item.entries):
+@each_object
+def test_sub_indices_beside_those_that_exist_do_not(board: BenchBoard, item: DictionaryObject) -> None:
+    beside = {0, 255} | {subindex + step for subindex in item.entries for step in (-1, 1)}
+    have_no_subindices(board, item, beside & set(range(256)))
+
+
+@pytest.mark.slow
+def test_no_other_sub_indices_exist(board: BenchBoard) -> None:
+    for item in OBJECTS:
+        have_no_subindices(board, item, set(range(256)))
+
+
+def have_no_subindices(board: BenchBoard, item: DictionaryObject, among: set[int]) -> None:
+    for subindex in among - set(item.entries):
         assert upload(board, item.index, subindex) == AbortCode.NO_SUBINDEX
         assert download(board, item.index, subindex, bytes(4)) == AbortCode.NO_SUBINDEX
 
 
-def test_all_other_indices_do_not_exist() -> None:
+KNOWN = {item.index for item in OBJECTS}
+BESIDE = {index + step for index in KNOWN for step in (-1, 1)} - KNOWN | {0, 0xFFFF}
+
+
+@pytest.mark.parametrize(
+    "indices",
+    [
+        pytest.param(BESIDE, id="beside"),
+        pytest.param(set(range(0x10000)) - KNOWN - BESIDE, id="others", marks=pytest.mark.slow),
+    ],
+)
+def test_all_other_indices_do_not_exist(indices: set[int]) -> None:
     sdo = SdoServer(ObjectDictionary(0x10))
-    known = {item.index for item in OBJECTS}
-    for index in range(0x10000):
-        if index not in known:
-            for command in (0x40, 0x2F, 0x21, 0xA0, 0xC0):
-                [answer] = sdo.handle(bytes((command,)) + head(index, 0) + b"\1\0\0\0")
-                assert abort_of(answer) == AbortCode.NO_OBJECT
+    for index in indices:
+        for command in (0x40, 0x2F, 0x21, 0xA0, 0xC0):
+            [answer] = sdo.handle(bytes((command,)) + head(index, 0) + b"\1\0\0\0")
+            assert abort_of(answer) == AbortCode.NO_OBJECT
 
 
 def test_every_handler_is_a_part_of_the_firmware(board: BenchBoard) -> None:

@@ -13,9 +13,9 @@ US = 1e-3
 
 
 @pytest.fixture
-def board(kernel: Kernel) -> BenchBoard:
+def board(fast_kernel: Kernel) -> BenchBoard:
     """A board whose drive is READY TO SWITCH ON, in profile velocity, and whose driver takes 200 ms."""
-    board = BenchBoard(kernel)
+    board = BenchBoard(fast_kernel)
     board.nmt(1)
     board.write(od.MODE_OF_OPERATION, Mode.PROFILE_VELOCITY)
     assert board.write(od.SETTLING_US, 1000 * SETTLING_MS) == 0

@@ -157,6 +157,7 @@ def test_each_edge_of_a_continuous_probe_is_sent_although_the_status_stays(movin
         assert moving.last(0x490) == (3).to_bytes(2, "little") + position.to_bytes(4, "little", signed=True)
 
 
+@pytest.mark.slow
 @given(
     functions=st.lists(st.integers(0, 0x3F).map(lambda bits: bits & 0x33), min_size=1, max_size=4),
     levels=st.lists(st.booleans(), max_size=12),

@@ -1,5 +1,6 @@
 """The transmit queue: places of each class, services first, the newest process data, pauses."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_server import SEGMENT_BYTES
 from tests.controller.bench_board import BenchBoard
 from tests.controller.units import MS
+from tests.one_example import one_example
 
 NODES, PDOS = 8, 4
 IN_MAILBOX = (Frame(0x7FF, b""),)
@@ -159,6 +161,7 @@ actions = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(actions, max_size=400))
 def test_nothing_is_lost_unsaid_and_the_queue_is_bounded(script: list[tuple[str, int, object]]) -> None:
     queue, put, lost, taken = TransmitQueue(), 0, 0, 0
@@ -175,6 +178,11 @@ def test_nothing_is_lost_unsaid_and_the_queue_is_bounded(script: list[tuple[str,
             lost += not queue.put_process_data(node, what, frame)
         assert len(queue) == put - lost - taken <= NODES * (sum(PLACES.values()) + PDOS)
     assert len(drain(queue)) == put - lost - taken
+
+
+def test_a_flood_is_bounded_and_counted() -> None:
+    flood = [("put", node, service) for node in range(NODES) for service in Service] * 60
+    one_example(test_nothing_is_lost_unsaid_and_the_queue_is_bounded, [*flood, ("pdo", 0, 1), ("take", 0, 0)])
 
 
 def test_dropping_a_node_leaves_the_others_frames() -> None:

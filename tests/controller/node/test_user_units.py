@@ -121,6 +121,7 @@ def test_a_reading_is_shown_in_user_units(degrees: BenchBoard, address: int) -> 
     assert degrees.read(address) == -TURN - 1  # 0.55 of a unit more
 
 
+@pytest.mark.slow
 @given(st.integers(1, REVOLUTION), st.integers(1, 50), st.integers(1, 50), st.integers(-(2**31), I32_MAX))
 def test_a_position_by_sdo_against_fractions(feed: int, motor: int, feed_shaft: int, position: int) -> None:
     board = BenchBoard(fastest_kernel())

@@ -30,6 +30,7 @@ from steptwin.protocol.pvt import PvtRecord
 from tests.emulator.pins import WIRES
 from tests.emulator.simulations import MS, SECOND, STEP, wait
 from tests.messages import refusing
+from tests.one_example import one_example
 
 NODES = 0x10, 0x12
 LONG = [PvtRecord((-1) ** i * 40 * STEP, 0, 100, i) for i in range(8)]
@@ -130,6 +131,7 @@ def _later(instants: list[int], exact: Run, other: Run, ppm: int) -> list[int]:
     return expected(shifted._replace(rises=[exact.rises[0] + begin[1] - begin[0]]), ppm)
 
 
+@pytest.mark.slow
 def test_boards_that_drift_need_not_be_asked_in_order(parting: Run, fast_kernel: Kernel) -> None:
     """The same run again gives the same bytes, and so does the other order of the boards."""
     again = run(fast_kernel, 100, -100)
@@ -215,6 +217,7 @@ def test_what_is_no_crystal_is_refused(ppm: int) -> None:
 
 
 class TestClock:
+    @pytest.mark.slow
     @given(PPMS, st.integers(0, 1 << 55))
     def test_an_instant_is_the_first_at_which_the_board_has_counted_so_far(self, ppm: int, local_counts: int) -> None:
         clock = LocalClock(ppm)
@@ -223,9 +226,18 @@ class TestClock:
         assert instant == 0 or clock.local_counts(instant - 1) < local_counts
         assert clock.instants(np.array([local_counts])).tolist() == [instant]
 
+    @pytest.mark.slow
     @given(PPMS, st.lists(st.integers(0, 1 << 50), min_size=1, max_size=10))
     def test_time_never_goes_back(self, ppm: int, instants: list[int]) -> None:
         clock = LocalClock(ppm)
         local = [clock.enter(counts) for counts in instants]
         assert local == sorted(local)
         assert local[-1] == floor(max(instants) * (1 + Fraction(ppm, 1_000_000)))
+
+
+@pytest.mark.parametrize("ppm", [-CRYSTAL_PPM_MAX, -1, 0, 100, CRYSTAL_PPM_MAX])
+def test_some_instants_of_a_clock(ppm: int) -> None:
+    for local_counts in (0, 1, 10_001, 1 << 55):
+        instant = TestClock.test_an_instant_is_the_first_at_which_the_board_has_counted_so_far
+        one_example(instant, TestClock(), ppm, local_counts)
+    one_example(TestClock.test_time_never_goes_back, TestClock(), ppm, [1 << 40, 7, 1 << 50, (1 << 50) - 1])

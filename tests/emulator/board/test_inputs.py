@@ -45,6 +45,7 @@ from tests.controller.modes.homing_bench import (
 from tests.emulator.pins import CHIP, PERIOD, WIRES
 from tests.emulator.simulations import MS, STEP
 from tests.messages import refusing
+from tests.one_example import one_example
 
 NEGATIVE, POSITIVE, HOME = DigitalInput.NEGATIVE_LIMIT, DigitalInput.POSITIVE_LIMIT, DigitalInput.HOME
 NONE = DigitalInput(0)
@@ -128,6 +129,7 @@ HOMES = st.tuples(st.integers(-80, 80), st.integers(0, 30), st.integers(0, 8))
 
 
 class TestEdges:
+    @pytest.mark.slow
     @settings(max_examples=30)
     @given(paths=st.tuples(POINTS, POINTS), homes=st.tuples(HOMES, HOMES), start=st.integers(-30, 30))
     def test_each_is_seen_in_its_tick(
@@ -195,7 +197,9 @@ class TestEdges:
     @pytest.mark.parametrize(
         ("method", "home"), [(17, (-20, 30)), (18, (-20, 30)), (20, (10, None)), (21, (None, 10)), (26, (-20, 30))]
     )
-    @pytest.mark.parametrize("start", [-640, -21, 0, 11, 300])
+    @pytest.mark.parametrize(
+        "start", [-640, pytest.param(-21, marks=pytest.mark.slow), 0, 11, pytest.param(300, marks=pytest.mark.slow)]
+    )
     def test_a_homing_goes_as_on_the_bench(
         self, fast_kernel: Kernel, method: int, home: tuple[int | None, int | None], start: int
     ) -> None:
@@ -727,3 +731,11 @@ class TestGeneralInputs:
     def test_other_inputs_cannot_be_set(self) -> None:
         with refusing(ValueError):
             SetInput(0, HOME, on=True)
+
+
+def test_edges_on_two_paths_are_seen_in_their_ticks(fast_kernel: Kernel) -> None:
+    paths = ([(100, 60), (-40, 50)], [(-90, 60), (80, 60), (0, 40)])
+    one_example(
+        TestEdges.test_each_is_seen_in_its_tick,
+        TestEdges(), fast_kernel, paths=paths, homes=((-20, 30, 3), (40, 0, 8)), start=7,
+    )  # fmt: skip

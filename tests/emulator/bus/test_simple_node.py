@@ -264,6 +264,7 @@ def test_axes_and_their_motion_are_as_without_it(board: BoardUnderTest, fast_ker
     assert board.joints() == alone.joints()
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from([0, 0x80, 0x200 + ID, 0x600 + ID]), st.binary(max_size=8)), max_size=20))
 @settings(deadline=None)
 def test_junk_from_the_bus_never_raises(junk: list[tuple[int, bytes]]) -> None:

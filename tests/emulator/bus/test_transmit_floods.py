@@ -129,19 +129,20 @@ class TestFastTpdos:
             return sent + lost + overloaded.waiting
 
         before = fate()
-        for _ in range(10):
+        for _ in range(3):
             wait(overloaded.simulation, 100)
             assert overloaded.waiting <= AXES * len(COB_TPDO) + MAILBOXES
-        assert fate() - before == pytest.approx(1000 * AXES * len(COB_TPDO), abs=AXES * len(COB_TPDO))
+        assert fate() - before == pytest.approx(300 * AXES * len(COB_TPDO), abs=AXES * len(COB_TPDO))
         assert all(overloaded.value(od.FRAMES_LOST, axis) > 0 for axis in range(AXES))
 
     def test_sdo_is_answered(self, overloaded: Flooded) -> None:
-        for _ in range(20):
+        for _ in range(5):
             frames = overloaded.answer_frames(lambda: wait(overloaded.simulation, 1))
             assert frames <= ANSWER_FRAMES_MAX
 
+    @pytest.mark.slow
     def test_the_loss_is_an_error_once_and_ends_a_second_after_the_flood(self, overloaded: Flooded) -> None:
-        wait(overloaded.simulation, 1500)
+        wait(overloaded.simulation, 1100)
         assert [overloaded.emergencies(axis) for axis in range(AXES)] == [[OVERRUN]] * AXES
         overloaded.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         wait(overloaded.simulation, 100)
@@ -159,7 +160,7 @@ def test_tpdos_that_fit_are_not_lost(flooded: Flooded) -> None:
         for number in range(len(COB_TPDO)):
             flooded.set_tpdo(node, number, ASYNCHRONOUS, event_timer_ms=3)
     flooded.nmt(NmtCommand.START)
-    wait(flooded.simulation, 2000)
+    wait(flooded.simulation, 200)
     assert [flooded.value(od.FRAMES_LOST, axis) for axis in range(AXES)] == [0] * AXES
     assert not any(flooded.emergencies(axis) for axis in range(AXES))
 
@@ -176,7 +177,7 @@ def test_a_flood_of_syncs(flooded: Flooded) -> None:
             wait(flooded.simulation, 0.1)
 
     syncs()
-    for _ in range(50):
+    for _ in range(5):
         assert flooded.answer_frames(syncs) <= ANSWER_FRAMES_MAX
         assert flooded.waiting <= 3 * AXES
     assert flooded.value(od.FRAMES_LOST) > 100
@@ -185,13 +186,13 @@ def test_a_flood_of_syncs(flooded: Flooded) -> None:
 
 def test_a_flood_of_resets(flooded: Flooded) -> None:
     """NMT has the best identifier of all: boot-up messages cannot be sent before the last reset."""
-    for _ in range(200):
+    for _ in range(20):
         for _ in range(5):
             flooded.nmt(NmtCommand.RESET_COMMUNICATION)
         wait(flooded.simulation, 0.2)
         assert flooded.waiting <= QUEUE_MAX
     flooded.heard.clear()
-    wait(flooded.simulation, 3000)
+    wait(flooded.simulation, 1500)
     for axis, node in enumerate(NODES):
         assert Frame(COB_HEARTBEAT + node, b"\0") in flooded.heard
         assert flooded.emergencies(axis)[-1:] in ([], [OVER])
@@ -199,13 +200,13 @@ def test_a_flood_of_resets(flooded: Flooded) -> None:
 
 
 class TestEmergencies:
-    """Two RPDOs of other lengths in turn are an error and its end each time; one EMCY in 6.55 s may be sent."""
+    """Two RPDOs of other lengths in turn are an error and its end each time; one EMCY a second may be sent."""
 
-    INHIBIT_MS = 6553.5
+    INHIBIT_MS = 1000
 
     @pytest.fixture
     def errors(self, flooded: Flooded) -> Flooded:
-        write_u16 = bytes.fromhex("2B151000FFFF0000")
+        write_u16 = bytes.fromhex("2B15100010270000")
         flooded.simulation.send(Frame(COB_SDO_REQUEST + FIRST_NODE_ID, write_u16))
         flooded.nmt(NmtCommand.START)
         wait(flooded.simulation, 1)
@@ -221,10 +222,10 @@ class TestEmergencies:
             for word in (6, 7):
                 write_u16 = bytes((0x2B, 0x40, 0x60, 0, word, 0, 0, 0))
                 errors.simulation.send(Frame(COB_SDO_REQUEST + node, write_u16))
-        self.alternate(errors, 100)
+        self.alternate(errors, 40)
         errors.simulation.operate(EmergencyStop(pressed=True))
         wait(errors.simulation, 1)
-        self.alternate(errors, 1000)
+        self.alternate(errors, 40)
         lost, sent = errors.value(od.EMCYS_LOST), len(errors.emergencies())
         wait(errors.simulation, (EMCY_PLACES + 5) * self.INHIBIT_MS)
         heard = errors.emergencies()
@@ -233,7 +234,7 @@ class TestEmergencies:
         assert {ErrorCode.ESTOP, ErrorCode.PDO_TOO_SHORT, ErrorCode.CAN_OVERRUN} < set(codes)
         assert heard[-1][0] == ErrorCode.NONE
         assert heard[-1][1] == errors.value(od.ERROR_REGISTER)
-        produced = 2 * 1100 + 1 + 2  # an error and its end each; the e-stop; the overrun and its end
+        produced = 2 * 80 + 1 + 2  # an error and its end each; the e-stop; the overrun and its end
         assert len(heard) + lost == produced
 
     def test_an_error_more_than_there_are_places(self, errors: Flooded) -> None:

@@ -33,7 +33,9 @@ def motions() -> dict[str, PlannedMotion]:
     return {motion.name: motion for motion in all_motions()}
 
 
-@pytest.mark.parametrize("name", ["warehouse-scara pull-line", "teaching-scara carry"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("warehouse-scara pull-line", marks=pytest.mark.slow), "teaching-scara carry"]
+)
 def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], fast_kernel: Kernel) -> None:
     on_core, expected = (place_once(kernel, motions[name]).axes for kernel in (cortex_m3_kernel(), fast_kernel))
     for own, other in zip(on_core, expected, strict=True):
@@ -41,6 +43,7 @@ def test_motions_of_the_benchmark(name: str, motions: dict[str, PlannedMotion], 
             assert np.array_equal(getattr(own, field), getattr(other, field)), field
 
 
+@pytest.mark.slow
 def test_a_whole_run(carry_run: Path, tmp_path: Path) -> None:
     """Host, bus and firmware around the core: `run --kernel cortex-m3` leaves the same edges and frames."""
     assert run(["run", "teaching-scara", "carry", "--kernel", "cortex-m3", "--out", str(tmp_path / "run")]) == 0
@@ -48,6 +51,7 @@ def test_a_whole_run(carry_run: Path, tmp_path: Path) -> None:
         assert fingerprint(tmp_path / "run", name) == fingerprint(carry_run, name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong"),
     [

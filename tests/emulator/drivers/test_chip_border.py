@@ -10,7 +10,9 @@ from steptwin.emulator.board.board import Board, BoardConfig
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.emulator.faults.drivers import OscCapacitor
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.laws import Cubic
+from steptwin.host.planning.motions.joint_move import JointMove
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
@@ -49,6 +51,12 @@ def tenths(drivers: str | None) -> Robot:
     return replace(ROBOT, joints=tuple(joints), board=board)
 
 
+def there(robot: Robot) -> Plan:
+    """Return a motion of all joints at once, of 0.6 s."""
+    goal = tuple(home + way for home, way in zip(robot.home, (8.0, -6.0, 4.0, 12.0), strict=True))
+    return plan(robot, JointMove(robot.joint_names, robot.home, goal, Cubic(1.0, 0.6)))
+
+
 def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) -> None:
     """Ten steps a full step, neither a power of two nor of the wire's units: the verdict is as exact as ever."""
     robot, boards, starts_steps = tenths(counters), list[EmbeddedBoard](), list[float]()
@@ -57,7 +65,7 @@ def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) 
         boards.append(board)
         starts_steps.extend(board.motor_positions())
 
-    outcome = execute(plan(robot, make_job(robot, "spiral", {})), "spiral", fast_kernel, on_board=look)
+    outcome = execute(there(robot), "there", fast_kernel, on_board=look)
     assert outcome.report.passed, outcome.report.reasons
     assert [each.driver for each in boards[0].microsteps()] == [SUBSTEPS] * len(ROBOT.joints)
     ends_steps = boards[0].motor_positions()
@@ -69,15 +77,13 @@ def test_it_runs_a_job_and_counts_each_edge(fast_kernel: Kernel, counters: str) 
 
 
 def test_a_robot_with_other_microsteps_is_refused(fast_kernel: Kernel, counters: str) -> None:
-    planned = plan(ROBOT, make_job(ROBOT, "spiral", {}))
     with refusing(InputError):
-        execute(planned, "spiral", fast_kernel, driver_profile=counters)
+        execute(there(ROBOT), "there", fast_kernel, driver_profile=counters)
 
 
 def test_motors_turn_with_it(fast_kernel: Kernel, counters: str) -> None:
     robot, boards = tenths(counters), list[EmbeddedBoard]()
-    planned = plan(robot, make_job(robot, "spiral", {}))
-    execute(planned, "spiral", fast_kernel, motors=True, on_board=boards.append)
+    execute(there(robot), "there", fast_kernel, motors=True, on_board=boards.append)
     rotors, held = boards[0].rotor_positions(), boards[0].held_positions()
     for name, rotor, place in zip(robot.joint_names, rotors, held, strict=True):
         assert rotor == pytest.approx(place, abs=2 * SUBSTEPS), name

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from steptwin.protocol.drivers.tb6560 import SLOW_BLUE_BOARD, THREE_AMP_MODULE, 
 from tests.emulator.pins import CHIP, POWER_UP, TERMINALS, WIDTH, WIRES, a_tb6560, at, cut, pins, times
 from tests.emulator.simulations import MS
 from tests.messages import refusing
+from tests.one_example import one_example
 
 US = 72
 UP = ((1, 1),)
@@ -329,6 +331,7 @@ def stream(pulses: list[tuple[int, int]], turns: list[int], changes: Sequence[Le
     return pins(rises, widths, directions, (*POWER_UP, *sorted(changes, key=lambda change: change.counts)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 600_000), max_size=6))
 def test_pieces_make_no_difference(
@@ -368,6 +371,7 @@ def through(coupler: Coupler, edges: list[tuple[int, int]]) -> list[tuple[int, i
     return arriving
 
 
+@pytest.mark.slow
 @given(clk=DELAYS, direction=DELAYS, pulses=PULSES, turns=TURNS)
 def test_against_couplers_stepped_edge_by_edge(
     clk: Coupler, direction: Coupler, pulses: list[tuple[int, int]], turns: list[int]
@@ -397,3 +401,23 @@ def test_the_same_again_is_the_same() -> None:
     first, second = (recorded(driven(THREE_AMP, whole)) for _ in range(2))
     assert first == second
     assert all(first)
+
+
+def drawn(seed: int) -> tuple[list[tuple[int, int]], list[int], list[LevelChange], list[int]]:
+    """Return pulses, turns, changes of the other inputs, and cuts."""
+    draw = Random(seed)
+    pulses = [(draw.randint(1, 12_000), draw.randint(1, 12_000)) for _ in range(40)]
+    turns = draw.sample(range(500_000), 20)
+    changes = [
+        LevelChange(draw.randint(1, 500_000), draw.choice(list(TERMINALS)), draw.randint(0, 1)) for _ in range(4)
+    ]
+    return pulses, turns, changes, [draw.randint(0, 600_000) for _ in range(6)]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_pieces_of_one_stream_make_no_difference(module: Module) -> None:
+    one_example(test_pieces_make_no_difference, module, *drawn(1))
+    pulses, turns, *_ = drawn(2)
+    one_example(
+        test_against_couplers_stepped_edge_by_edge, Coupler(9_000, 60_000), Coupler(5_000, 2_000), pulses, turns
+    )

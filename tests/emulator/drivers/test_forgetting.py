@@ -1,6 +1,7 @@
 """A driver whose history is taken in pieces: the pieces together are the whole history, and memory stays bounded."""
 
 from dataclasses import replace
+from random import Random
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from steptwin.protocol.drivers import Cooling, Coupler, Fact
 from steptwin.protocol.drivers.tb6560 import SLOW_BLUE_BOARD, THREE_AMP_MODULE, tb6560
 from tests.emulator.pins import CHIP, POWER_UP, TERMINALS, WIRES, at, cut, pins
 from tests.emulator.simulations import MS
+from tests.one_example import one_example
 
 END = 2_000_000
 CRUMB = Cooling(resistance_k_per_w=300, capacity_j_per_k=1e-5)
@@ -68,6 +70,7 @@ def together(pieces: list[History]) -> History:
     return History(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=CUTS)
 @example(pulses=[(1, 1)], turns=[72002], changes=[LevelChange(1, Rail.VM, 0)], cuts=[72002, 72003])
@@ -149,3 +152,14 @@ def test_a_change_that_comes_after_pulses_of_its_tick_is_told_with_the_next_piec
     assert second.outputs[:, 0].tolist() == [18_000]
     assert second.outputs[0, 3:].tolist() == [0, 0]
     assert first.outputs[-1, 1] == second.outputs[0, 1]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_the_pieces_of_one_stream_are_the_whole(module: Module) -> None:
+    draw = Random(1)
+    pulses = [(draw.randint(1, 60_000), draw.randint(1, 12_000)) for _ in range(30)]
+    changes = [
+        LevelChange(draw.randint(1, END // 2), draw.choice(list(TERMINALS)), draw.randint(0, 1)) for _ in range(3)
+    ]
+    cuts = [draw.randint(0, END) for _ in range(8)]
+    one_example(test_the_pieces_are_the_whole, module, pulses, draw.sample(range(END // 2), 20), changes, cuts)

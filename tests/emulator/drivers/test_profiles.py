@@ -144,6 +144,17 @@ def test_others_ask_for_no_time_after_enable(name: str) -> None:
     assert made(name, (SETTLED,), steps=1, enable=SETTLED - 1) == []
 
 
+@pytest.mark.parametrize(("early_counts", "steps"), [(0, 0), (1, 0), (46, 0), (47, 1)])
+def test_enabled_again_before_a_step(early_counts: int, steps: int) -> None:
+    """Within one stretch, after a second in which it was enabled: the 650 ns begin anew, also in the very count."""
+    driver = Driver(fitted(PROFILES["drv8825"], 8))
+    driver.feed(pins(changes=SUPPLY, until=UP + 1))
+    changes = (*at(SETTLED - 9000, ENABLE=0), *at(SETTLED - early_counts, ENABLE=1))
+    driver.feed(pins((SETTLED,), changes=changes, until=SETTLED + 9000))
+    assert driver.steps[0].size == steps
+    assert driver.violations.rules() == [Rule.ENABLE_SETUP] * (1 - steps)
+
+
 @pytest.mark.parametrize(
     ("name", "ns"), [("a4988", 1_000_000), ("drv8825", 1_700_000), ("a3967", 1_000_000), (GENERIC, 5_000_000)]
 )

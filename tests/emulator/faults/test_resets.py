@@ -88,7 +88,9 @@ def test_the_nodes_announce_themselves_when_the_firmware_runs_again(
 
 
 @pytest.mark.parametrize("drivers", QUICK_WITH_16)
-@pytest.mark.parametrize("off_ms", [0, 0.09, 0.3, 1.7])
+@pytest.mark.parametrize(
+    "off_ms", [pytest.param(0, marks=pytest.mark.slow), 0.09, 0.3, pytest.param(1.7, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("down", [BrownOut(20), WatchdogReset()])
 def test_no_pulse_comes_after_it_and_only_the_last_one_may_break_limits(
     fast_kernel: Kernel, drivers: str, off_ms: float, down: Operation

@@ -25,6 +25,7 @@ from tests.emulator.faults.wires_rig import Rig
 from tests.emulator.pins import CHIP
 from tests.emulator.simulations import NODE, STEP, wait
 from tests.messages import refusing
+from tests.one_example import one_example
 
 END = 20_000
 WHOLE, BROKEN, LOW, HIGH = WireState
@@ -88,6 +89,7 @@ def dir_turns(told: list[TerminalEdges]) -> list[int]:
     return [turn for each in told for turn in each.dir_counts.tolist()]
 
 
+@pytest.mark.slow
 @given(turns=TURNS, step=NOISES, direction=st.none() | NOISES, cuts=INSTANTS)
 def test_noise_turns_the_level_over_however_time_is_divided(
     turns: Turns, step: Noise, direction: Noise | None, cuts: list[int]
@@ -291,3 +293,10 @@ def seen_steps(rig: Rig) -> int:
     tick_counts = (rig.board.firmware.motion.tick - 1) * TICK_COUNTS
     trace = rig.board.trace(0)
     return int(trace.step_signs[trace.step_counts < tick_counts].sum())
+
+
+@pytest.mark.parametrize("count", [None, 3])
+def test_some_noise_turns_the_level_over(count: int | None) -> None:
+    step, direction = Noise(70_000.0, 900, count, seed=1), Noise(20_000.0, 5_000, None, seed=2)
+    turns = Turns([100, 2_500, 9_000, 9_001, 15_000, 18_000], [50, 7_000, 16_000])
+    one_example(test_noise_turns_the_level_over_however_time_is_divided, turns, step, direction, [3_000, 9_001, 15_500])

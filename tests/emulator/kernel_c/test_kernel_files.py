@@ -23,8 +23,13 @@ from steptwin.host.cli.app import run
 from tests.emulator.kernel_c import native_kernel
 from tests.emulator.kernel_c.scenarios import play, scenario
 from tests.kernel_forms import FORMS, kernel_form
+from tests.one_example import one_example
 
 SEEDS: Final = range(120)
+SOME_OR_THE_OTHERS: Final = pytest.mark.parametrize(
+    "seeds", [pytest.param(SEEDS[:12], id="some"), pytest.param(SEEDS[12:], id="others", marks=pytest.mark.slow)]
+)
+"""The scenarios of a cheap and of a slow test."""
 WHOLE: Final = 1 << 20
 """More ticks than any scenario has: each phase is one call."""
 STRUCTURES: Final = {
@@ -51,6 +56,7 @@ def compiled(compiler: str, folder: Path, *arguments: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_compilers_are_silent(folder: Path, compiler: str) -> None:
     assert {"-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wsign-conversion", "-Werror"} <= set(WARNINGS)
@@ -58,7 +64,7 @@ def test_compilers_are_silent(folder: Path, compiler: str) -> None:
 
 
 def test_the_example_runs(folder: Path) -> None:
-    compiled("gcc", folder, "-O1", "main.c", "steptwin_kernel.c", "-o", "example")
+    compiled("gcc", folder, "-O0", "main.c", "steptwin_kernel.c", "-o", "example")
     done = subprocess.run([folder / "example"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     edges = [line.split()[0] for line in done.stdout.splitlines()]
@@ -71,11 +77,12 @@ def of_plain_python(seed: int) -> tuple[object, ...]:
     return play(python_kernel(), scenario(seed), WHOLE)
 
 
+@SOME_OR_THE_OTHERS
 @pytest.mark.parametrize("name", [name for name in FORMS if name != "python"])
-def test_random_scenarios_whole_and_tick_by_tick(name: str) -> None:
+def test_random_scenarios_whole_and_tick_by_tick(name: str, seeds: range) -> None:
     """On this machine with gcc's sanitizer and all bounds checked, and on the emulated core."""
     events: set[int] = set()
-    for seed in SEEDS:
+    for seed in seeds:
         expected = of_plain_python(seed)
         assert play(kernel_form(name), scenario(seed), WHOLE) == expected
         assert play(kernel_form(name), scenario(seed), 1) == expected
@@ -83,6 +90,7 @@ def test_random_scenarios_whole_and_tick_by_tick(name: str) -> None:
     assert events == {k.EVENT_FINISHED, k.EVENT_UNDERRUN, k.EVENT_LATE_STEP}  # the scenarios have all that there is
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("right", "wrong", "says"),
     [
@@ -154,7 +162,8 @@ def test_the_bounds_of_the_header_are_read() -> None:
     assert (low[k.MICROSTEPS], high[k.MICROSTEPS]) == (1, 256)
 
 
-def test_every_cell_keeps_the_range_in_its_members_comment() -> None:
+@SOME_OR_THE_OTHERS
+def test_every_cell_keeps_the_range_in_its_members_comment(seeds: range) -> None:
     """In plain Python, where nothing overflows, before and after each tick of the scenarios."""
     limits = {structure: np.array(bounds(structure)) for structure in STRUCTURES}
 
@@ -171,7 +180,7 @@ def test_every_cell_keeps_the_range_in_its_members_comment() -> None:
         check("axis", axes)
         return answer
 
-    for seed in SEEDS:
+    for seed in seeds:
         assert play(replace(python_kernel(), advance=advance), scenario(seed), 1) == of_plain_python(seed)
 
 
@@ -200,6 +209,7 @@ DIVISORS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(numerator=NUMERATORS, divisor=DIVISORS)
 def test_divisions_against_python(divisions: ctypes.CDLL, numerator: int, divisor: int) -> None:
     assert divisions.divided(numerator, divisor) == numerator // divisor
@@ -207,8 +217,17 @@ def test_divisions_against_python(divisions: ctypes.CDLL, numerator: int, diviso
     assert divisions.floor_divided(negative, divisor) == negative // divisor
 
 
+@pytest.mark.slow
 @given(since_q16=st.integers(-k.FULL_RATE_Q16, 1020 << 16), n=st.integers(1, 1020))
 def test_the_parameter_of_a_segment_against_python(divisions: ctypes.CDLL, since_q16: int, n: int) -> None:
     rest = ctypes.c_int32()
     since_q16 = min(since_q16, n << 16)
     assert (divisions.parameter_of(since_q16, n, ctypes.byref(rest)), rest.value) == divmod(since_q16 << 14, n)
+
+
+@pytest.mark.parametrize("divisor", [1, 3, (1 << 20) - 1, 1 << 20, (1 << 32) - 1])
+def test_some_divisions(divisions: ctypes.CDLL, divisor: int) -> None:
+    for numerator in (0, divisor - 1, divisor, (1 << 32) - 1, 1 << 32, 18_000 << 32, (1 << 64) - 1):
+        one_example(test_divisions_against_python, divisions, numerator, divisor)
+    for since_q16 in (-k.FULL_RATE_Q16, -1, 0, 12_345_678):
+        one_example(test_the_parameter_of_a_segment_against_python, divisions, since_q16, 1 + divisor % 1020)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.live.control_server import LINE_MAX_BYTES, JsonLineSession
+from tests.one_example import one_example
 
 NO_OBJECT = 'the line is not a JSON object, such as {"do": "state"}'
 PIECES = st.one_of(
@@ -71,6 +72,7 @@ def test_a_line_has_a_greatest_length(length: int, closed: bool, end: bytes) -> 
         assert json.loads(session.outbox) == {"error": "the line has more than 1024 bytes"}
 
 
+@pytest.mark.slow
 @given(st.lists(PIECES, max_size=20))
 def test_pieces_do_not_matter(pieces: list[bytes]) -> None:
     apart, one_by_one = heard(*pieces)
@@ -79,3 +81,8 @@ def test_pieces_do_not_matter(pieces: list[bytes]) -> None:
     assert all(isinstance(request, dict) for request in apart)
     assert (one_by_one.closed, one_by_one.outbox) == (at_once.closed, at_once.outbox)
     assert bool(at_once.outbox) == at_once.closed
+
+
+def test_some_pieces_do_not_matter() -> None:
+    one_example(test_pieces_do_not_matter, [b'{"do": ', b'"state"}', b"\r\n", b"[1]\n{", b"}", b"\n\n", b"1e999"])
+    one_example(test_pieces_do_not_matter, [b'{"do": "state"}\n', b"[" * 900, b" " * 500, b"\n{}"])

@@ -23,6 +23,7 @@ from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_MS
 from tests.compiled import on_sources_only
 from tests.emulator.pins import WIRES
+from tests.one_example import one_example
 
 pytestmark = on_sources_only
 MS_NS: Final = 1_000_000
@@ -136,6 +137,7 @@ def run(beats: int, stalls: list[Stall]) -> Computer:
     return computer
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(STALLS)
 @example([(200 * MS_NS, 300 * MS_NS)])
@@ -149,6 +151,7 @@ def test_a_host_that_lives_is_not_missed(stalls: list[Stall]) -> None:
     assert computer.simulation.boards[0].trace(0).clk_rise_counts.size == 60
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(STALLS, st.integers(2, 10))
 def test_a_host_that_dies_is_missed_in_time(stalls: list[Stall], beats: int) -> None:
@@ -159,6 +162,7 @@ def test_a_host_that_dies_is_missed_in_time(stalls: list[Stall], beats: int) -> 
     assert 0 <= computer.errors[0] - last - TIMEOUT_MS * COUNTS_PER_MS <= 2 * TICK_COUNTS
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(STALLS, st.integers(1, 15))
 def test_a_stall_only_changes_which_instant_belongs_to_a_count(stalls: list[Stall], beats: int) -> None:
@@ -208,3 +212,10 @@ def test_its_clock_is_fine_on_every_system() -> None:
     assert inspect.signature(LiveLoop).parameters["clock_ns"].default is time.perf_counter_ns
     assert time.get_clock_info("perf_counter").monotonic
     assert time.get_clock_info("perf_counter").resolution <= 1e-6
+
+
+def test_stalls_of_a_host_that_lives_and_of_one_that_dies() -> None:
+    stalls = [(200 * MS_NS, 300 * MS_NS), (700 * MS_NS, STALL_NS + 1)]
+    one_example(test_a_host_that_lives_is_not_missed, stalls)
+    one_example(test_a_host_that_dies_is_missed_in_time, stalls, 4)
+    one_example(test_a_stall_only_changes_which_instant_belongs_to_a_count, stalls, 9)

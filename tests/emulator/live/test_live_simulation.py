@@ -27,6 +27,7 @@ from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.timer import COUNTS_PER_US
 from tests.compiled import on_sources_only
 from tests.emulator.pins import WIRES
+from tests.one_example import one_example
 
 MS_NS = 1_000_000
 TICK_NS = 250_000
@@ -82,6 +83,7 @@ DELAYS = st.lists(st.integers(0, 3 * MS_NS), min_size=14, max_size=14)
 WAKES = st.lists(st.integers(0, END_NS), max_size=60).map(sorted)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(DELAYS, WAKES)
 @example([MS_NS] * 14, [])
@@ -333,3 +335,7 @@ def test_it_does_not_grow_with_their_number(count: int) -> None:
     lateness = lateness_of([10**6 + i % 7 for i in range(count)])
     assert lateness.count == count
     assert len(lateness._counts) == 1  # noqa: SLF001
+
+
+def test_some_lateness_changes_nothing() -> None:
+    one_example(test_lateness_changes_nothing, [MS_NS] * 14, [10 * MS_NS, 11 * MS_NS, 90 * MS_NS])

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN, Pacer
 from tests.messages import refusing
+from tests.one_example import one_example
 
 COUNTS = st.integers(0, 1 << 56)
 """30 years."""
@@ -38,6 +39,7 @@ def test_the_first_nanosecond_of_a_count(start_ns: int, speed: float, counts: in
     assert pacer.counts_at(ns - 1) < counts
 
 
+@pytest.mark.slow
 @given(STARTS, SPEEDS, COUNTS, st.integers(0, 1 << 40))
 def test_while_it_stands_no_count_begins(start_ns: int, speed: float, counts: int, dt_ns: int) -> None:
     """The count at the end of the pause is that at its beginning, and all later ones begin later by it."""
@@ -59,3 +61,9 @@ def test_speeds_that_are_allowed(speed: float) -> None:
 def test_speeds_out_of_range(speed: float) -> None:
     with refusing(ValueError):
         Pacer(0, speed)
+
+
+@pytest.mark.parametrize("speed", [SPEED_MIN, 1.0, SPEED_MAX])
+def test_some_pauses(speed: float) -> None:
+    for counts, dt_ns in ((0, 1), (72_000_001, 1 << 40), (1 << 56, 0)):
+        one_example(test_while_it_stands_no_count_begins, 5_000, speed, counts, dt_ns)

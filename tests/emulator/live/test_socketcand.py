@@ -163,6 +163,7 @@ class TestJunk:
         talk(b"< open a >", text.encode("ascii"))
 
 
+@pytest.mark.slow
 @given(st.lists(FRAMES), st.booleans(), st.data())
 def test_splitting_changes_nothing(frames: list[Frame], junk: bool, data: st.DataObject) -> None:
     sends = [f"< send {f.cob_id:x} {len(f.data)} {f.data.hex(' ')} >".encode("ascii") for f in frames]
@@ -355,6 +356,7 @@ def test_windows_handles_are_no_numbers_of_files(
         assert client.recv(100).startswith(answer)
 
 
+@pytest.mark.slow
 def test_one_that_does_not_read_is_disconnected_and_no_one_else() -> None:
     """A fast bus fills its buffers: what the operating systems holds, and then what the server does."""
     with LiveRig(speed=50) as rig:

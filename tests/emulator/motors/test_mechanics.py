@@ -220,6 +220,7 @@ def refreshed_each_step() -> RotorBackend:
     return replace(python_rotors(), run=run)
 
 
+@pytest.mark.slow
 def test_masses_refreshed_each_ms_are_fresh_enough() -> None:
     """Two links fling each other, the elbow through 40 degrees in 80 ms: load angles within 0.5 degrees."""
     motor, milliseconds = CATALOGUE["17HS19-2004S1"], 80

@@ -91,6 +91,7 @@ def test_slips_at_standstill_are_whole_electrical_turns() -> None:
     assert rotors.first_slips()[0] is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fast", [0.25, 1.0])
 def test_a_motion_agrees_with_a_solver_of_differential_equations(fast: float) -> None:
     """Load angle within 2 degrees electrical of an adaptive solver, which knows nothing of steps of 10 us."""

@@ -71,6 +71,7 @@ def chopped_nm(motor: Motor, supply: DriveSupply, rpm: float) -> float:
     return float(total.max() / (steps - steps * 5 // 6) - motor.drag_nm_s * speed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fast_decay", [0.25, 1.0])
 @pytest.mark.parametrize("rpm", [300.0, 600.0])
 def test_the_averaged_chopper_is_near_one_that_switches(fast_decay: float, rpm: float) -> None:

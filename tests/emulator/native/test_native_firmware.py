@@ -14,6 +14,7 @@ from steptwin.emulator.faults.machine import EmergencyStop, Supply
 from steptwin.emulator.native import FirmwareError, interface_files
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
@@ -24,7 +25,6 @@ GCC = shutil.which("gcc") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(GCC is None, reason="no C compiler is installed")
 
 ROBOT = load_robot("teaching-scara")
-MOTION = plan(ROBOT, make_job(ROBOT, "carry", {}))
 NODES = range(0x10, 0x14)
 SET_POINT_MS = 5
 QUEUED = 4
@@ -54,14 +54,19 @@ def example(build: Build) -> Path:
     return build("example.c", "steptwin_hal.c")
 
 
-def carry(example: Path, *axes_per_board: int) -> BoardUnderTest:
+@pytest.fixture(scope="module")
+def motion() -> Plan:
+    return plan(ROBOT, make_job(ROBOT, "carry", {}))
+
+
+def carry(example: Path, motion: Plan, *axes_per_board: int) -> BoardUnderTest:
     """Let the example make the job's motion, by a set-point each 5 ms."""
-    board = BoardUnderTest(ROBOT, firmware=example, stand_at=MOTION.start_joints, axes_per_board=axes_per_board or None)
+    board = BoardUnderTest(ROBOT, firmware=example, stand_at=motion.start_joints, axes_per_board=axes_per_board or None)
     for node in NODES:
         board.network.send_message(0x280 + node, b"\x01")
     board.wait(0.05)
-    ends_s = np.arange(1, round(MOTION.trajectory.duration_s * 1000) // SET_POINT_MS + 1) * SET_POINT_MS / 1000
-    steps = np.rint(MOTION.trajectory.positions(np.append(0.0, ends_s)) * ROBOT.steps_per_unit).astype(np.int64)
+    ends_s = np.arange(1, round(motion.trajectory.duration_s * 1000) // SET_POINT_MS + 1) * SET_POINT_MS / 1000
+    steps = np.rint(motion.trajectory.positions(np.append(0.0, ends_s)) * ROBOT.steps_per_unit).astype(np.int64)
     begin_s = board.now_s()
     for number, targets in enumerate(steps[1:] - steps[0]):
         for node, target in zip(NODES, targets.tolist(), strict=True):
@@ -73,18 +78,33 @@ def carry(example: Path, *axes_per_board: int) -> BoardUnderTest:
     return board
 
 
-@pytest.mark.parametrize("axes_per_board", [(), (2, 2)])
-def test_the_example_makes_every_step_of_a_job(example: Path, axes_per_board: tuple[int, ...]) -> None:
-    board = carry(example, *axes_per_board)
-    report = board.verify(MOTION.trajectory, tolerance_steps=2.0)
+@pytest.fixture(scope="module")
+def carried(example: Path, motion: Plan) -> BoardUnderTest:
+    return carry(example, motion)
+
+
+def test_the_example_makes_every_step_of_a_job(carried: BoardUnderTest, motion: Plan) -> None:
+    makes_every_step(carried, motion)
+
+
+@pytest.mark.slow
+def test_it_makes_them_on_two_boards(example: Path, motion: Plan) -> None:
+    makes_every_step(carry(example, motion, 2, 2), motion)
+
+
+def makes_every_step(board: BoardUnderTest, motion: Plan) -> None:
+    report = board.verify(motion.trajectory, tolerance_steps=2.0)
     assert report.reasons == ()
     assert [axis.steps_end - axis.steps_start for axis in report.axes] == [-1064, 3064, 0, -1000]
     assert board.violations() == []
     assert {frame.cob_id for _, frame in board.bus_log} >= {0x300 + node for node in NODES}
 
 
-def test_it_is_the_same_each_time_and_is_kept(example: Path, tmp_path: Path) -> None:
-    first, second = (carry(example) for _ in range(2))
+@pytest.mark.slow
+def test_it_is_the_same_each_time_and_is_kept(
+    example: Path, motion: Plan, carried: BoardUnderTest, tmp_path: Path
+) -> None:
+    first, second = carried, carry(example, motion)
     for joint in ROBOT.joint_names:
         one, other = first.pins(joint), second.pins(joint)
         assert np.array_equal(one.clk_rise_counts, other.clk_rise_counts)
@@ -118,9 +138,10 @@ def test_the_emergency_stop_and_a_power_cycle(example: Path) -> None:
 
 # --- what is broken
 
+HANGS = 2
 BROKEN = {
     1: "is made for interface 99, and this is 1",
-    2: "st_run has not returned for 5 s: does it loop?",
+    2: "st_run has not returned for 1 s: does it loop?",
     3: "st_run crashed: SIGABRT",
     4: "st_run went back in time: it returned at",
     5: "st_run ran beyond",
@@ -133,8 +154,10 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("way", BROKEN)
-def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build) -> None:
+@pytest.mark.parametrize("way", [pytest.param(way, marks=pytest.mark.live if way == HANGS else []) for way in BROKEN])
+def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    if way == HANGS:
+        monkeypatch.setattr("steptwin.emulator.native.HANGS_S", 1.0)
     library = build("broken.c", BREAK=way)
     with pytest.raises((FirmwareError, InputError)) as error:
         BoardUnderTest(ROBOT, firmware=library).wait(1.0)
@@ -142,7 +165,7 @@ def test_a_broken_firmware_ends_with_a_sentence(way: int, build: Build) -> None:
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, motion: Plan, tmp_path: Path) -> None:
     text = tmp_path / "fw.so"
     text.write_text("no library", encoding="utf-8")
     with refusing(InputError):
@@ -150,6 +173,6 @@ def test_a_file_that_is_no_library_and_what_needs_our_firmware(example: Path, tm
     with refusing(InputError):
         BoardUnderTest(ROBOT, firmware="none")
     with refusing(InputError):
-        execute(MOTION, "carry", firmware=example)
+        execute(motion, "carry", firmware=example)
     with refusing(InputError):
         BoardUnderTest(ROBOT, firmware=example, scenario=[EmergencyStop(pressed=True)])

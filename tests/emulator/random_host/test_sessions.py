@@ -26,9 +26,11 @@ from tests.emulator.simulations import MS, STEP
 pytestmark = on_sources_only
 CASES = sorted((Path(__file__).parent / "cases").glob("*.jsonl"))
 """Sessions that once failed, shortened; docs/random-host.md says how."""
+OTHERS = [*range(9, 32), REPEATED]
+"""Sessions that `make test` leaves out."""
 
 
-@pytest.mark.parametrize("seed", [*range(1, 32), REPEATED])
+@pytest.mark.parametrize("seed", [*range(1, 9), *(pytest.param(seed, marks=pytest.mark.slow) for seed in OTHERS)])
 def test_random_sessions_hold(seed: int) -> None:
     outcome = trial(seed)
     assert not outcome.fault, f"python -m tests.emulator.random_host --seed {seed} --shrink"
@@ -40,11 +42,11 @@ def test_sessions_that_once_failed_hold(case: Path) -> None:
 
 
 def test_a_session_makes_pulses() -> None:
-    assert sum(trial(seed).pulses for seed in range(1, 5)) > 1000
+    assert sum(trial(seed).pulses for seed in (2, 3)) > 1000
 
 
 def test_the_same_seed_gives_the_same_session() -> None:
-    assert trial(7).session == trial(7).session
+    assert trial(3).session == trial(3).session
 
 
 def test_a_session_survives_its_file(tmp_path: Path) -> None:
@@ -95,6 +97,7 @@ def enabled_twice() -> Session:
     return Session(setup, (*steps, Step(1000 * MS, Pause())))
 
 
+@pytest.mark.slow
 def test_shrinking_leaves_only_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ProfileVelocity, "void_target", lambda _mode: None)
     session = enabled_twice()

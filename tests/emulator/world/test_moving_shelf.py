@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig, ShelfEventKind, SpotConfig
+from tests.one_example import one_example
 
 STRIKER: Point = (675.0, 170.0, 160.0)
 OTHER: Point = (1075.0, 170.0, 160.0)
@@ -268,6 +269,7 @@ PLACES = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(PLACES, st.booleans(), st.booleans()), max_size=60), st.sampled_from([(), ("A1",), ("B1",)]))
 def test_no_box_comes_from_nothing(steps: list[tuple[Point, bool, bool]], locked: tuple[str, ...]) -> None:
     """Whatever the hand does: each box is in one place or lost by a fault, and drawers stay within their ways."""
@@ -283,3 +285,10 @@ def test_no_box_comes_from_nothing(steps: list[tuple[Point, bool, bool]], locked
         fed = sum(event.where == "feeder" and event.kind is ShelfEventKind.TAKEN for event in shelf.events) + 1
         all_boxes = ["screws", "nuts", "gear", *(f"feeder-{number}" for number in range(1, fed + 1))]
         assert sorted(there + lost + left) == sorted(all_boxes)
+
+
+def test_no_box_comes_from_nothing_on_some_ways() -> None:
+    ways = [(NOWHERE, False, False), (FEEDER, False, True), (TABLE, False, True), (TABLE, False, False)]
+    there = [(point, False, magnet) for point, _, magnet in reversed(ways)]
+    for locked in ((), ("B1",)):
+        one_example(test_no_box_comes_from_nothing, [*ways, *there, *ways], locked)

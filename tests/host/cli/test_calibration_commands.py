@@ -225,6 +225,7 @@ class TestMeasure:
 
 
 class TestTheActualTool:
+    @pytest.mark.slow
     def test_check_of_the_corrected_file_says_how_far_away_it_is(
         self, folder: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
@@ -248,6 +249,7 @@ class TestTheActualTool:
         assert actual.startswith("actual: x 309.523326 mm, ")
         assert off == "2.663668 mm away, tilted by 0.060000 deg, by the dh_errors of the robot's file"
 
+    @pytest.mark.slow
     def test_a_run_makes_the_same_pulses_and_says_both(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         """The errors are in no pulse and in no frame; the report and the verdict of the folder know them."""
         options = (str(folder / "motion.csv"), "--kernel", "python", "--out")

@@ -64,6 +64,7 @@ def test_a_folder_of_a_capture_that_failed_fails_again_for_the_same_reasons(
     assert (code, json.loads(said)["reasons"]) == (1, first["reasons"])
 
 
+@pytest.mark.slow
 def test_without_a_plan_and_by_every_driver(carry: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said, _ = told(
         capsys, "verify", "--capture", str(carry / "a.sr"), *MAPS, "--robot", "teaching-scara", "--json"

@@ -40,10 +40,10 @@ def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, capsys: pytest
     assert told == ["is a campaign, which names its robots: leave lab-scara out"]
 
 
-def test_twenty_thousand_scenarios_are_checked_in_one_motion_of_the_robot(
+def test_many_scenarios_are_checked_in_one_motion_of_the_robot(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A motion planned for each of them took a quarter of an hour."""
+    """A motion planned for each of twenty thousand took a quarter of an hour."""
     planned: list[str] = []
     moves = trial.random_moves
 
@@ -55,7 +55,7 @@ def test_twenty_thousand_scenarios_are_checked_in_one_motion_of_the_robot(
     head = SMALL[: SMALL.index("[[scenario]]")]
     fault = '[[scenario]]\nname = "{}"\n[[scenario.fault]]\ndo = "estop"\npressed = true\nat_s = 0.1\n'
     file = tmp_path / "many.toml"
-    file.write_text(head + "".join(fault.format(number) for number in range(20_000)), encoding="utf-8")
+    file.write_text(head + "".join(fault.format(number) for number in range(200)), encoding="utf-8")
     told = run_json(capsys, "check", str(file))
-    assert (len(told["scenarios"]), told["scenarios"][-1]["share"]) == (20_000, 0.00005)
+    assert (len(told["scenarios"]), told["scenarios"][-1]["share"]) == (200, 0.005)
     assert planned == ["teaching-scara"]

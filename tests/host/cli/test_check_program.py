@@ -90,8 +90,14 @@ def test_steps_that_are_too_fast_are_told_with_the_stretch_that_does(
     assert second.startswith(f"{program}: step 2 (by z -50): d3: a speed of ")
     assert advice.startswith(f"{program}: or the whole program: ")
     assert advice.endswith("; --stretch auto finds it")
+
+
+def test_a_program_that_is_too_fast_does_not_run(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program.write_text(FAST, encoding="utf-8")
+    first = f"{program}: step 1 (go to th1 60): th1: a speed of "
     told = refusal(capsys, "run", "teaching-scara", str(program))
-    assert told.startswith(f"{first}; 1 more step is too fast; or the whole program: ")
+    assert told.startswith(first)
+    assert "; 1 more step is too fast; or the whole program: " in told
     told = refusal(capsys, "run", "teaching-scara", str(program), "--stretch", "1.01")
     assert told.startswith(f"{program}: step 1 (go to th1 60): th1: ")
 

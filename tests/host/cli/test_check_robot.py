@@ -85,6 +85,7 @@ def findings_of(changes: Mapping[str, str]) -> list[str]:
     return sorted(caught.value.messages)
 
 
+@pytest.mark.slow
 def test_no_mistake_hides_another() -> None:
     """Any two mistakes are found as each is alone: nothing more, and nothing less."""
     alone = {old: findings_of({old: new}) for old, new in MISTAKES.items()}
@@ -237,7 +238,7 @@ def test_a_file_of_no_kind(arm: Path, capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(
     ("joints", "task", "told"),
     [
-        (6, "pose", None),
+        pytest.param(6, "pose", None, marks=pytest.mark.slow),
         (
             5,
             "pose",

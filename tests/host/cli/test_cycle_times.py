@@ -26,6 +26,7 @@ def program(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 def test_more_torque_left_takes_longer_and_a_stronger_motor_is_faster(
     program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

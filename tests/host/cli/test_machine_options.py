@@ -42,6 +42,7 @@ def test_commands_show_them_in_a_box(command: str, without: set[str], capsys: py
     assert ("--connect" in found.get("Live board", ())) == (command == "run")
 
 
+@pytest.mark.slow
 def test_a_run_on_two_boards(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["run", "teaching-scara", "carry", "--boards", "3,1", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -41,6 +41,12 @@ CASES: list[tuple[str, dict[str, str]]] = [
 ]
 
 
+def is_dear(kind: str, options: dict[str, str]) -> bool:
+    """Return whether a robot is one of many alike, or takes long to be checked, as arms of six joints do."""
+    alike = options.get("driver_profile", "a4988") != "a4988"
+    return alike or kind in ("warehouse-scara", "hybrid-arm") or (kind == "chain" and "joints" not in options)
+
+
 def short_move(robot_file: Path) -> str:
     """Return a CSV in which every joint goes from home to a little further into its range."""
     robot = load_robot_file(str(robot_file))
@@ -51,7 +57,11 @@ def short_move(robot_file: Path) -> str:
 
 
 @pytest.mark.parametrize(
-    ("kind", "options"), CASES, ids=lambda case: str(case) if isinstance(case, str) else "-".join(case.values())
+    ("kind", "options"),
+    [
+        pytest.param(*case, id="-".join([case[0], *case[1].values()]), marks=pytest.mark.slow if is_dear(*case) else ())
+        for case in CASES
+    ],
 )
 def test_every_kind_makes_a_robot_that_runs(
     kind: str, options: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -95,6 +105,7 @@ def test_the_arm_of_200_and_150_mm_with_a_4_mm_screw() -> None:
     assert "speed_max = 30.0         # mm/s, 12000 steps/s\n" in text
 
 
+@pytest.mark.slow
 @given(st.floats(0.5, 100.0), st.sampled_from([1, 2, 8, 16]), st.floats(0.2, 200.0), st.sampled_from([1, 2, 8, 16]))
 def test_the_driver_and_the_motor_follow_every_highest_speed(
     lead_mm: float, lift_microsteps: int, ratio: float, arm_microsteps: int
@@ -126,6 +137,7 @@ def test_motors_are_comments_that_only_need_to_be_uncommented(kind: str) -> None
     assert all(joint.motor is not None and joint.link is not None for joint in driven.joints)
 
 
+@pytest.mark.slow
 def test_a_gantry_with_a4988_holds_its_highest_speed_by_torque(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -251,6 +263,7 @@ def test_a_robot_file_ends_in_toml(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out.endswith(f"look at it with: steptwin check '{tmp_path / 'a b.toml'}'\n")
 
 
+@pytest.mark.slow
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     """A wrong answer is asked for again; an empty one is the usual value; what makes no robot is asked for again."""
     with Terminal([*PROGRAM, "new", "my-arm.toml", "--set", "base_mm=90"], tmp_path) as terminal:
@@ -281,7 +294,9 @@ def test_every_number_has_a_comment_or_a_plain_name() -> None:
         assert all(" # " in line for line in lines)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in robot_names() else ()) for kind in KINDS]
+)
 def test_every_kind_is_homed_as_it_stands(kind: str, fast_kernel: Kernel) -> None:
     """A board is made for the file; all axes find their limit switches, go to home and are fit to move."""
     robot = read_robot(robot_text("mine", kind, *with_settings(kind, {})))

@@ -29,6 +29,9 @@ def test_the_folder_of_a_run(carry_run: Path, capsys: pytest.CaptureFixture[str]
         f"the replay's report, edges and bus log are in {tmp_path}/",
     ]
     assert (tmp_path / BUS_LOG).read_bytes() == (carry_run / BUS_LOG).read_bytes()
+
+
+def test_the_log_of_a_run_is_compared_with_the_folder(carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = run_json(capsys, "replay", str(carry_run / BUS_LOG), "teaching-scara")
     assert document["equal"]
     assert document["against"] == str(carry_run)

@@ -118,6 +118,7 @@ def at_work(fast_kernel: Kernel) -> Real:
     return real
 
 
+@pytest.mark.slow
 def test_it_joins_a_machine_that_runs(
     at_work: Real, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -138,6 +139,7 @@ def test_it_joins_a_machine_that_runs(
     assert len(bus.sent) == 4 * 206
 
 
+@pytest.mark.slow
 def test_a_slip_is_found_as_after_a_boot_up(
     at_work: Real, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,6 +155,7 @@ def test_a_slip_is_found_as_after_a_boot_up(
     assert found["error_steps"] == pytest.approx(-320, abs=3)
 
 
+@pytest.mark.slow
 def test_it_joins_a_board_that_nobody_has_led_yet(
     fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,7 @@ def tables(draw: st.DrawFn) -> tuple[list[list[str]], int]:
     return draw(st.lists(row, min_size=1, max_size=4)), text_columns
 
 
+@pytest.mark.slow
 @given(tables(), st.integers(10, 120))
 def test_columns_shrink_no_further_than_to_their_longest_words(table: tuple[list[list[str]], int], width: int) -> None:
     cells, text_columns = table
@@ -36,6 +37,7 @@ def test_columns_shrink_no_further_than_to_their_longest_words(table: tuple[list
         assert widths == column_widths(0, cells, text_columns)
 
 
+@pytest.mark.slow
 @given(tables(), st.integers(10, 120))
 def test_parts_hold_every_number_once_and_fit_if_they_can(table: tuple[list[list[str]], int], width: int) -> None:
     cells, text_columns = table

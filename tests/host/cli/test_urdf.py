@@ -36,6 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_a_robot_of_a_urdf_runs(capsys: pytest.CaptureFixture[str]) -> None:
     document = run_json(capsys, "new", "arm.toml", "--urdf", "arm.urdf", "--set", "J1.ratio=50")

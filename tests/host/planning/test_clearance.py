@@ -60,6 +60,7 @@ def free_mm(boxes: list[Box], joints: FloatArray) -> FloatArray:
     return np.asarray(np.min(distances, axis=0) - RADIUS_MM)
 
 
+@pytest.mark.slow
 @given(st.lists(COORDINATES, min_size=6, max_size=6), st.tuples(COORDINATES, COORDINATES, COORDINATES))
 def test_the_distance_of_a_box_from_a_line(ends: list[float], corner: tuple[float, float, float]) -> None:
     """No point of the line is nearer than the one found, and the point found has the distance told."""
@@ -87,6 +88,7 @@ def joints_between(number: int) -> st.SearchStrategy[float]:
 POSITIONS = st.tuples(*(joints_between(number) for number in range(6)))
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(POSITIONS, POSITIONS)
 def test_nothing_slips_through_on_any_way(start: tuple[float, ...], goal: tuple[float, ...]) -> None:

@@ -44,6 +44,7 @@ def test_derivatives_are_those_of_the_poses(smoothing: Smoothing) -> None:
     assert even.derivatives(s_mm) == pytest.approx(differences, abs=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(PLACES, st.sampled_from(Smoothing))
 def test_any_curve_is_even_or_refused(places: list[tuple[int, int, int]], smoothing: Smoothing) -> None:

@@ -87,6 +87,7 @@ class TestArc:
         assert np.rad2deg(arc.sweep_rad) == pytest.approx(sweep_deg)
         assert arc.length_mm == pytest.approx(10.0 * np.deg2rad(sweep_deg))
 
+    @pytest.mark.slow
     @given(st.tuples(*[st.floats(-100.0, 100.0)] * 9))
     def test_through_three_points_anywhere(self, numbers: tuple[float, ...]) -> None:
         """The arc begins at the first point, ends at the third and passes the second in between."""

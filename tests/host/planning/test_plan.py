@@ -1,6 +1,7 @@
 """How much faster a motion may be executed: what is stated passes as a plan of that time, and hardly more does."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from hypothesis import given, settings
@@ -24,38 +25,42 @@ def tireless(robot: Robot) -> Robot:
     return replace(robot, joints=joints)
 
 
+ROBOTS = {"joints": ROBOT, "driver": tireless(ROBOT)}
+"""Robots by what limits their speeds."""
+
+
 def turned(duration_s: float, robot: Robot = ROBOT, law: type[Cubic] = Cubic) -> Plan:
     goal = (60.0, 10.0, 0.0, 0.0)
     return plan(robot, JointMove(robot.joint_names, START, goal, law(1.0, duration_s)))
 
 
-def shortest_s(robot: Robot) -> float:
+@cache
+def shortest_s(name: str) -> float:
     """Return the least whole number of milliseconds in which the turn passes."""
     low_ms, high_ms = 1, 20_000
     while high_ms - low_ms > 1:
         middle_ms = (low_ms + high_ms) // 2
         try:
-            turned(middle_ms / 1000, robot)
+            turned(middle_ms / 1000, ROBOTS[name])
             high_ms = middle_ms
         except InputError:
             low_ms = middle_ms
     return high_ms / 1000
 
 
-@pytest.mark.parametrize("robot", [ROBOT, tireless(ROBOT)], ids=["joints", "driver"])
+@pytest.mark.parametrize("name", ROBOTS)
 @settings(max_examples=25, deadline=None)
 @given(percent=st.integers(100, 160))
-def test_what_is_stated_passes_and_hardly_more_does(robot: Robot, percent: int) -> None:
+def test_what_is_stated_passes_and_hardly_more_does(name: str, percent: int) -> None:
     """A motion in `percent` of its shortest time may be as much faster: within the rounding to percents and points."""
-    shortest = shortest_s(robot)
-    found = highest_speed(turned(round(shortest * percent / 100, 3), robot))
+    found = highest_speed(turned(round(shortest_s(name) * percent / 100, 3), ROBOTS[name]))
     assert found.percent == pytest.approx(min(150, percent), abs=1)
     assert (found.by == "this is the highest speed") is (found.percent == 150)
 
 
 def test_a_slow_motion_may_be_half_as_fast_again_and_one_at_its_limit_no_faster() -> None:
     assert highest_speed(turned(60.0)) == (150, "this is the highest speed")
-    at_limit = highest_speed(turned(shortest_s(ROBOT)))
+    at_limit = highest_speed(turned(shortest_s("joints")))
     assert at_limit.percent == 100
     assert at_limit.by.startswith("th1: ")
 

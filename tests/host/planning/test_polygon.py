@@ -61,6 +61,7 @@ def test_a_point_that_is_missed_is_one_although_the_line_is_kept() -> None:
     assert found["th1"].t_s == 1.0
 
 
+@pytest.mark.slow
 def test_the_nearest_place_is_the_nearest_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Against a search over places 1/20 000 of the line apart, one piece of a few instants after the other."""
     monkeypatch.setattr(polygon_module, "_CHUNK", 7)

@@ -70,6 +70,7 @@ def test_windows_change_no_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ", by up to 20 deg" in whole
 
 
+@pytest.mark.slow
 def test_an_hour_is_the_longest_motion() -> None:
     motion = Composer(TEACHING, np.array(TEACHING.home))
     motion.pause(3599.0)

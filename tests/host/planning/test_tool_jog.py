@@ -19,7 +19,7 @@ from steptwin.host.robots.robot import Robot
 from tests.host.planning.test_tool_step import ROBOTS, STANDING, poses, standing
 from tests.messages import refusing
 
-DIRECTIONS = [("x", -1.0), ("y", 1.0), ("z", -1.0)]
+DIRECTIONS = [("x", -1.0), pytest.param("y", 1.0, marks=pytest.mark.slow), ("z", -1.0)]
 
 
 @pytest.mark.parametrize(("axis", "sign"), DIRECTIONS)
@@ -68,6 +68,7 @@ def test_bad_jogs_are_refused() -> None:
         plan_tool_jog(robot, top, "z", 10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", StepFrame)
 def test_a_six_axis_arm_turns_on_the_spot_at_the_speed_that_was_asked_for(frame: StepFrame) -> None:
     robot = load_robot("ar4-mk3")
@@ -79,6 +80,7 @@ def test_a_six_axis_arm_turns_on_the_spot_at_the_speed_that_was_asked_for(frame:
     assert rates.max() == pytest.approx(8.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_jog_that_is_refused_names_the_joint() -> None:
     """By the least way: that the end of a long one were out of reach would be no reason."""
     robot = load_robot("ar4-mk3")

@@ -38,7 +38,10 @@ BENT = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
 """A joint position of each robot from which its tool can go in all directions."""
 ROBOTS = [load_robot(name) for name in STANDING]
 AXES = ("x", "y", "z", "phi")
-CENTIMETRES = [(axis, distance) for axis in AXES for distance in (10.0, -10.0)]
+CENTIMETRES = [
+    *(("x", 10.0), ("y", -10.0), ("z", 10.0), ("phi", -10.0)),
+    *(pytest.param(*way, marks=pytest.mark.slow) for way in (("x", -10.0), ("y", 10.0), ("z", -10.0), ("phi", 10.0))),
+]
 
 
 def rounded(robot: Robot, joints: list[float]) -> list[float]:
@@ -74,7 +77,7 @@ def test_the_tool_moves_along_one_axis_alone(robot: Robot, axis: str, distance: 
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=list(STANDING))
-@pytest.mark.parametrize("percent", [1.0, 20.0, 100.0])
+@pytest.mark.parametrize("percent", [pytest.param(1.0, marks=pytest.mark.slow), 20.0, 100.0])
 def test_the_speed_is_the_wanted_part_unless_a_joint_is_slower(robot: Robot, percent: float) -> None:
     for axis, highest in (("x", SPEED_MAX_MM_S), ("z", SPEED_MAX_MM_S), ("phi", TURN_SPEED_MAX_DEG_S)):
         plan = planned(robot, axis, 20.0, percent)
@@ -96,8 +99,11 @@ def test_there_and_back(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("robot", ROBOTS, ids=list(STANDING))
+@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "robot",
+    [pytest.param(robot, id=robot.name, marks=pytest.mark.slow if robot.shelf else ()) for robot in ROBOTS],
+)
 def test_what_is_said_to_pass_passes_and_a_tenth_more_does_not(
     robot: Robot, axis: str, sign: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -204,7 +210,7 @@ def turn_about(axis: int, angle_deg: float) -> FloatArray:
     return turn
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("frame", StepFrame)
 def test_a_six_axis_arm_moves_along_and_turns_about_each_axis(frame: StepFrame, axis: int, sign: float) -> None:
@@ -233,6 +239,7 @@ def test_a_refused_step_along_the_tool_says_so() -> None:
     assert complaint.endswith("; not even 0.1 passes in this direction: jog a joint first")
 
 
+@pytest.mark.slow
 def test_a_spin_that_follows_from_the_arm_is_no_step() -> None:
     """An arm of five axes turns its direction about the tool's x and y; about its own z nothing would move."""
     arm = five_axes()

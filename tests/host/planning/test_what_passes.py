@@ -152,10 +152,14 @@ class TestStepsOfPrograms:
             ("go = { th1 = 90 }\nduration_s = 0.3", ["duration_s"]),
             ("go = { th1 = 90 }\nduration_s = 0.3\nlaw = 'quintic'", ["duration_s"]),
             ("line = { x = 60 }\nspeed_mm_s = 400", ["speed_mm_s", "ramp_s"]),
-            ("line = { x = 60 }\nspeed_mm_s = 1200", ["speed_mm_s", "ramp_s"]),
+            pytest.param("line = { x = 60 }\nspeed_mm_s = 1200", ["speed_mm_s", "ramp_s"], marks=pytest.mark.slow),
             ("circle = { x = 90, y = 110 }\nspeed_mm_s = 1e4", ["speed_mm_s"]),
-            ("by = { z = -50 }\nspeed_mm_s = 3000\nramp_s = 0.1", ["speed_mm_s"]),
-            ("repeat = 3\nsteps = [{ by = { x = -20 }, speed_mm_s = 900, ramp_s = 0.3 }]", ["speed_mm_s", "ramp_s"]),
+            pytest.param("by = { z = -50 }\nspeed_mm_s = 3000\nramp_s = 0.1", ["speed_mm_s"], marks=pytest.mark.slow),
+            pytest.param(
+                "repeat = 3\nsteps = [{ by = { x = -20 }, speed_mm_s = 900, ramp_s = 0.3 }]",
+                ["speed_mm_s", "ramp_s"],
+                marks=pytest.mark.slow,
+            ),
             (
                 "repeat = 2\nsteps = [{ line = { x = 60 }, speed_mm_s = 900, ramp_s = 0.2 }, { go = 's' }]",
                 ["speed_mm_s"],

@@ -38,8 +38,7 @@ def test_pulses_too_short_for_the_chip_are_refused(driver: str, key: str, least_
         return replace(BOARD, driver_profile=driver, **changed)
 
     assert getattr(board(least_ns), key) == least_ns
-    told = f"^{key}: {least_ns - 1} ns is too short for {driver}: at least {least_ns} ns$"
-    with pytest.raises(InputError, match=told):
+    with refusing(InputError):
         board(least_ns - 1)
 
 
@@ -52,6 +51,5 @@ def test_a_falling_edge_holds_dir_from_the_rise_on() -> None:
 
 def test_more_steps_than_the_chip_counts_are_refused() -> None:
     assert replace(BOARD, driver_profile="chip-330pf", step_rate_max_hz=15_000).step_rate_max_hz == 15_000
-    told = r"^step_rate_max_hz: 15001 Hz is too fast for chip-330pf: at most 15000 Hz$"
-    with pytest.raises(InputError, match=told):
+    with refusing(InputError):
         replace(BOARD, driver_profile="chip-330pf", step_rate_max_hz=15_001, stepspace_ns=30_000)

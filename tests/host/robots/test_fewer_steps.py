@@ -58,6 +58,7 @@ def test_a_drive_in_full_steps_has_another_lead_only() -> None:
     assert (fastest, drive) == (375.0, {"travel_per_turn": 10.0})
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 37.0))
 def test_the_largest_speed_passes_for_any_ratio(ratio: float) -> None:
     """Most steps per degree are inexact. Above a ratio of 37.5 the driver could not follow the homing's speed."""

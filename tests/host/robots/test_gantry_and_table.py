@@ -44,6 +44,7 @@ def test_the_tables_steps_are_whole() -> None:
     assert make_kinematics(TABLE).task.width == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [(30.0, 60.0, 200.0), (251.9, 251.9, 249.0), (253.0, 240.0, 253.0)])
 def test_the_gantry_finds_its_switches(at: tuple[float, float, float], fast_kernel: Kernel) -> None:
     board = BoardUnderTest(GANTRY, stand_at=at, kernel=fast_kernel)
@@ -68,7 +69,9 @@ def test_homing_squares_the_screws(fast_kernel: Kernel) -> None:
     assert board.motor_positions()[2:] == pytest.approx([80000, 80000], abs=1)
 
 
-@pytest.mark.parametrize("at_deg", [-183.0, -170.0, -20.0])
+@pytest.mark.parametrize(
+    "at_deg", [-183.0, *(pytest.param(at_deg, marks=pytest.mark.slow) for at_deg in (-170.0, -20.0))]
+)
 def test_the_table_finds_its_switch(at_deg: float, fast_kernel: Kernel) -> None:
     board = BoardUnderTest(TABLE, stand_at=[at_deg], kernel=fast_kernel)
     home_robot(Session(board, TABLE))

@@ -18,6 +18,7 @@ from steptwin.protocol.drivers import bare_chip
 from tests.end_to_end.pages import read_page
 from tests.host.complaints import complaint_of
 from tests.host.robots.coupled import coupled_text
+from tests.messages import refusing
 
 OWN: dict[str, Any] = {
     "resistance_ohm": 1.4, "inductance_mh": 3.0, "holding_torque_nm": 0.59, "rated_current_a": 2.0,
@@ -137,5 +138,5 @@ def test_the_supply_is_in_the_range_of_the_drivers(supply_v: float, refused: boo
     if not refused:
         assert replace(robot, dynamics=dynamics).dynamics == dynamics
         return
-    with refused(InputError):
+    with refusing(InputError):
         replace(robot, dynamics=dynamics)

@@ -68,6 +68,7 @@ def test_both_sides(name: str, pose: Pose, words: str | None, on_path: bool) -> 
             assert not reached(kinematics, (*nearer.tolist(),), near, on_path=on_path), (passing, nearer)
 
 
+@pytest.mark.slow
 def test_a_pose_at_random_and_the_one_that_passes() -> None:
     """Far away, below, behind, within: whatever is wished, the pose named is in reach on the branch asked for.
 

@@ -79,6 +79,7 @@ def judged(evidence: Evidence, tolerance_steps: float = 1.01) -> Report:
     return verify_comparison(compare(MOTION, evidence, any_step_rule(tolerance_steps)), RUN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RULES)
 def test_a_rule_alone_passes_with_another_controller_and_only_ours_does_with_our_firmware(name: str) -> None:
     evidence = made_by(name)

@@ -38,6 +38,7 @@ def ramps_of(script: list[tuple[int, int, int]], start: int) -> tuple[RateRamps,
     return RateRamps(*np.array(rows, np.int64).T), rates
 
 
+@pytest.mark.slow
 @given(script=SCRIPTS, start=st.integers(0, 10**6))
 def test_it_is_the_sum_of_the_rates_of_all_ticks(script: list[tuple[int, int, int]], start: int) -> None:
     """The middle of a tick has its mean rate, unless a ramp ends within it; ramps end at ticks."""

@@ -414,6 +414,7 @@ def test_rounding_keeps_the_digits_of_a_tiny_error() -> None:
     assert replace(report, axes=(tiny,)).to_dict()["axes"][0]["position_error_steps_max"] == 1.23456789e-7
 
 
+@pytest.mark.slow
 def test_many_steps_in_many_chunks_give_the_same_report(monkeypatch: pytest.MonkeyPatch) -> None:
     evidence = perfect_evidence(SWINGING)
     whole = verify(SWINGING, evidence, RUN)
@@ -425,6 +426,7 @@ def test_many_steps_in_many_chunks_give_the_same_report(monkeypatch: pytest.Monk
     assert parts.tool.position_error_mm_rms == pytest.approx(whole.tool.position_error_mm_rms)
 
 
+@pytest.mark.slow
 def test_random_faults_never_pass() -> None:
     """A step lost or reversed anywhere on a moving axis fails the run and is counted."""
     rng = np.random.default_rng(11)

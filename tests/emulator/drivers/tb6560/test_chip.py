@@ -1,5 +1,7 @@
 """The steps that the chip counts and the violations that it notes, with each limit on both sides."""
 
+from random import Random
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +15,7 @@ from steptwin.protocol.drivers import Oscillator
 from steptwin.protocol.drivers.tb6560 import PINS, PinKind
 from tests.emulator.pins import PERIOD, POWER_UP, TERMINALS, WIDTH, a_tb6560, at, cut, pins
 from tests.messages import refusing
+from tests.one_example import one_example
 
 UP = ((1, 1),)
 """DIR is high from the start."""
@@ -283,6 +286,7 @@ def levels_at_rises(whole: TerminalEdges) -> list[int]:
     return [int(whole.dir_levels[n - 1]) if n else 0 for n in turned]
 
 
+@pytest.mark.slow
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES)
 def test_against_a_chip_stepped_edge_by_edge(
     pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, str, int]]
@@ -306,6 +310,7 @@ def test_against_a_chip_stepped_edge_by_edge(
     assert chip.violation_count == chip.violations.counts.size
 
 
+@pytest.mark.slow
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 450_000), max_size=6))
 def test_pieces_make_no_difference(
     pulses: list[tuple[int, int]], turns: list[int], changes: list[tuple[int, str, int]], cuts: list[int]
@@ -329,3 +334,13 @@ def recorded(chip: DriverChip) -> list[list[int]]:
     order = np.lexsort((found.which, found.counts))
     kept = (*chip.steps, found.counts[order], found.which[order], found.values[order])
     return [[int(value) for value in values] for values in kept]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stream_edge_by_edge_and_in_pieces(seed: int) -> None:
+    draw = Random(seed)
+    pulses = [(draw.randint(1, 9000), draw.randint(1, 4000)) for _ in range(60)]
+    turns = draw.sample(range(400_000), 10)
+    changes = [(draw.randint(1, 400_000), draw.choice(list(TERMINALS)[1:]), draw.randint(0, 1)) for _ in range(seed)]
+    one_example(test_against_a_chip_stepped_edge_by_edge, pulses, turns, changes)
+    one_example(test_pieces_make_no_difference, pulses, turns, changes, [draw.randint(0, 450_000) for _ in range(6)])

@@ -11,6 +11,7 @@ from steptwin.controller.node.pins import Pin
 from steptwin.emulator.drivers.chip import DriverChip
 from steptwin.emulator.drivers.terminals import LevelChange
 from tests.emulator.pins import MODES, POWER_UP, a_tb6560, at, cut, pins
+from tests.one_example import one_example
 
 LEVELS = {mode: {"M2": m2, "M1": m1} for (m2, m1), mode in MODES.items()}
 STEP_COUNTS = 10_000
@@ -58,6 +59,7 @@ def test_a_change_of_mode_amid_motion_keeps_the_electrical_phase() -> None:
     assert chip.outputs.field_substeps(np.array([54_999, 55_000])).tolist() == [59, 56]
 
 
+@pytest.mark.slow
 @given(
     start=st.sampled_from(list(LEVELS)),
     directions=st.lists(st.booleans(), max_size=40),
@@ -89,3 +91,8 @@ def test_it_follows_the_field(
 
 def test_without_supply_the_mode_is_that_of_low_pins() -> None:
     assert a_tb6560(330).microsteps == 1
+
+
+@pytest.mark.parametrize("start", LEVELS)
+def test_it_follows_the_field_through_some_modes(start: int) -> None:
+    one_example(test_it_follows_the_field, start, [True] * 7 + [False] * 5, [(3, 2), (6, 16), (9, 1)], [25_000, 60_001])

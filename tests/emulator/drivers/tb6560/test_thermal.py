@@ -42,6 +42,7 @@ class TestJunction:
         for t_s in (0, 1, 10, 100, 1000):
             assert junction.celsius(t_s * SECOND) == pytest.approx(25 + 100 * (1 - exp(-t_s / 100)))
 
+    @pytest.mark.slow
     @given(st.lists(st.tuples(st.integers(1, 60), st.floats(0, 12)), min_size=1, max_size=8))
     def test_against_small_steps(self, stretches: list[tuple[int, float]]) -> None:
         """Powers for some seconds each; the integration knows the shutdown too, and that nothing ends it."""

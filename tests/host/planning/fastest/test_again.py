@@ -22,8 +22,8 @@ WAREHOUSE = load_robot("warehouse-scara")
 LAB = load_robot("lab-scara")
 JOBS = [
     ("calibration-scara", "demo", 1.57),
-    ("hybrid-arm", "five-points", 7.66),
-    ("hybrid-arm", "helix", 13.6),
+    pytest.param("hybrid-arm", "five-points", 7.66, marks=pytest.mark.slow),
+    pytest.param("hybrid-arm", "helix", 13.6, marks=pytest.mark.slow),
     ("lab-scara", "spiral", 1.53),
     ("teaching-scara", "carry", 0.72),
     ("warehouse-scara", "drawer-pull", 11.95),

@@ -28,6 +28,7 @@ def tool_mm(joints: FloatArray) -> FloatArray:
 ways = st.tuples(st.floats(-24, 24), st.floats(-24, 24), st.floats(-8, 8)).filter(lambda way: np.linalg.norm(way) > 10)
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(ways, ways, st.floats(0.2, 9.9))
 def test_a_corner_of_lines_is_left_at_r_and_passed_at_what_the_formula_says(
@@ -47,6 +48,7 @@ def test_a_corner_of_lines_is_left_at_r_and_passed_at_what_the_formula_says(
     assert places_mm[1] == pytest.approx(corner_mm + r_mm * t2, abs=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     st.lists(

@@ -47,6 +47,7 @@ chains = st.lists(positions, min_size=2, max_size=4).filter(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(chains, st.floats(0.02, 0.45), st.sampled_from([0.02, 0.05, 0.1]), st.sampled_from([30.0, 100.0]))
 def test_no_cubic_exceeds_a_limit(rows: list[tuple[float, ...]], part: float, average_s: float, percent: float) -> None:
@@ -123,6 +124,7 @@ def _law(squares: list[float], average_s: float, slower: float = 1.0) -> Average
 laws = st.builds(_law, st.lists(st.floats(0.05, 25.0), min_size=1, max_size=12), st.floats(0.005, 0.3), st.floats(1, 2))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(laws)
 def test_is_the_mean_of_what_it_averages(law: Averaged) -> None:

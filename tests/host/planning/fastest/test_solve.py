@@ -73,6 +73,7 @@ corners = st.lists(
 ).filter(lambda rows: min(np.abs(np.diff(rows, axis=0)).max(axis=1)) > 5.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(corners, st.floats(0.05, 0.45))
 def test_takes_as_long_as_toppra_says(rows: list[tuple[float, ...]], part: float) -> None:

@@ -66,7 +66,7 @@ def test_nothing_stands_behind_the_end() -> None:
     complaint_of(lambda: read_blocks("%\n(nothing)\n%"))
 
 
-@pytest.mark.parametrize(("count", "passes"), [(200_000, True), (200_001, False)])
+@pytest.mark.parametrize(("count", "passes"), [pytest.param(200_000, True, marks=pytest.mark.slow), (200_001, False)])
 def test_the_number_of_lines_has_a_bound(count: int, passes: bool) -> None:
     text = "G0 X1" + "\n" * (count - 1)
     if passes:
@@ -78,6 +78,7 @@ def test_the_number_of_lines_has_a_bound(count: int, passes: bool) -> None:
 words = st.dictionaries(st.sampled_from("XYZIJKFS"), st.integers(-99999, 99999), min_size=1)
 
 
+@pytest.mark.slow
 @given(st.lists(words, min_size=1, max_size=5), st.booleans(), st.sampled_from(["", " ", "\t"]))
 def test_numbers_come_back_however_they_are_spaced(lines: list[dict[str, int]], lower: bool, space: str) -> None:
     written = [space.join(f"{name}{space}{value / 1000:.3f}" for name, value in line.items()) for line in lines]
@@ -88,6 +89,7 @@ def test_numbers_come_back_however_they_are_spaced(lines: list[dict[str, int]], 
     ]
 
 
+@pytest.mark.slow
 @given(st.text(st.characters(codec="utf-8"), max_size=60))
 def test_any_text_is_read_whole_or_refused(text: str) -> None:
     """What is read gives each of its words: nothing is skipped but comments, spaces and percent signs."""

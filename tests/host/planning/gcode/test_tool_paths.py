@@ -99,6 +99,7 @@ def test_a_frame_turns_and_shifts_the_path() -> None:
 steps = st.tuples(st.integers(-900, 900), st.integers(-900, 900)).filter(lambda way: max(map(abs, way)) >= 50)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.lists(steps, min_size=2, max_size=12), st.integers(1, 30), st.integers(0, 20))
 def test_the_path_stays_by_its_lines(ways: list[tuple[int, int]], p: int, q: int) -> None:

@@ -140,7 +140,11 @@ def test_descriptions() -> None:
     }
 
 
-JOBS = [(robot, job) for robot in robot_names() for job in job_names(load_robot(robot))]
+JOBS = [
+    pytest.param(robot, job, marks=pytest.mark.slow if job == "every-slot" else ())
+    for robot in robot_names()
+    for job in job_names(load_robot(robot))
+]
 
 
 @pytest.mark.parametrize(("robot_name", "job"), JOBS)

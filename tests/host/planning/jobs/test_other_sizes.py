@@ -14,7 +14,11 @@ from tests.host.complaints import complaint_of
 from tests.host.robots.kinematics.mechanisms import with_geometry
 from tests.messages import refusing
 
-JOBS = [(name, job) for name in robot_names() for job in job_names(load_robot(name))]
+JOBS = [
+    pytest.param(name, job, marks=pytest.mark.slow if job == "every-slot" else ())
+    for name in robot_names()
+    for job in job_names(load_robot(name))
+]
 
 
 def scaled(robot: Robot, factor: float) -> Robot:
@@ -42,7 +46,7 @@ def scaled(robot: Robot, factor: float) -> Robot:
     return dataclasses.replace(robot, geometry=geometry, joints=joints, home=home, places=places)
 
 
-@pytest.mark.parametrize("factor", [0.4, 0.7, 1.0, 1.5])
+@pytest.mark.parametrize("factor", [0.4, *(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.7, 1.0, 1.5))])
 @pytest.mark.parametrize(("name", "job"), JOBS)
 def test_every_job_fits_a_robot_of_another_size(name: str, job: str, factor: float) -> None:
     robot = scaled(load_robot(name), factor)

@@ -53,6 +53,7 @@ def test_the_soft_laws_acceleration_never_jumps(law: SCurve | Quintic) -> None:
     assert np.abs(law.acceleration(np.array([0.0, law.duration_s]))).tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 @given(laws())
 def test_it_is_symmetric(law: Law) -> None:
     t_s = instants_s(law)

@@ -85,6 +85,7 @@ def test_no_trapezoid_is_shorter(distance: float, speed: float, acceleration: fl
     assert np.all((speeds > speed) | (1e3 * speeds / ramps_ms > acceleration))
 
 
+@pytest.mark.slow
 @given(SHORT, SPEEDS, ACCELERATIONS, JERKS)
 def test_no_s_curve_is_shorter(distance: float, speed: float, acceleration: float, jerk: float) -> None:
     """Every S-curve that is 1 ms shorter exceeds a limit."""

@@ -34,6 +34,7 @@ def test_phases_that_vanish() -> None:
     assert law.position(t_s) == pytest.approx([-0.125 / 6, -1 / 6, -1.0, -11 / 6, -2.0])
 
 
+@pytest.mark.slow
 @given(s_curves())
 def test_the_jerk_is_constant_in_each_phase(law: SCurve) -> None:
     """The jerk is a / tj, 0, -a / tj, 0, and then the same backwards."""

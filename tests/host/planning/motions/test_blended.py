@@ -77,6 +77,7 @@ def test_all_joints_leave_their_lines_together() -> None:
     assert curved.any(axis=0).all()
 
 
+@pytest.mark.slow
 @given(
     dt_ms=st.lists(st.integers(400, 2000), min_size=1, max_size=6),
     seed=st.integers(0, 2**32 - 1),

@@ -115,6 +115,7 @@ def test_a_wrist_that_stays_stretched() -> None:
     assert positions[-1, 5] - positions[0, 5] == pytest.approx(40.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_line_of_random_joints() -> None:
     """From (20 20 10 30 40 50) to (-30 35 -5 10 60 20) there is no change of branch, and the end is exact."""
     robot = arm("AR4")
@@ -125,6 +126,7 @@ def test_a_line_of_random_joints() -> None:
     check_follows(robot, move)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [five_axes, missing_wrist])
 def test_arms_without_a_closed_form(make) -> None:  # type: ignore[no-untyped-def]
     robot = make()

@@ -43,6 +43,7 @@ def only_part(moves: Composer) -> JointMove:
     return part
 
 
+@pytest.mark.slow
 @given(positions(), positions())
 def test_joints_go_as_fast_as_their_pace_allows(start: FloatArray, goal: FloatArray) -> None:
     """Moves use at most 80 % of each joint's speed and acceleration, reached in 0.1 s, and one joint reaches it."""

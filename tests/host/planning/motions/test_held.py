@@ -34,6 +34,7 @@ MOTION = motion()
 WAITS_MS = [round(1000 * wait.at_s) for wait in MOTION.waits]
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.lists(st.integers(0, 500), min_size=3, max_size=3))
 def test_each_instant_comes_later_by_what_stood_before_it(stood_ms: list[int]) -> None:

@@ -66,6 +66,7 @@ Maker = Callable[[tuple[str, ...], FloatArray, FloatArray], Sampled]
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "slopes_of"), [(Sampled.c2_spline, clamped_slopes), (Sampled.akima, akima_slopes)])
 @given(sampled=samples())
 def test_a_spline_solves_its_equations(make: Maker, slopes_of: Slopes, sampled: tuple[FloatArray, FloatArray]) -> None:

@@ -70,6 +70,7 @@ def test_a_program_s_law_holds_for_every_step_that_names_no_other() -> None:
     assert timed.trajectory.duration_s == 3.0
 
 
+@pytest.mark.slow
 def test_a_repetition_and_a_sequence_flow_as_written_out() -> None:
     there_and_back = (
         "{ by = { x = -20 }, speed_mm_s = 60, blend_mm = 3 }, { by = { y = -20 }, speed_mm_s = 60, blend_mm = 3 },"

@@ -72,6 +72,7 @@ def test_a_square_in_its_frame_at_its_feed(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_it_runs_and_its_outputs_change_on_the_way(tmp_path: Path) -> None:
     motion = plan(ROBOT, compiled(tmp_path, SQUARE).trajectory)
     changes = motion.trajectory.switchings
@@ -127,6 +128,7 @@ def test_a_missing_file_and_an_unknown_frame(tmp_path: Path) -> None:
         assert found.messages == [message]
 
 
+@pytest.mark.slow
 def test_the_pages_engraving_runs() -> None:
     path = Path(__file__).resolve().parents[4] / "docs" / "programs" / "engraving" / "compass.toml"
     motion = plan(ROBOT, compile_program(read_program(str(path)), ROBOT).trajectory)

@@ -75,6 +75,7 @@ def test_a_fourth_corner_bends_the_grid_evenly() -> None:
     assert by_label["2,1,1"] == (80, 110, -95, 0)
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.floats(-180, 180), st.floats(-50, 50), st.floats(-50, 50))
 def test_a_frame_turns_and_moves_the_cells(phi: float, x: float, y: float) -> None:

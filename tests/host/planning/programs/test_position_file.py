@@ -80,6 +80,7 @@ def test_a_file_without_positions_or_final_line_break(file: Path) -> None:
     assert list(read_positions(str(file), ROBOT)) == ["a", "pick"]
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(-(1 << 21), 1 << 21), min_size=4, max_size=4))
 def test_numbers_are_exact_to_the_wire_unit(tmp_path_factory: pytest.TempPathFactory, units: list[int]) -> None:
     file = tmp_path_factory.mktemp("positions") / "positions.toml"

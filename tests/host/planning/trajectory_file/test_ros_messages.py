@@ -4,6 +4,7 @@ The files in messages/ are written as their names say: `rostopic echo` of ROS 1 
 topic echo` has a line for each number and `sec`, both end with `---`, and Python writes 1e-05 without a point.
 """
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -116,7 +117,9 @@ def test_any_text_is_read_or_refused_in_a_line(text: str) -> None:
     assert "\n" not in told(text)
 
 
-def test_junk_in_a_message_is_read_or_refused_in_a_line() -> None:
+@pytest.mark.parametrize("stride", [pytest.param(1, marks=pytest.mark.slow), 13])
+def test_junk_in_a_message_is_read_or_refused_in_a_line(stride: int) -> None:
     document = yaml.safe_load((MESSAGES / "ros2-controller.yaml").read_text(encoding="utf-8").removesuffix("---\n"))
-    for change, changed in junk_documents({"trajectory": [{"joint_trajectory": document}]}):
+    documents = junk_documents({"trajectory": [{"joint_trajectory": document}]})
+    for change, changed in islice(documents, 0, None, stride):
         assert "\n" not in told(yaml.safe_dump(changed())), change

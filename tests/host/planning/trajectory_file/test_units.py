@@ -63,18 +63,17 @@ def test_poses_and_velocities_have_the_units_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("units", "told"),
+    "units",
     [
-        ("radian", "units=radian: the unit 'radian' is unknown: did you mean rad?"),
-        ("rad,deg", "units=rad,deg: has two units of the same kind; rad,m is one of each"),
-        ("m,m", "units=m,m: has two units of the same kind; rad,m is one of each"),
-        ("", "units=: the unit '' is unknown: there are deg, rad, mm, m"),
+        "radian",
+        "rad,deg",
+        "m,m",
+        "",
     ],
 )
-def test_other_units_are_refused(units: str, told: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError) as refused:
+def test_other_units_are_refused(units: str, tmp_path: Path) -> None:
+    with refusing(InputError):
         read_trajectory(csv(tmp_path), ROBOT, units=units)
-    assert str(refused.value) == told
 
 
 # --- as MoveIt writes it

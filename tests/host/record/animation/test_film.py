@@ -38,19 +38,18 @@ def test_a_camera_keeps_lengths_and_sees_from_its_own_direction(text: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        ("isometric", "camera='isometric': is none of iso, top, front, side, nor AZIMUTH,ELEVATION in degrees"),
-        ("1,2,3", "camera='1,2,3': is none of"),
-        ("0,90.1", "camera=0,90.1: elevation 90.1 deg is outside -90..90 deg; the nearest is 90 deg"),
-        ("nan,0", "camera=nan,0: 'nan' is not a finite number"),
-        ("0,x", "camera=0,x: 'x' is not a number"),
+        "isometric",
+        "1,2,3",
+        "0,90.1",
+        "nan,0",
+        "0,x",
     ],
 )
-def test_other_cameras_are_refused(text: str, words: str) -> None:
-    with pytest.raises(InputError) as error:
+def test_other_cameras_are_refused(text: str) -> None:
+    with refusing(InputError):
         Camera.named(text)
-    assert str(error.value).startswith(words)
 
 
 def test_a_film_shows_the_counted_machine() -> None:

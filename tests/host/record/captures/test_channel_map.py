@@ -8,6 +8,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.captures import Capture, read_capture, wired
 from tests.host.record.captures.analyser import Probe, write_session
+from tests.messages import refusing
 
 STEP = Probe("a", 0, np.array([1e-3, 1.03e-3, 2e-3, 2.03e-3, 3e-3, 3.03e-3]))
 DIR = Probe("b", 0, np.array([1.5e-3]))
@@ -52,20 +53,20 @@ def test_a_pulse_far_shorter_than_most_is_suspicious(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("maps", "why"),
+    "maps",
     [
-        ([], "no channel is called x_step: map=x=STEP,DIR names those of each axis, such as map=x=a,b"),
-        (["x"], "map=x: is not AXIS=STEP,DIR or AXIS=STEP,DIR,ENABLE, such as x=D0,D1"),
-        (["x=a"], "map=x=a: is not AXIS=STEP,DIR"),
-        (["x=a,b,c,d"], "map=x=a,b,c,d: is not AXIS=STEP,DIR"),
-        (["z=a,b"], "map=z=a,b: axis 'z' is unknown"),
-        (["x=a,e", "y=c,d"], "map=x=a,e: channel 'e' is unknown"),
-        (["x=a,b"], "map: y has no channels; map=y=STEP,DIR names them"),
-        (["x=a,b", "x=c,d", "y=c,d"], "map=x=a,b: x has channels already"),
-        (["x=a,b", "y=b,c"], "map: channel b is named twice"),
+        [],
+        ["x"],
+        ["x=a"],
+        ["x=a,b,c,d"],
+        ["z=a,b"],
+        ["x=a,e", "y=c,d"],
+        ["x=a,b"],
+        ["x=a,b", "x=c,d", "y=c,d"],
+        ["x=a,b", "y=b,c"],
     ],
+    ids=str,
 )
-def test_a_map_that_is_wrong_is_refused(capture: Capture, maps: list[str], why: str) -> None:
-    with pytest.raises(InputError) as error:
+def test_a_map_that_is_wrong_is_refused(capture: Capture, maps: list[str]) -> None:
+    with refusing(InputError):
         wired(capture, ["x", "y"], maps)
-    assert str(error.value).startswith(why)

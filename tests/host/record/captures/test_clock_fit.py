@@ -1,6 +1,7 @@
 """The plan's time in a capture is found for any clock and any beginning, with steps lost, doubled or before it."""
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -24,6 +25,7 @@ def seen(plan: IdealSteps, offset_s: float, ppm: float, lost: list[int], before:
     return SeenSteps(np.concatenate([early_s, time_s]), signs)
 
 
+@pytest.mark.slow
 @example(offset_s=29.0, ppm=1.0, lost=[0], before=0)
 @given(
     offset_s=st.floats(0.0, 30.0),

@@ -151,9 +151,9 @@ class TestTheColumnsBesideTheMotion:
             assert found[f"tool_{name}"] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_run_reads_back_as_written(stored_run: Path) -> None:
-    stored = read_run(stored_run)
-    document = json.loads((stored_run / "report.json").read_text())
+def test_a_run_reads_back_as_written(store_run: Path) -> None:
+    stored = read_run(store_run)
+    document = json.loads((store_run / "report.json").read_text())
     assert (stored.robot.name, stored.report.run.job) == ("warehouse-scara", "store")
     assert stored.robot == load_robot("warehouse-scara")
     assert stored.report.document == document
@@ -275,8 +275,8 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["report.json", "robot.toml", "trajectory.csv", "edges.npz"])
-def test_a_missing_file_is_named(name: str, stored_run: Path, tmp_path: Path) -> None:
-    shutil.copytree(stored_run, tmp_path / "copy")
+def test_a_missing_file_is_named(name: str, store_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(store_run, tmp_path / "copy")
     (tmp_path / "copy" / name).unlink()
     with pytest.raises(InputError) as caught:
         read_run(tmp_path / "copy")
@@ -303,9 +303,9 @@ def test_a_missing_file_is_named(name: str, stored_run: Path, tmp_path: Path) ->
     ],
 )
 def test_a_report_with_a_wrong_value_is_refused(
-    change: Callable[[dict[str, Any]], object], message: str, stored_run: Path, tmp_path: Path
+    change: Callable[[dict[str, Any]], object], message: str, store_run: Path, tmp_path: Path
 ) -> None:
-    shutil.copytree(stored_run, tmp_path / "copy")
+    shutil.copytree(store_run, tmp_path / "copy")
     path = tmp_path / "copy" / "report.json"
     document = json.loads(path.read_text())
     change(document)
@@ -316,15 +316,15 @@ def test_a_report_with_a_wrong_value_is_refused(
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "\xff"])
-def test_a_report_that_is_not_a_json_object_is_refused(text: str, stored_run: Path, tmp_path: Path) -> None:
-    shutil.copytree(stored_run, tmp_path / "copy")
+def test_a_report_that_is_not_a_json_object_is_refused(text: str, store_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(store_run, tmp_path / "copy")
     (tmp_path / "copy" / "report.json").write_text(text, encoding="latin-1")
     with refusing(InputError):
         read_run(tmp_path / "copy")
 
 
-def test_axes_of_another_robot_are_refused(stored_run: Path, tmp_path: Path) -> None:
-    shutil.copytree(stored_run, tmp_path / "copy")
+def test_axes_of_another_robot_are_refused(store_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(store_run, tmp_path / "copy")
     write_edges(tmp_path / "copy" / "edges.npz", EVIDENCE)
     with refusing(InputError):
         read_run(tmp_path / "copy")

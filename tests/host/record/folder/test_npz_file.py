@@ -160,10 +160,10 @@ class TestSizes:
 
     def test_above_the_limit_for_the_size_of_the_file(self, tmp_path: Path) -> None:
         """Zeros compress a thousandfold."""
-        path = archive(tmp_path / "x.npz", x=npy(INT, f"({8 * MIB},)", bytes(64 * MIB)))
+        path = archive(tmp_path / "x.npz", x=npy(INT, f"({3 * MIB},)", bytes(24 * MIB)))
         assert path.stat().st_size < MIB
         message = complaint_in_little_memory(path)
-        assert message.startswith("its arrays have 64 MiB, ")
+        assert message.startswith("its arrays have 24 MiB, ")
         assert message.endswith(" KiB of the file: no recording has more than 100 times")
 
     def test_on_both_sides_of_the_limit_for_small_files(self, tmp_path: Path) -> None:
@@ -175,11 +175,11 @@ class TestSizes:
             assert complaint_of(lambda: read(path)).startswith(told)
 
     def test_of_a_directory(self, tmp_path: Path) -> None:
-        """A directory of 10 000 entries is 1.3 MB long; it is not read."""
+        """A directory of 800 entries with long names is 1.2 MB long; it is not read."""
         path = tmp_path / "x.npz"
         with zipfile.ZipFile(path, "w") as file:
-            for i in range(10_000):
-                file.writestr(f"{i:080d}.npy", b"")
+            for i in range(800):
+                file.writestr(f"{i:01500d}.npy", b"")
         assert complaint_in_little_memory(path) == "cannot be read: its directory has more than 1 MiB"
 
 
@@ -229,8 +229,10 @@ def structure(data: bytes) -> list[int]:
     return sorted(places)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_damaged_archive_is_read_or_refused(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("seed", "rounds"), [*(pytest.param(seed, 250, marks=pytest.mark.slow) for seed in range(2)), (2, 25)]
+)
+def test_a_damaged_archive_is_read_or_refused(seed: int, rounds: int, tmp_path: Path) -> None:
     """One to four bytes of the archive's structure are replaced, some by a flip of one bit."""
     chance = random.Random(seed)
     path = tmp_path / "edges.npz"
@@ -238,7 +240,7 @@ def test_a_damaged_archive_is_read_or_refused(seed: int, tmp_path: Path) -> None
     data = path.read_bytes()
     places = structure(data)
     outcomes = set()
-    for _ in range(250):
+    for _ in range(rounds):
         damaged = bytearray(data)
         for place in chance.sample(places, chance.choice((1, 1, 2, 4))):
             damaged[place] = chance.choice((damaged[place] ^ 1 << chance.randrange(8), chance.randrange(256), 0, 255))
@@ -263,19 +265,21 @@ def message_of(folder: Path) -> str | None:
 EXTREMES: Final = (0, 1, -1, 127, -128, 32767, 1 << 31, INSTANT_MAX + 1, 1 << 62, (1 << 63) - 1, -(1 << 63))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_damaged_array_is_read_or_refused(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("seed", "rounds"), [*(pytest.param(seed, 150, marks=pytest.mark.slow) for seed in range(2)), (2, 15)]
+)
+def test_a_damaged_array_is_read_or_refused(seed: int, rounds: int, tmp_path: Path) -> None:
     """The archive is whole; a description has flipped bits, or an array other values, another type or length."""
     chance = random.Random(seed)
     write_edges(tmp_path / "edges.npz", EVIDENCE)
     arrays = arrays_of(tmp_path / "edges.npz")
-    for _ in range(150):
+    whole = {key: encoded(values) for key, values in arrays.items()}
+    for _ in range(rounds):
         key = chance.choice([*arrays])
         content = bytearray(encoded(damaged_array(chance, arrays[key])))
         if chance.random() < 0.5:
             content[chance.randrange(min(len(content), 128))] ^= 1 << chance.randrange(8)
-        others = {other: encoded(values) for other, values in arrays.items() if other != key}
-        archive(tmp_path / "edges.npz", **others, **{key: bytes(content)})
+        archive(tmp_path / "edges.npz", **whole | {key: bytes(content)})
         with contextlib.suppress(InputError):
             read_edges(tmp_path)
 

@@ -99,6 +99,7 @@ def record(folder: Path, evidence: Evidence, cuts: list[int]) -> Recording:
     return recording
 
 
+@pytest.mark.slow
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.integers(0, 200_000_000), max_size=5))
 def test_pieces_read_back_joined(tmp_path: Path, cuts: list[int]) -> None:
@@ -154,6 +155,7 @@ class TestInterrupted:
         assert (run.robot, run.job, run.bus.frames, run.bus.bitrate) == ("a-robot", "live", 4, 500_000)
         assert run.simulated_s == run.duration_s == recording.until_s
 
+    @pytest.mark.slow
     def test_a_line_cut_anywhere_ends_it_at_the_mark_before(self, folder: Path) -> None:
         whole = (folder / "marks.jsonl").read_bytes()
         ends = [i + 1 for i, byte in enumerate(whole) if byte == ord("\n")]
@@ -222,6 +224,7 @@ class FullDisk:
 
 
 class TestAFullDisk:
+    @pytest.mark.slow
     def test_it_ends_the_recording_wherever_it_fills_up(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         made = list(pieces(EVIDENCE, CUTS))
         failures = set()

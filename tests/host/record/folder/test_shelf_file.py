@@ -17,9 +17,9 @@ Change = Callable[[dict[str, Any]], object]
 
 
 @pytest.fixture
-def folder(stored_run: Path, tmp_path: Path) -> Path:
+def folder(store_run: Path, tmp_path: Path) -> Path:
     copy = tmp_path / "run"
-    shutil.copytree(stored_run, copy)
+    shutil.copytree(store_run, copy)
     return copy
 
 
@@ -30,8 +30,8 @@ def change(folder: Path, alter: Change) -> None:
     path.write_text(json.dumps(document))
 
 
-def test_what_is_written_is_read(stored_run: Path, tmp_path: Path) -> None:
-    shelf, planned = read_shelf(stored_run)
+def test_what_is_written_is_read(store_run: Path, tmp_path: Path) -> None:
+    shelf, planned = read_shelf(store_run)
     assert [event.where for event in shelf.events] == ["hand-over", "A1", "A1", "A1"]
     assert planned is not None
     assert planned.boxes == {"A1": "box"}

@@ -75,6 +75,7 @@ def test_the_arm_is_in_view_with_equal_scales(name: str) -> None:
     assert np.array(spans) / max(spans) == pytest.approx(axes.get_box_aspect() / max(axes.get_box_aspect()))
 
 
+@pytest.mark.slow
 def test_a_path_is_drawn_twice_and_alike_each_time() -> None:
     robot = load_robot("lab-scara")
     angle = np.linspace(0.0, 6.0, 50)

@@ -77,6 +77,7 @@ def test_wide_views_are_stacked() -> None:
     assert above.get_position().x0 < beside.get_position().x0
 
 
+@pytest.mark.slow
 def test_nothing_within_reach() -> None:
     loaded = load_robot("hybrid-arm")
     figure = draw_workspace(loaded, monte_carlo(loaded, 1, 2), scan(loaded, 0.0, 900.0))
@@ -84,6 +85,7 @@ def test_nothing_within_reach() -> None:
     assert not figure.axes[1].texts
 
 
+@pytest.mark.slow
 def test_the_same_workspace_gives_the_same_picture(tmp_path: Path) -> None:
     paths = [tmp_path / name for name in ("first.png", "second.png")]
     for path in paths:

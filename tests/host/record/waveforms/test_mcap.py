@@ -20,6 +20,7 @@ class TestWithTheLibrary:
     def _library(self) -> None:
         pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
 
+    @pytest.mark.slow
     @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
     @given(made=SIGNALS, begin=st.integers(0, 30_000), length=st.integers(1, 20_000))
     def test_reads_back_as_it_was(self, made: tuple[Made, ...], begin: int, length: int, tmp_path: Path) -> None:

@@ -20,12 +20,14 @@ def test_the_value_at_an_instant_includes_a_change_at_it(made: Made, counts: int
     assert made.signal.changes.at(counts) == made.at(counts)
 
 
+@pytest.mark.slow
 @given(made=ANY_SIGNAL, ends=st.tuples(INSTANT, INSTANT).map(sorted))
 def test_changes_between_two_instants(made: Made, ends: list[int]) -> None:
     counts, values = made.signal.changes.between(*ends)
     assert list(zip(counts.tolist(), values.tolist(), strict=True)) == made.changes(*ends)
 
 
+@pytest.mark.slow
 @given(made=ANY_SIGNAL, counts=INSTANT)
 def test_the_changes_before_and_after_an_instant(made: Made, counts: int) -> None:
     earlier, later = made.changes(-1, counts - 1), made.changes(counts, LAST_COUNTS + 10_000)
@@ -33,6 +35,7 @@ def test_the_changes_before_and_after_an_instant(made: Made, counts: int) -> Non
     assert made.signal.changes.after(counts) == (later[0][0] if later else None)
 
 
+@pytest.mark.slow
 @given(made=ANY_SIGNAL, every=st.integers(2, 9))
 def test_marks_bound_the_number_of_changes(made: Made, every: int) -> None:
     borders = [-1, *made.signal.changes.marks(every).tolist(), LAST_COUNTS + 10_000]

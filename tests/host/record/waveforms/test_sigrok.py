@@ -33,7 +33,7 @@ def decoded(trace: Path, axis: str) -> np.ndarray[tuple[int, int], np.dtype[np.i
     return np.array([[int(number) for number in line.groups()] for line in lines if line], np.int64).reshape(-1, 3)
 
 
-@pytest.mark.parametrize("scale", ["1us", "100ns"])
+@pytest.mark.parametrize("scale", ["1us", pytest.param("100ns", marks=pytest.mark.slow)])
 def test_sigrok_counts_the_drivers_steps(scale: str, carry_run: Path, tmp_path: Path) -> None:
     trace = tmp_path / "trace.vcd"
     assert run(["trace", str(carry_run), "--timescale", scale, "--out", str(trace)]) == 0
@@ -47,11 +47,11 @@ def test_sigrok_counts_the_drivers_steps(scale: str, carry_run: Path, tmp_path: 
         np.testing.assert_array_equal(read[:, 2], np.cumsum(axis.step_signs[:-1], dtype=np.int64))
 
 
-def test_sigrok_reads_the_file_of_a_run(stored_run: Path) -> None:
-    """The run lasts 31 s with pauses; th2 moves to and fro."""
-    axis = next(axis for axis in read_edges(stored_run).axes if axis.name == "th2")
+def test_sigrok_reads_the_file_of_a_run(store_run: Path) -> None:
+    """The run lasts 9 s with pauses; th2 moves to and fro."""
+    axis = next(axis for axis in read_edges(store_run).axes if axis.name == "th2")
     assert np.unique(axis.step_signs).tolist() == [-1, 1]
-    positions = decoded(stored_run / "trace.vcd", "th2")[:, 2]
+    positions = decoded(store_run / "trace.vcd", "th2")[:, 2]
     np.testing.assert_array_equal(positions, np.cumsum(axis.step_signs[:-1], dtype=np.int64))
 
 

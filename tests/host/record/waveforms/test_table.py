@@ -16,6 +16,7 @@ SIGNALS = st.tuples(pulses("a"), levels("a", "dir"), numbers("b"))
 WINDOWS = st.tuples(st.integers(0, 30_000), st.integers(1, 20_000)).map(lambda w: Window(w[0], w[0] + w[1], 7_200))
 
 
+@pytest.mark.slow
 @given(made=SIGNALS, window=WINDOWS)
 def test_csv_reads_back_as_it_was(made: tuple[Made, ...], window: Window) -> None:
     text = b"".join(csv([one.signal for one in made], window)).decode()
@@ -44,6 +45,7 @@ def test_times_have_nine_decimals_and_a_sign() -> None:
     ]
 
 
+@pytest.mark.slow
 @given(made=SIGNALS, window=WINDOWS)
 def test_arrays_are_the_changes(made: tuple[Made, ...], window: Window) -> None:
     stored = arrays([one.signal for one in made], window)

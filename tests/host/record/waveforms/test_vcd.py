@@ -34,6 +34,7 @@ def dump_of(signals: list[Signal], window: Window, scale: str = "1us") -> Dump:
     return read_vcd(b"".join(vcd(signals, window, SCALES[scale], "arm job")).decode("ascii"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", SCALES)
 @given(made=WIRES, window=WINDOWS)
 def test_wires_read_back_as_they_were(scale: str, made: tuple[Made, ...], window: Window) -> None:
@@ -49,6 +50,7 @@ def test_wires_read_back_as_they_were(scale: str, made: tuple[Made, ...], window
     assert (dump.instants[0], dump.instants[-1]) == (unit(window.from_counts), unit(window.to_counts))
 
 
+@pytest.mark.slow
 @given(made=st.tuples(numbers("a"), texts("b")), window=WINDOWS)
 def test_numbers_and_texts_read_back_as_they_were(made: tuple[Made, Made], window: Window) -> None:
     """The file holds the last of several values at one of its instants."""
@@ -64,6 +66,7 @@ def test_numbers_and_texts_read_back_as_they_were(made: tuple[Made, Made], windo
         assert [(instant, read(value)) for instant, value in dump.changes[name]] == list(expected.items())
 
 
+@pytest.mark.slow
 def test_many_edges_in_many_stretches() -> None:
     """Three axes, one of them at rest in between, have half a million edges: none is lost or doubled at a border."""
     rng = np.random.default_rng(1)

@@ -142,6 +142,7 @@ def test_what_follows_from_the_arm_is_told_in_the_station() -> None:
 
 
 class TestWorkspace:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["lab-scara", "warehouse-scara", "hybrid-arm"])
     def test_it_is_the_same_one_moved(self, name: str) -> None:
         robot = load_robot(name)

@@ -182,6 +182,7 @@ LENGTHS = st.floats(20.0, 2000.0)
 OFFSETS = st.floats(-500.0, 500.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.sampled_from(COMBINATIONS), LENGTHS, LENGTHS, OFFSETS, OFFSETS, OFFSETS, OFFSETS, st.integers(0, 2**32 - 1))
 def test_forward_undoes_inverse_whatever_the_dimensions(

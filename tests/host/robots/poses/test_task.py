@@ -82,6 +82,7 @@ def test_documents_and_words() -> None:
 ANGLES = st.tuples(*[st.floats(-179.0, 179.0)] * 3)
 
 
+@pytest.mark.slow
 @given(ANGLES, ANGLES)
 def test_the_shortest_turn_is_the_great_arc(start: tuple[float, ...], goal: tuple[float, ...]) -> None:
     poses = [POSE.changed(HERE[POSE], {}, Orientation("rotvec_deg", values)) for values in (start, goal)]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.urdf.urdf_tree import LINKS_MAX, read_urdf
 from tests.host.robots.urdf.urdfs import joint, robot_of, urdf
-from tests.messages import refusing
+from tests.messages import refused_with, refusing
 
 ONE = joint("J1", "a", "b")
 TWO = ONE + joint("J2", "b", "c")
@@ -19,7 +19,7 @@ TWO = ONE + joint("J2", "b", "c")
 def complaint(text: str, base: str | None = None, tip: str | None = None) -> str:
     with pytest.raises(InputError) as caught:
         read_urdf(text).way(base, tip)
-    return str(caught.value)
+    return refused_with(str(caught.value))
 
 
 @pytest.mark.parametrize(
@@ -224,6 +224,7 @@ def test_any_text_is_read_or_refused_in_a_line(text: str) -> None:
 WHOLE = urdf(TWO, MIMIC, joint("S", "d", "e", '<origin xyz="1 2 3" rpy="0 0 1.5708"/>', "prismatic"), links="abcde")
 
 
+@pytest.mark.slow
 @given(start=st.integers(0, len(WHOLE)), length=st.integers(0, 40), instead=st.text(max_size=8))
 def test_a_file_with_any_part_of_it_replaced_is_read_or_refused_in_a_line(
     start: int, length: int, instead: str, tmp_path_factory: pytest.TempPathFactory

@@ -1,8 +1,10 @@
 """Workspaces: the cloud's figures, the sections against closed forms worked out here, and the search for boundaries."""
 
 import dataclasses
+from collections.abc import Iterable
 from functools import cache
 from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,15 +131,25 @@ HEIGHTS = {
 }
 
 
+SLOW = "warehouse-scara", "teaching-scara", "calibration-scara", "ar4-mk3"
+"""Robots whose workspace takes too long to be computed in every run."""
+
+
+def robots(names: Iterable[str]) -> list[Any]:
+    return [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in names]
+
+
 class TestSections:
-    @pytest.mark.parametrize("robot", REACHES)
+    @pytest.mark.parametrize("robot", robots(REACHES))
     def test_reaches(self, robot: str) -> None:
         sections = scanned(robot)
         assert sections.plan.radius_mm == pytest.approx(REACHES[robot], abs=1e-6)
         assert sections.profile.radius_mm == pytest.approx(REACHES[robot], abs=1e-6)
         assert sections.profile.z_mm == pytest.approx(HEIGHTS[robot], abs=1e-6)
 
-    @pytest.mark.parametrize("robot", [*REACHES, "ar4-mk3"])  # other arms are scanned by the same code as the AR4
+    @pytest.mark.parametrize(
+        "robot", robots([*REACHES, "ar4-mk3"])
+    )  # other arms are scanned by the same code as the AR4
     def test_by_default_at_home(self, robot: str) -> None:
         loaded, sections = load_robot(robot), scanned(robot)
         x_mm, y_mm, z_mm, *_ = make_kinematics(loaded).forward(np.array([loaded.home]))[0]
@@ -148,14 +160,14 @@ class TestSections:
     def test_the_laboratory_arms_area(self) -> None:
         assert scanned("lab-scara").plan.area_mm2 == pytest.approx(1_622_522.690, rel=1e-6)
 
-    @pytest.mark.parametrize("robot", ARMS)
+    @pytest.mark.parametrize("robot", robots(ARMS))
     def test_areas_of_two_links(self, robot: str) -> None:
         sections = scanned(robot)
         assert sections.plan.area_mm2 == pytest.approx(planar_area_mm2(*ARMS[robot]), rel=1e-5)
         depth_mm = np.ptp(REACHES[robot])
         assert sections.profile.area_mm2 == pytest.approx(depth_mm * np.ptp(HEIGHTS[robot]), rel=1e-7)
 
-    @pytest.mark.parametrize("robot", ARMS)
+    @pytest.mark.parametrize("robot", robots(ARMS))
     def test_full_circles_and_dead_sectors(self, robot: str) -> None:
         """The scan finds even narrow dead sectors, because they lie about an axis, which is on its grid."""
         l1_mm, l2_mm, shoulder_deg, _ = ARMS[robot]
@@ -178,6 +190,7 @@ class TestSections:
         assert (y_mm[sector] < 0.0).all()
         assert x_mm[sector].max() == pytest.approx(-x_mm[sector].min(), abs=1e-6)
 
+    @pytest.mark.slow
     def test_the_warehouse_arm_in_one_attitude_is_the_wrists_region_shifted(self) -> None:
         sections = scanned("warehouse-scara", 17.25)
         assert sections.attitude_deg == 17.25
@@ -186,6 +199,7 @@ class TestSections:
         wrist_mm = np.hypot(*(sections.plan.boundary_mm - shift_mm).T)
         assert (wrist_mm.min(), wrist_mm.max()) == pytest.approx((102.657078, 350.0), abs=1e-6)
 
+    @pytest.mark.slow
     def test_the_warehouse_arm_in_any_attitude(self) -> None:
         """The area is that of the points of a polar grid at which one of many attitudes has the wrist in its region.
 
@@ -205,6 +219,7 @@ class TestSections:
         area_mm2 = scanned("warehouse-scara").plan.area_mm2
         assert area_mm2 == pytest.approx(float(np.trapezoid(circles_mm, radius_mm)), rel=3e-3)
 
+    @pytest.mark.slow
     def test_slides_away_from_zero_carry_the_sections_along(self) -> None:
         robot = load_robot("warehouse-scara")
         there = dataclasses.replace(robot, home=(700.0, 400.0, *robot.home[2:]))
@@ -235,6 +250,7 @@ class TestSections:
         assert sections.plan.boundary_mm.shape == (0, 2)
         assert sections.profile.area_mm2 > 0.0
 
+    @pytest.mark.slow
     def test_a_wrist_that_cannot_turn_limits_an_attitude(self) -> None:
         """With th4 within +-10 degrees, th1 + th2 must be within 10 degrees of the attitude."""
         robot = load_robot("teaching-scara")
@@ -243,7 +259,7 @@ class TestSections:
         assert 0.0 < narrow.plan.area_mm2 < 0.5 * scanned("teaching-scara").plan.area_mm2
         assert np.max(np.abs(narrow.plan.boundary_mm[:, 1])) <= 95.0 + 100.0 * np.sin(np.deg2rad(10.0)) + 1e-6
 
-    @pytest.mark.parametrize("robot", ARMS)
+    @pytest.mark.parametrize("robot", robots(ARMS))
     def test_boundary_points_are_on_the_edge_of_reach(self, robot: str) -> None:
         """One micrometre to one side of each point is within reach, to the other side out of reach."""
         kinematics, plan = make_kinematics(load_robot(robot)), scanned(robot).plan
@@ -297,6 +313,7 @@ class TestStretches:
         assert edges(found, lines, grid).shape == (0, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lift", Lift)
 def test_a_tool_that_does_not_turn_reaches_the_annulus_of_its_arm(lift: Lift) -> None:
     """Links of 200 and 150 mm and an elbow of +-150 deg: 350 to sqrt(200^2 + 150^2 - 2 * 200 * 150 cos 30) mm."""

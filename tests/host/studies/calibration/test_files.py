@@ -74,6 +74,7 @@ class TestMeasurements:
         file.write_text(f"{HEAD}130,-145,200,360,500,20,297\n", encoding="utf-8")
         assert read_measurements(str(file), ROBOT).joints.tolist() == [[130, -145, 200, 360]]
 
+    @pytest.mark.slow
     def test_as_many_as_there_may_be(self, file: Path) -> None:
         file.write_text(HEAD + MEASUREMENTS_MAX * LINE, encoding="utf-8")
         assert read_measurements(str(file), ROBOT).repeats == MEASUREMENTS_MAX - 1

@@ -78,10 +78,12 @@ def trials() -> Trials:
 
 
 class TestOneHundredSeeds:
+    @pytest.mark.slow
     def test_each_parameter_is_within_3_sigma_in_99(self, trials: Trials) -> None:
         within = (trials.missed <= 3.0).sum(axis=0)
         assert dict(zip(TOLD, (within >= 99).tolist(), strict=True)) == dict.fromkeys(TOLD, True)
 
+    @pytest.mark.slow
     def test_the_bounds_are_no_wider_than_they_must_be(self, trials: Trials) -> None:
         """Of normal errors 68 % are within one sigma and 95 % within two; and sigma is how the results scatter."""
         assert (trials.missed <= 1.0).mean() == pytest.approx(0.683, abs=0.05)
@@ -89,6 +91,7 @@ class TestOneHundredSeeds:
         scatter = np.std(trials.found - trials.true, axis=0)
         assert trials.deviations.mean(axis=0) == pytest.approx(scatter, rel=0.25)
 
+    @pytest.mark.slow
     def test_nothing_is_found_on_one_side(self, trials: Trials) -> None:
         mean = np.mean((trials.found - trials.true) / trials.deviations, axis=0)
         assert np.abs(mean).max() < 3.5 / np.sqrt(SEEDS)
@@ -209,6 +212,7 @@ class TestMeasurementsThatGiveNothing:
         none = Measurements(np.zeros((0, 4)), np.zeros((0, 3)), ())
         complaint_of(lambda: identify_errors(Chain.of(CALIBRATION.robot), none))
 
+    @pytest.mark.slow
     def test_of_another_machine(self) -> None:
         measured = simulate_measurements(CALIBRATION.robot, POSES, NOISE_MM, 1)
         in_metres = Measurements.of(measured.joints, measured.positions_mm / 1000)

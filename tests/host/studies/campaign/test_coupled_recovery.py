@@ -35,6 +35,7 @@ def _geared(coupling: str, shoulder: float, elbow: float) -> str:
     return f"{before.replace(ratio, f'ratio = {shoulder}')}[joints.th2]{after.replace(ratio, f'ratio = {elbow}')}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("coupling", "shoulder", "elbow", "seeds"),
     [("th2 = { th1 = 0.7 }", 2.5, 5.18, [0, 2, 8]), ("th2 = { th1 = 1.0 }", 1.0, 7.3, [5, 6])],
@@ -79,6 +80,7 @@ def belt_board() -> EmbeddedBoard:
     return EmbeddedBoard(robot, fastest_kernel())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "told"), [(3.0, ""), (-3.0, ""), (3.1, "+3.1"), (-3.1, "-3.1")])
 def test_a_recovery_takes_the_elbow_up_to_that_limit_and_no_farther(
     steps: float, told: str, belt_board: EmbeddedBoard, monkeypatch: pytest.MonkeyPatch

@@ -36,6 +36,7 @@ def evening(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     return campaign_of(text.replace("runs = 1000", "runs = 1000\nrecover = false"), tmp_path_factory.mktemp("page"))
 
 
+@pytest.mark.slow
 def test_the_evening_runs(evening: Campaign) -> None:
     """One run of each scenario, of the shortest motions among the first."""
     trials = {}
@@ -48,6 +49,7 @@ def test_the_evening_runs(evening: Campaign) -> None:
         assert (row.breaches, all(row.struck)) == ((), True), row
 
 
+@pytest.mark.slow
 def test_the_campaign_of_the_ar4_runs(tmp_path: Path) -> None:
     """One run of each scenario of docs/machines.md, its motors turned by what the drivers did."""
     page = (Path(__file__).parents[4] / "docs" / "machines.md").read_text(encoding="utf-8")
@@ -70,6 +72,7 @@ def nightly() -> Campaign:
     return campaign
 
 
+@pytest.mark.slow
 def test_the_nightly_campaign_can_be_drawn(nightly: Campaign) -> None:
     for seed in range(40):
         trial = draw(nightly, seed)
@@ -115,6 +118,7 @@ def test_the_nightly_campaign_has_every_fault(nightly: Campaign) -> None:
     assert rows == {row.what for row in DOCUMENTED}
 
 
+@pytest.mark.slow
 def test_the_nightly_campaign_has_crystals_boards_and_motors(nightly: Campaign) -> None:
     """What faults.md has beside the table: a crystal that is off, boards that drift apart, motors that feel a load."""
     trials = [

@@ -123,6 +123,7 @@ def found(evening: Path) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.slow
 def test_runs_are_made_once_and_continued(
     evening: Path, found: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -137,6 +138,7 @@ def test_runs_are_made_once_and_continued(
     assert sum(cause["runs"] for cause in again["causes"]) == 6 - again["rate"]["passed"]
 
 
+@pytest.mark.slow
 def test_the_report_has_pictures_and_the_smallest_scenario(evening: Path) -> None:
     names = {path.name for path in (evening / "report").iterdir()}
     assert {"report.json", "rates.png", "cause-1.toml", "margins-two-fault-1-temperature-degc.png"} <= names
@@ -145,6 +147,7 @@ def test_the_report_has_pictures_and_the_smallest_scenario(evening: Path) -> Non
     assert set(fault) == {"do", "pressed", "at_s", "expect"}
 
 
+@pytest.mark.slow
 def test_what_was_drawn_is_told_with_the_faults(
     evening: Path, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,6 +164,7 @@ def test_what_was_drawn_is_told_with_the_faults(
     assert "FAILED" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_run_is_made_again_with_all_its_files(
     evening: Path, found: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,6 +195,7 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
     refusal(capsys, "campaign", *words)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_made_again_replaces_no_recording(
     evening: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,19 +208,22 @@ def test_a_run_that_is_made_again_replaces_no_recording(
 
 
 def test_an_interrupted_campaign_says_how_far_it_came(
-    evening: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(_campaign: Campaign, seeds: Iterable[int]) -> Iterator[list[Row]]:
         yield [replace(ROW, seed=next(iter(seeds)))]
         raise KeyboardInterrupt
 
     monkeypatch.setattr(campaign_package, "run_here", interrupted)
-    words = ["campaign", str(evening.parent / "failing.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
+    file = tmp_path / "failing.toml"
+    file.write_text(FAILING, encoding="utf-8")
+    words = ["campaign", str(file), "--out", str(tmp_path / "out"), "--workers", "1"]
     for there in (1, 2):
         assert run(words) == 130
         assert f"interrupted: {there} of 6 runs are there; the same command makes the others" in capsys.readouterr().err
 
 
-def test_a_folder_is_needed(evening: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(evening.parent / "failing.toml")
-    refusal(capsys, "campaign", file)
+def test_a_folder_is_needed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "failing.toml"
+    file.write_text(FAILING, encoding="utf-8")
+    refusal(capsys, "campaign", str(file))

@@ -85,11 +85,13 @@ def test_a_stopped_run_says_so_and_breaks_nothing(stopped: Performance) -> None:
     assert set(row.margins) == {"bus", "standstill"}
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_row(small: Campaign, seeds: dict[str, int], stopped: Performance) -> None:
     """The recovery included, in which a program is in charge of the machine."""
     assert run_trial(replace(draw(small, seeds["emergency stop"]), recover=True)) == running.row_of(stopped)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("comparison", "failed"), [(1, "homing found another position"), (2, "a motor did not follow a move")]
 )
@@ -291,6 +293,7 @@ ramps = "file"
 SLIPPED = "th2: its motor stands -64 steps from the position that its drive reports; 0.5 is rounding"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ramps", "broken"),
     [("file", [("position", "the drive claims a position at which it is not", SLIPPED)]), ("motors", [])],

@@ -3,6 +3,7 @@
 import tomllib
 from typing import Any
 
+import pytest
 import tomlkit
 from hypothesis import given
 from hypothesis import strategies as st
@@ -68,6 +69,7 @@ _TEXTS = st.dictionaries(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(_TEXTS, min_size=1, max_size=2), _TEXTS)
 def test_written_tables_are_read_again(tables: list[dict[str, Any]], inner: dict[str, Any]) -> None:
     table = {"seed": 3, **inner, "fault": tables, "until": {"numbers": [1, 2.5], **inner, "deep": {"er": inner}}}

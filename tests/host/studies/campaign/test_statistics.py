@@ -8,6 +8,7 @@ from scipy.stats import binomtest
 from steptwin.host.studies.campaign.summary import PassRate
 
 
+@pytest.mark.slow
 @given(st.integers(1, 10**6), st.data())
 def test_intervals_are_those_of_scipy(runs: int, data: st.DataObject) -> None:
     passed = data.draw(st.integers(0, runs))

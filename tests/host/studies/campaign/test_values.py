@@ -8,6 +8,7 @@ import pytest
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots.robot import Robot
 from steptwin.host.studies.campaign.values import AtPart, PlannedAt, drawn, read_template
+from tests.messages import refusing
 
 
 @pytest.mark.parametrize(
@@ -48,19 +49,19 @@ def test_values_in_tables_and_lists_are_drawn(teaching: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "message"),
+    "value",
     [
-        ({"choose": []}, "choose: [] is not a list of values to choose from"),
-        ({"uniform": [1]}, "uniform: [1] is not a list of the least and the greatest value"),
-        ({"uniform": [2, 1]}, "uniform: 1 is below 2: the least value comes first"),
-        ({"log_uniform": [0, 1]}, "log_uniform: 0 is not above 0; uniform takes it"),
-        ({"whole": [0.5, 1]}, "whole: [0.5, 1] are not whole numbers; uniform takes others"),
-        ({"any": "joints"}, "any 'joints' is unknown: did you mean joint?"),
-        ({"part_of_motion": [0, 1.1]}, "part_of_motion: [0, 1.1] are not parts of a motion, from 0 to 1"),
-        ([1, {"b": {"whole": "x"}}], "[1]: b: whole: 'x' is not a list of the least and the greatest value"),
+        {"choose": []},
+        {"uniform": [1]},
+        {"uniform": [2, 1]},
+        {"log_uniform": [0, 1]},
+        {"whole": [0.5, 1]},
+        {"any": "joints"},
+        {"part_of_motion": [0, 1.1]},
+        [1, {"b": {"whole": "x"}}],
     ],
+    ids=str,
 )
-def test_wrong_draws_are_refused(value: Any, message: str) -> None:
-    with pytest.raises(InputError) as refused:
+def test_wrong_draws_are_refused(value: Any) -> None:
+    with refusing(InputError):
         read_template(value)
-    assert str(refused.value).removeprefix("any: ") == message

@@ -66,6 +66,7 @@ def test_only_what_follows_the_start_is_stretched() -> None:
     assert stretched_counts(counts, 2.0, 100).tolist() == [-5, 0, 100, 102, 120, 2100]
 
 
+@pytest.mark.slow
 def test_the_borders_of_a_run_hold_on_both_sides(comparison: Comparison, ran: MotorRun) -> None:
     reported: list[float] = []
     margins = margins_of_run(searches_of(ran.driving, comparison), ran.slip, reported.append)

@@ -20,6 +20,7 @@ from steptwin.host.studies.papers.paper_file import read_paper
 from steptwin.host.studies.papers.paper_page import errata_table, render_page
 from steptwin.host.studies.papers.study import Study
 from tests.end_to_end.command_line import refusal, run_json
+from tests.messages import refusing
 
 TEXT = """
 citation = 'A. Author, "A length"'
@@ -286,28 +287,27 @@ def test_the_data_of_every_paper(robot: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("old", "new"),
     [
-        ("paper = 10.00", 'paper = "reach_mm"', "values[0]: paper: 'reach_mm' is not a number"),
-        ('place = "table 1"', "", "values[2]: place: is missing"),
-        ('place = "table 1"', 'place = ""', "values[2]: place: '' is not a text"),
-        ('dimension = "ten"', 'length = "ten"', "values[2]: one of dimension, result, check, alone, run is missing"),
-        ("expected = 0.0", "paper = 0.0", "values[3]: paper: key 'paper' is unknown: there are check, ours, "),
-        ('"read off"', '"guessed"', "values[0]: source: 'guessed' is not one of stated, follows, read off"),
-        ('"A line"', "3", "pictures[0]: caption: 3 is not a text"),
-        ("plot = ", "drawing = ", "pictures[0]: one of plot, sketch, run, workspace is missing"),
-        ('"no", "nobody', '"never", "nobody', "parts[1]: 'never' is not one of yes, partly, no"),
-        ('"picture below"', '"a", "yes", "", ""', "parts[0]: has 6 texts, but takes from 3 to 5"),
-        ('[["fig. 1", "its scale", "1 : 1"]]', "[[1, 2, 3]]", "left_open[0]: is not a list of texts"),
-        ('"its scale", "1 : 1"', '"its scale"', "left_open[0]: has 2 texts, but takes 3"),
+        ("paper = 10.00", 'paper = "reach_mm"'),
+        ('place = "table 1"', ""),
+        ('place = "table 1"', 'place = ""'),
+        ('dimension = "ten"', 'length = "ten"'),
+        ("expected = 0.0", "paper = 0.0"),
+        ('"read off"', '"guessed"'),
+        ('"A line"', "3"),
+        ("plot = ", "drawing = "),
+        ('"no", "nobody', '"never", "nobody'),
+        ('"picture below"', '"a", "yes", "", ""'),
+        ('[["fig. 1", "its scale", "1 : 1"]]', "[[1, 2, 3]]"),
+        ('"its scale", "1 : 1"', '"its scale"'),
     ],
 )
-def test_a_file_that_says_less_or_else(old: str, new: str, complaint: str) -> None:
+def test_a_file_that_says_less_or_else(old: str, new: str) -> None:
     """What stands on the paper's side is a number in its file, with its place: no name of ours can stand there."""
     assert TEXT.count(old) == 1
-    with pytest.raises(InputError) as error:
+    with refusing(InputError):
         read_paper(TEXT.replace(old, new), LengthStudy)
-    assert str(error.value).startswith(f"items[0]: {complaint}")
 
 
 def test_only_the_reader_of_the_files_makes_values() -> None:

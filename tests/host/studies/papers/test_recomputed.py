@@ -432,7 +432,13 @@ RUNS = {
 """Values that need a run."""
 
 
-@pytest.mark.parametrize("robot", PAPERS)
+@pytest.mark.parametrize(
+    "robot",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in ("warehouse-scara", "hybrid-arm") else ())
+        for name in PAPERS
+    ],
+)
 def test_what_needs_no_run_agrees_with_the_paper(robot: str) -> None:
     values = [one for item in PAPERS[robot].items for one in item.values if one.what not in RUNS]
     compared = [one for one in values if one.expected is not None]

@@ -33,7 +33,7 @@ def test_the_methods_and_their_order(fast_kernel: Kernel) -> None:
     assert [method.key for method in methods(fast_kernel)] == KEYS
 
 
-@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("key", [pytest.param(key, marks=pytest.mark.slow if key != "kernel" else ()) for key in KEYS])
 def test_every_method_ends_at_the_ideal_count(key: str, motion: PlannedMotion, fast_kernel: Kernel) -> None:
     placed = method(fast_kernel, key).place(motion)
     ideal = ideal_of(motion)
@@ -47,6 +47,7 @@ def test_every_method_ends_at_the_ideal_count(key: str, motion: PlannedMotion, f
         assert (axis.dir_levels == np.resize([1, 0], len(axis.dir_levels))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base_hz", DDA_HZ)
 def test_a_dda_steps_on_its_grid_and_at_most_a_period_late(base_hz: int, fast_kernel: Kernel) -> None:
     """Slow steps are left out: there records and servo thread round more, and at a reversal DIR needs more periods."""
@@ -61,6 +62,7 @@ def test_a_dda_steps_on_its_grid_and_at_most_a_period_late(base_hz: int, fast_ke
         assert late_us.mean() == pytest.approx(5e5 / base_hz, rel=0.1)
 
 
+@pytest.mark.slow
 def test_bresenham_makes_a_record_at_constant_rate(fast_kernel: Kernel) -> None:
     """The dominant axis steps evenly, the other one in the same interrupts."""
     motion = sines("two", Sines((1, 2), 3000.0, 2.0), BOARD)

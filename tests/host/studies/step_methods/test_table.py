@@ -12,6 +12,8 @@ from steptwin.host.studies.step_methods.evaluation import MethodErrors
 from steptwin.host.studies.step_methods.motions import all_motions
 from steptwin.host.studies.step_methods.table import COLUMNS, measured, table_rows
 
+pytestmark = pytest.mark.slow  # the measurement takes seconds
+
 MOTIONS = [
     "warehouse-scara pull-line", "lab-scara spiral", "hybrid-arm helix", "teaching-scara carry", "seven axes, 14 kHz",
 ]  # fmt: skip

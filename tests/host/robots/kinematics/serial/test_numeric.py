@@ -99,6 +99,7 @@ def test_why_it_is_numeric() -> None:
     assert kinematics_of(arm("AR4")).inverse_words.startswith("in closed form")
 
 
+@pytest.mark.slow
 def test_out_of_reach_says_by_how_much() -> None:
     kinematics = kinematics_of(three_joints())
     pose = kinematics.forward(np.array([[0.0, 0.0, 0.0]])) + np.array([1000.0, 0.0, 0.0])

@@ -50,6 +50,20 @@ def solutions(branches: tuple[Branch, ...], row: int) -> FloatArray:
     return np.asarray(every[np.isfinite(every).all(axis=1)])
 
 
+def test_a_few_poses_have_their_solutions_and_the_present_joints_among_them() -> None:
+    """What `TestBranches` tries at length."""
+    kinematics, joints = kinematics_of(arctos()), random_joints(arctos(), 20)
+    poses = kinematics.forward(joints)
+    branches = kinematics.inverse(poses, joints)
+    assert kinematics.branches == NAMES
+    assert np.nanmin([np.abs(branch.joints - joints).max(axis=1) for branch in branches], axis=0).max() < 1e-6
+    for branch in branches:
+        found = np.isfinite(branch.joints).all(axis=1)
+        off = kinematics.forward(branch.joints[found]) - poses[found]
+        assert np.linalg.norm(off[:, :3], axis=1).max(initial=0.0) <= PLACE_OFF_MM
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [arctos(), offset_ar4(1.774), offset_ar4(40.0)], ids=["Arctos", "1.8 mm", "40 mm"])
 class TestBranches:
     def test_the_eight_names(self, robot: Robot) -> None:

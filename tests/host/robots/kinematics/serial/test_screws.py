@@ -36,6 +36,7 @@ def tables(draw: st.DrawFn) -> DhTable:
     return DhTable(draw(st.sampled_from(Convention)), tuple(rows), base)
 
 
+@pytest.mark.slow
 @given(tables(), st.integers(0, 1000))
 @settings(max_examples=60)
 def test_poses_are_the_tables_own(table: DhTable, seed: int) -> None:

@@ -55,18 +55,19 @@ GRIPPER_MM: Final = np.array([-45.25, 0.0, -25.8])
 
 
 def flange(chain: Sequence[Joint], joints_deg: FloatArray) -> tuple[FloatArray, Rotation]:
-    """The place of a URDF's last link in mm, and how it is turned."""
-    place, turned = np.zeros(3), Rotation.identity()
-    for (xyz, rpy, axis), angle_deg in zip(chain, joints_deg, strict=True):
+    """The places of a URDF's last link in mm for joints of shape (n, 6), and how it is turned."""
+    place, turned = np.zeros((len(joints_deg), 3)), Rotation.identity(len(joints_deg))
+    for (xyz, rpy, axis), angles_deg in zip(chain, joints_deg.T, strict=True):
         place = place + turned.apply(1000.0 * np.array(xyz, dtype=float))
-        turned = turned * Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(angle_deg * np.array(axis), True)
+        turned = turned * Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(np.outer(angles_deg, axis), True)
     return place, turned
 
 
-def apart(theirs: tuple[FloatArray, Rotation], pose: FloatArray) -> tuple[float, float]:
-    """How far a pose of ours is from theirs, in mm and rad."""
+def apart(theirs: tuple[FloatArray, Rotation], poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far poses of ours are from theirs, in mm and rad."""
     place, turned = theirs
-    return float(np.linalg.norm(place - pose[:3])), float((turned.inv() * Rotation.from_quat(pose[3:])).magnitude())
+    off_rad = np.asarray((turned.inv() * Rotation.from_quat(poses[:, 3:])).magnitude())
+    return np.linalg.norm(place - poses[:, :3], axis=1), off_rad
 
 
 @pytest.mark.parametrize("shift_mm", [0.0, 7.0])
@@ -76,11 +77,8 @@ def test_the_ar4_without_and_with_the_seven_mm(shift_mm: float) -> None:
     xyz, rpy, axis = AR4[2]
     chain = (*AR4[:2], ((*xyz[:2], shift_mm / 1000.0), rpy, axis), *AR4[3:])
     joints = random_joints(robot, 500)
-    off = []
-    for each, pose in zip(joints, kinematics_of(robot).forward(joints), strict=True):
-        place, turned = flange(chain, OTHER_WAY * each)
-        off.append(apart((QUARTER.apply(place), QUARTER * turned * QUARTER), pose))
-    off_mm, off_rad = np.transpose(off)
+    place, turned = flange(chain, OTHER_WAY * joints)
+    off_mm, off_rad = apart((QUARTER.apply(place), QUARTER * turned * QUARTER), kinematics_of(robot).forward(joints))
     assert off_mm == pytest.approx(shift_mm, abs=1e-9)
     assert off_rad.max() < 1e-12
 
@@ -89,21 +87,18 @@ def test_the_parol6_up_to_its_gripper() -> None:
     """The URDF's 23.4207 mm are 23.42 mm in the DH table: 0.0007 mm, which its axes double."""
     robot = load_robot("parol6")
     joints = random_joints(robot, 500)
-    off = []
-    for each, pose in zip(joints, kinematics_of(robot).forward(joints), strict=True):
-        place, turned = flange(PAROL6, each)
-        tip = place + turned.apply(GRIPPER_MM)
-        off.append(apart((tip, turned * Rotation.from_euler("x", 180, degrees=True)), pose))
-    off_mm, off_rad = np.max(off, axis=0)
-    assert 0.0006 < off_mm < 0.0015
-    assert off_rad < 1e-12
+    place, turned = flange(PAROL6, joints)
+    tip = place + turned.apply(GRIPPER_MM), turned * Rotation.from_euler("x", 180, degrees=True)
+    off_mm, off_rad = apart(tip, kinematics_of(robot).forward(joints))
+    assert 0.0006 < off_mm.max() < 0.0015
+    assert off_rad.max() < 1e-12
 
 
 def test_thor_up_to_its_gripper_s_base() -> None:
     robot = load_robot("thor")
     joints = random_joints(robot, 500)
-    for each, pose in zip(joints, kinematics_of(robot).forward(joints), strict=True):
-        place, turned = flange(THOR, each)
-        off_mm, off_rad = apart((place + turned.apply([0.0, 0.0, 43.0]), turned), pose)
-        assert off_mm < 1e-9
-        assert off_rad < 1e-12
+    place, turned = flange(THOR, joints)
+    tip = place + turned.apply([0.0, 0.0, 43.0]), turned
+    off_mm, off_rad = apart(tip, kinematics_of(robot).forward(joints))
+    assert off_mm.max() < 1e-9
+    assert off_rad.max() < 1e-12
