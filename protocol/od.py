@@ -472,6 +472,7 @@ MAX_PROFILE_VELOCITY = rw(
     8_000 * UNITS_PER_FULL_STEP,
     1,
     unit=VELOCITY,
+    mapping=RX,
     write="DriverSettings.change_at",
 )
 PROFILE_VELOCITY = _rate(0x6081_00, "Profile velocity", 1_000, VELOCITY, RX)

@@ -17,7 +17,7 @@ from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
-from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pdo import ProcessData, act_on_sync
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage, checksum
 
@@ -238,8 +238,7 @@ class AxisNode:
             return
         if self._errors.register:
             self._errors.resolved(ErrorCode.SYNC_LENGTH)
-        for receive_pdo in self.process_data.receive_pdos:
-            receive_pdo.on_sync()
+        act_on_sync(self.process_data.receive_pdos)
         self.drive.mode.on_sync()
         for number, transmit_pdo in enumerate(self.process_data.transmit_pdos):
             frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None

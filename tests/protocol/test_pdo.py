@@ -10,7 +10,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
-from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pdo import ProcessData, act_on_sync
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -110,10 +110,10 @@ def test_a_synchronous_rpdo_waits_for_sync_and_the_last_one_counts() -> None:
     pdos.receive_pdos[1].receive(b"\x06\x00")
     pdos.receive_pdos[1].receive(b"\x1f\x00")
     assert dictionary.get(od.CONTROLWORD) == 0
-    pdos.receive_pdos[1].on_sync()
+    act_on_sync(pdos.receive_pdos)
     assert dictionary.get(od.CONTROLWORD) == 0x1F
     dictionary.set(od.CONTROLWORD, 0)
-    pdos.receive_pdos[1].on_sync()
+    act_on_sync(pdos.receive_pdos)
     assert dictionary.get(od.CONTROLWORD) == 0
 
 
