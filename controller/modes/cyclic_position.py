@@ -21,7 +21,8 @@ slot adds three to a count, each set-point takes one away, and more than nine is
 so). At rest a lost slot does no harm: the axis holds its position, and without SYNC it stops following.
 
 Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
-SYNC has come; as at the beginning, the host starts from the position demand.
+SYNC has come; as at the beginning, the host starts from the position demand. A set-point that comes together with the
+word that ends the halt counts.
 
 In velocity mode the set-point is the target velocity (60FFh). It leads to a position: that of the slot before, and
 the way at this velocity in a period; what is less than a unit is kept for the next one. All else is as in position
@@ -147,6 +148,8 @@ class CyclicPosition(DriveMode):
         self._following = False
         self._written = False
         """True while a set-point has been written that no SYNC has taken yet."""
+        self._fresh = False
+        """True until the end of the call that has brought a set-point while the mode was halted or off."""
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
         """Receptions of the open slot, and those that came early for the next slot."""
@@ -162,9 +165,25 @@ class CyclicPosition(DriveMode):
         """In velocity mode, the way that is less than a unit, in thousandths of one."""
         context.dictionary.bind(self)
 
-    def note_set_point(self, _units: int) -> None:
-        """Note that a set-point is being written."""
+    def note_position(self, _units: int) -> None:
+        """Note that a target position is being written: a set-point, except in velocity mode."""
+        if not self._by_velocity:
+            self._note()
+
+    def note_velocity(self, _units_per_s: int) -> None:
+        """Note that a target velocity is being written: a set-point in velocity mode."""
+        if self._by_velocity:
+            self._note()
+
+    def _note(self) -> None:
         self._written = True
+        if not self._enabled:
+            self._fresh = True
+            self._context.touch()
+
+    def end_image(self) -> None:
+        """Let a set-point count as old that has come before what follows: it starts nothing."""
+        self._fresh = False
 
     def check_period(self, _period_ms: int) -> None:
         """Refuse another period while the axis follows."""
@@ -172,14 +191,14 @@ class CyclicPosition(DriveMode):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit. A target position written before the drive was enabled is not a set-point."""
+        """Obey the halt bit. A target written before the mode was enabled is none, unless both came together."""
         if controlword & Control.HALT:
             if self._following and self._motion.running:
                 self._stop.ramp_down(self._stop.halt_kind)
             self.interrupted()
         elif not self._enabled:
             self._enabled = True
-            self._written = False
+            self._written = self._fresh
 
     def interrupted(self) -> None:
         """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""

@@ -77,8 +77,8 @@ class AxisDrive:
         self.interpolation: Interpolation = Interpolation(context, self.stop)
         self.settings: DriverSettings = DriverSettings(context, self.interpolation)
         self.feed: ProfileFeed = ProfileFeed(context, self.interpolation)
-        cyclic = CyclicPosition(context, self.interpolation, self.stop)
-        self._profile_velocity = ProfileVelocity(context, self.feed, cyclic.note_set_point)
+        self._cyclic = cyclic = CyclicPosition(context, self.interpolation, self.stop)
+        self._profile_velocity = ProfileVelocity(context, self.feed, cyclic.note_velocity)
         self._modes: dict[int, DriveMode] = {
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
@@ -228,6 +228,7 @@ class AxisDrive:
         self._context.pins.set(Pin.ENABLE, int(self.energised))
         self._stop_command = None
         self._profile_velocity.void_target()  # only a target given in OPERATION ENABLED moves an axis
+        self._cyclic.end_image()
         if state is not State.OPERATION_ENABLED:
             self.mode.interrupted()
         if self.energised and not was_energised:
@@ -343,6 +344,7 @@ class AxisDrive:
 
     def settle(self, now_us: int) -> None:
         """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
+        self._cyclic.end_image()
         self._motion.settle_speed_limit()
         interpolating = self.mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED
