@@ -209,11 +209,10 @@ def board(fast_kernel: Kernel) -> BenchBoard:
 def test_two_values_act_together(board: BenchBoard, pair: tuple[int, int], mode: Mode) -> None:
     given = {address: new_values(mode)[address] for address in pair}
     for transmission, several in LAYOUTS:
-        for addresses in (pair, pair[::-1]):
-            if several and transmission > 240:
-                order = ARRIVING_CYCLIC if mode in (CSP, CSV) else ARRIVING
-                addresses = tuple(sorted(addresses, key=order.index))
-            rpdos = [[address] for address in addresses] if several else [list(addresses)]
+        for mapped in (pair, pair[::-1]):
+            arriving = sorted(mapped, key=(ARRIVING_CYCLIC if mode in (CSP, CSV) else ARRIVING).index)
+            addresses = arriving if several and transmission > 240 else list(mapped)
+            rpdos = [[address] for address in addresses] if several else [addresses]
             configure(board, rpdos, transmission)
             stand_ready(board, mode, pair)
             refused = board.value(od.RPDO_VALUES_REFUSED)
