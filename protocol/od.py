@@ -447,7 +447,7 @@ POSITION_WINDOW_TIME_MS = rw(0x6068_00, U16, "Position window time in {unit}", 0
 VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="AxisMotion.velocity_units_per_s")
 DC_LINK_VOLTAGE = ro(0x6079_00, U32, "DC link circuit voltage in {unit}", MV, TX, read="BoardReadings.supply_mv")
 TARGET_POSITION = rw(
-    0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_position"
+    0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point_at"
 )
 array(0x607B, "Position range limit")
 POSITION_RANGE_MIN = rw(

@@ -72,6 +72,9 @@ class Turn(IntEnum):
     CONTROLWORD = 4
 
 
+_ALL_TURNS: Final = tuple(Turn)
+_AT_ONCE: Final = (None,)
+"""The turns of a single PDO: its own order is that of the turns."""
 _TURNS: Final = {
     od.PVT_DISPLACEMENT: Turn.RECORD,
     od.PVT_END_VELOCITY: Turn.RECORD,
@@ -206,7 +209,7 @@ class ReceivePdo:
         if self.synchronous:
             self._latched = data
         else:
-            self._act(data, self._in_order)
+            self.act(data)
         return ErrorCode.PDO_TOO_LONG if excess else _NO_ERROR
 
     def timed_out(self, now_us: int) -> bool:
@@ -221,11 +224,9 @@ class ReceivePdo:
         data, self._latched = self._latched, None
         return data
 
-    def act(self, data: bytes, turn: Turn) -> None:
-        """Let the values of a frame act whose turn it is."""
-        self._act(data, self._by_turn[turn])
-
-    def _act(self, data: bytes, targets: list[_Target]) -> None:
+    def act(self, data: bytes, turn: Turn | None = None) -> None:
+        """Let the values of a frame act: all in their order, or those whose turn it is."""
+        targets = self._in_order if turn is None else self._by_turn[turn]
         bits = _integer(data[: self._length], "little")
         for field, cell, plain in targets:
             value = ((bits >> field.shift & field.mask) ^ field.sign_bit) - field.sign_bit
@@ -241,10 +242,9 @@ class ReceivePdo:
 def act_on_sync(pdos: Iterable[ReceivePdo]) -> None:
     """Let all frames act that were latched for this SYNC, as one process image."""
     latched = [(pdo, data) for pdo in pdos if (data := pdo.take_latched()) is not None]
-    if latched:
-        for turn in Turn:
-            for pdo, data in latched:
-                pdo.act(data, turn)
+    for turn in _ALL_TURNS if len(latched) > 1 else _AT_ONCE:
+        for pdo, data in latched:
+            pdo.act(data, turn)
 
 
 class TransmitPdo:

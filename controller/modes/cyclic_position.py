@@ -146,10 +146,10 @@ class CyclicPosition(DriveMode):
         self._enabled = False
         """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
-        self._written = False
-        """True while a set-point has been written that no SYNC has taken yet."""
-        self._fresh = False
-        """True until the end of the call that has brought a set-point while the mode was halted or off."""
+        self._written: set[int] = set()
+        """The targets that have been written and that no SYNC has taken yet."""
+        self._fresh: set[int] = set()
+        """Those that the present call has brought while the mode was halted or off."""
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
         """Receptions of the open slot, and those that came early for the next slot."""
@@ -165,25 +165,16 @@ class CyclicPosition(DriveMode):
         """In velocity mode, the way that is less than a unit, in thousandths of one."""
         context.dictionary.bind(self)
 
-    def note_position(self, _units: int) -> None:
-        """Note that a target position is being written: a set-point, except in velocity mode."""
-        if not self._by_velocity:
-            self._note()
-
-    def note_velocity(self, _units_per_s: int) -> None:
-        """Note that a target velocity is being written: a set-point in velocity mode."""
-        if self._by_velocity:
-            self._note()
-
-    def _note(self) -> None:
-        self._written = True
+    def note_set_point_at(self, address: int, _value: int) -> None:
+        """Note that a target position or a target velocity is being written; the mode says which is a set-point."""
+        self._written.add(address)
         if not self._enabled:
-            self._fresh = True
+            self._fresh.add(address)
             self._context.touch()
 
     def end_image(self) -> None:
         """Let a set-point count as old that has come before what follows: it starts nothing."""
-        self._fresh = False
+        self._fresh.clear()
 
     def check_period(self, _period_ms: int) -> None:
         """Refuse another period while the axis follows."""
@@ -198,7 +189,7 @@ class CyclicPosition(DriveMode):
             self.interrupted()
         elif not self._enabled:
             self._enabled = True
-            self._written = self._fresh
+            self._written = self._fresh.copy()
 
     def interrupted(self) -> None:
         """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
@@ -228,10 +219,10 @@ class CyclicPosition(DriveMode):
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._context.now_us)
-        target = self._dictionary.get(od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION)
-        set_point = target if self._written else self._received[slot].set_point
+        target = od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION
+        set_point = self._dictionary.get(target) if target in self._written else self._received[slot].set_point
         self._received[slot] = _SlotReceptions(sync=True, set_point=set_point)
-        self._written = False
+        self._written.clear()
 
     def _begin(self) -> bool:
         """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""

@@ -1,5 +1,6 @@
 """One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
 
+from functools import partial
 from typing import Final
 
 from steptwin.controller.modes.cyclic_position import CyclicPosition
@@ -78,7 +79,9 @@ class AxisDrive:
         self.settings: DriverSettings = DriverSettings(context, self.interpolation)
         self.feed: ProfileFeed = ProfileFeed(context, self.interpolation)
         self._cyclic = cyclic = CyclicPosition(context, self.interpolation, self.stop)
-        self._profile_velocity = ProfileVelocity(context, self.feed, cyclic.note_velocity)
+        self._profile_velocity = ProfileVelocity(
+            context, self.feed, partial(cyclic.note_set_point_at, od.TARGET_VELOCITY)
+        )
         self._modes: dict[int, DriveMode] = {
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),

@@ -20,7 +20,7 @@ SOD, QSA = State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE
 REACTION, FAULT = State.FAULT_REACTION_ACTIVE, State.FAULT
 SPEED: Final = 2_000 * STEP
 WORDS: Final = (0x0F, 0x1F, 0x10F, 0x07, 0x06, 0x02, 0x00, 0x80, 0x8F)
-"""Enable operation, also with the modes' bits, disable operation, shutdown, quick stop, disable voltage, fault reset."""
+"""Enable operation, with and without modes' bits, disable, shutdown, quick stop, disable voltage, reset."""
 
 
 def word(controlword: int) -> Callable[[BenchBoard], None]:
