@@ -30,7 +30,7 @@ from steptwin.protocol.cia402 import (
 )
 from steptwin.protocol.entry import Access, DataType, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC
-from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
+from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS, NO_HOMING
 from steptwin.protocol.nmt import ErrorBehaviour
 
 
@@ -493,7 +493,13 @@ array(0x6092, "Feed constant")
 FEED_UNITS = _factor(0x6092_01, "Feed in {unit}", UNITS_PER_REVOLUTION, POSITION)
 FEED_SHAFT_REVOLUTIONS = _factor(0x6092_02, "Shaft revolutions")
 HOMING_METHOD = rw(
-    0x6098_00, I8, "Homing method", HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS), values=HOMING_METHODS
+    0x6098_00,
+    I8,
+    "Homing method: 0 for none",
+    HOME_HERE,
+    NO_HOMING,
+    max(HOMING_METHODS),
+    values=(NO_HOMING, *HOMING_METHODS),
 )
 array(0x6099, "Homing speeds")
 HOMING_SEARCH_SPEED = _rate(0x6099_01, "Speed during search for switch", 500, VELOCITY)

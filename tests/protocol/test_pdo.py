@@ -286,14 +286,14 @@ class TestConfiguration:
         write(dictionary, 0x1400, 1, 0x210)
 
     @pytest.mark.parametrize(
-        "identifier", [0x000, 0x080, 0x101, 0x180, 0x581, 0x610, 0x67F, 0x6E0, 0x710, 0x7FF, 0x800]
+        "identifier", [0x000, 0x07F, 0x101, 0x180, 0x581, 0x610, 0x67F, 0x6E0, 0x6FF, 0x701, 0x710, 0x7FF, 0x800]
     )
     def test_identifiers_of_other_services_are_refused(self, identifier: int) -> None:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
         assert refused(dictionary, 0x1400, 1, identifier) is AbortCode.VALUE_RANGE
 
-    @pytest.mark.parametrize("identifier", [0x081, 0x100, 0x181, 0x580, 0x600, 0x680, 0x6DF])
+    @pytest.mark.parametrize("identifier", [0x080, 0x081, 0x100, 0x181, 0x580, 0x600, 0x680, 0x6DF, 0x700])
     def test_identifiers_beside_them_are_free(self, identifier: int) -> None:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
