@@ -212,15 +212,21 @@ class Simulation:
         if was_silent:
             self._skip_intermission()
         give_up_counts, frames = self.now_counts + _SILENCE_MAX_S * COUNTS_PER_SECOND, self.bus.frames
+        strange = len(self.strange)
         while self.bus.busy or (self._late_readers and self._messages_wait):
             if self.now_counts > give_up_counts:
-                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames))
+                raise BusOverloadError(self._why_no_silence(self.bus.frames - frames, len(self.strange) - strange))
             self._advance_to(give_up_counts + 1)
 
-    def _why_no_silence(self, frames: int) -> str:
-        """Return why the bus has not fallen silent, during which so many frames have become valid."""
+    def _why_no_silence(self, frames: int, strange: int) -> str:
+        """Return why the bus is not silent though so many frames, and so many of strangers, have become valid."""
         if frames < _BUSY_FRAMES:
             return f"a frame has waited {_SILENCE_MAX_S} s for the bus: it is held back, or no station acknowledges it"
+        if 2 * strange > frames:
+            return (
+                f"a stranger's frames 0x{self.strange[-1][1].cob_id:03X} fill the bus: "
+                f"no pause for {_SILENCE_MAX_S} s; they end with the last of them, or with the repair of the bus"
+            )
         return (
             f"the nodes' own frames keep the bus busy at {self.bus.bitrate // 1000} kbit/s: "
             f"no pause for {_SILENCE_MAX_S} s; longer heartbeat and event times or a higher bit rate help"

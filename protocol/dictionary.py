@@ -18,8 +18,11 @@ from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_MASK
 from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
-_RESTRICTED = ((0x000, 0x080), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x7FF))
-"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SYNC, SDO, heartbeat and others."""
+_RESTRICTED = ((0x000, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
+"""COB-IDs that CiA 301 keeps for other services (table 40): NMT, SDO, heartbeat and those that are reserved.
+
+080h, that of SYNC by default, and 700h, which no node's heartbeat has, are not among them.
+"""
 
 
 def check_cob_id(old: int, new: int, flags: int = 0) -> None:

@@ -16,6 +16,7 @@ from typing import Final
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, Overrun
 from steptwin.protocol.od import HISTORY_DEPTH
+from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
 PLACES: Final = len(ErrorCode)
 """Frames that may wait. One more, and two of them have the same code; "no error" is a code, too."""
@@ -63,9 +64,15 @@ class EmergencyProducer:
         return len(self.history)
 
     def history_at(self, address: int) -> int:
-        """Return the error in an entry of the history (1003h); 0 if there is none."""
+        """Return the error in an entry of the history (1003h).
+
+        Raises:
+            SdoAbortError: there is none (CiA 301, section 7.5.2.4).
+        """
         i = od.ERROR_HISTORY.index(address)
-        return self.history[i] if i < len(self.history) else 0
+        if i >= len(self.history):
+            raise SdoAbortError(AbortCode.NO_DATA)
+        return self.history[i]
 
     def clear_history(self, _value: int = 0) -> None:
         """Forget the last errors."""

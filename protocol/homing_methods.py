@@ -13,6 +13,8 @@ from steptwin.protocol.cia402 import DigitalInput
 
 POSITIVE, NEGATIVE = 1, -1
 
+NO_HOMING: Final = 0
+"""Value of the homing method (6098h) of an axis that needs no homing: it is no method, and sets no position."""
 HOME_HERE: Final = 37
 """Number of the method that takes the present position as home."""
 HOME_HERE_OBSOLETE: Final = 35

@@ -30,7 +30,7 @@ from steptwin.protocol.cia402 import (
 )
 from steptwin.protocol.entry import Access, DataType, Entry, EntryUnit, Mapping, ObjectCode
 from steptwin.protocol.frame import COB_EMCY, COB_SYNC
-from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS
+from steptwin.protocol.homing_methods import HOME_HERE, HOMING_METHODS, NO_HOMING
 from steptwin.protocol.nmt import ErrorBehaviour
 
 
@@ -447,7 +447,7 @@ POSITION_WINDOW_TIME_MS = rw(0x6068_00, U16, "Position window time in {unit}", 0
 VELOCITY_ACTUAL = ro(0x606C_00, I32, "Velocity actual value", VELOCITY, TX, read="AxisMotion.velocity_units_per_s")
 DC_LINK_VOLTAGE = ro(0x6079_00, U32, "DC link circuit voltage in {unit}", MV, TX, read="BoardReadings.supply_mv")
 TARGET_POSITION = rw(
-    0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point"
+    0x607A_00, I32, "Target position", unit=POSITION, mapping=RXTX, write="CyclicPosition.note_set_point_at"
 )
 array(0x607B, "Position range limit")
 POSITION_RANGE_MIN = rw(
@@ -472,6 +472,7 @@ MAX_PROFILE_VELOCITY = rw(
     8_000 * UNITS_PER_FULL_STEP,
     1,
     unit=VELOCITY,
+    mapping=RX,
     write="DriverSettings.change_at",
 )
 PROFILE_VELOCITY = _rate(0x6081_00, "Profile velocity", 1_000, VELOCITY, RX)
@@ -492,7 +493,13 @@ array(0x6092, "Feed constant")
 FEED_UNITS = _factor(0x6092_01, "Feed in {unit}", UNITS_PER_REVOLUTION, POSITION)
 FEED_SHAFT_REVOLUTIONS = _factor(0x6092_02, "Shaft revolutions")
 HOMING_METHOD = rw(
-    0x6098_00, I8, "Homing method", HOME_HERE, min(HOMING_METHODS), max(HOMING_METHODS), values=HOMING_METHODS
+    0x6098_00,
+    I8,
+    "Homing method: 0 for none",
+    HOME_HERE,
+    NO_HOMING,
+    max(HOMING_METHODS),
+    values=(NO_HOMING, *HOMING_METHODS),
 )
 array(0x6099, "Homing speeds")
 HOMING_SEARCH_SPEED = _rate(0x6099_01, "Speed during search for switch", 500, VELOCITY)

@@ -5,6 +5,10 @@ changed, one of type 254 or 255 by its event timer and when a value changes: of 
 one whose changes the drive announces (`ANNOUNCED`) or, if none of these is mapped, any. Values whose changes are not
 announced, such as positions, are sampled. A receive PDO of type 0 to 240 takes effect with the next SYNC.
 
+The values that take effect together, those of one frame or of all receive PDOs that wait for one SYNC, are one process
+image: they act in the order of `Turn`, whatever the order of mappings and PDOs. So a target that comes together with
+the controlword is in place when the controlword acts on it.
+
 PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
 decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations. A receive PDO may
 map data types as dummies: their bits are skipped.
@@ -13,8 +17,9 @@ A receive PDO with an event timer is expected within that time from each of its 
 (deadline monitoring, CiA 301, section 7.5.2.35). Monitoring begins with the first frame, and again after a time-out.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from collections.abc import Set as AbstractSet
+from enum import IntEnum
 from typing import Final, NamedTuple, Protocol
 
 from steptwin.protocol import od
@@ -52,6 +57,34 @@ _COMMUNICATION: Final = dict(
 """Index of a PDO's communication parameter, by that of its mapping."""
 _DUMMIES: Final = frozenset(address_of(index) << 8 | bits for index, bits in DUMMY_BITS.items())
 """The dummies as a mapping names them."""
+
+
+class Turn(IntEnum):
+    """When a value acts within a process image."""
+
+    PARAMETER = 0
+    """All entries that are named nowhere else."""
+    RECORD = 1
+    """The PVT records (60C1h), in the order of the PDOs that bring them."""
+    MODE = 2
+    TARGET = 3
+    """After the mode: so they count in the mode that comes with them."""
+    CONTROLWORD = 4
+
+
+_ALL_TURNS: Final = tuple(Turn)
+_AT_ONCE: Final = (None,)
+"""The turns of a single PDO: its own order is that of the turns."""
+_TURNS: Final = {
+    od.PVT_DISPLACEMENT: Turn.RECORD,
+    od.PVT_END_VELOCITY: Turn.RECORD,
+    od.PVT_DURATION_MS: Turn.RECORD,
+    od.PVT_SEQUENCE: Turn.RECORD,
+    od.MODE_OF_OPERATION: Turn.MODE,
+    od.TARGET_POSITION: Turn.TARGET,
+    od.TARGET_VELOCITY: Turn.TARGET,
+    od.CONTROLWORD: Turn.CONTROLWORD,
+}
 
 
 class MappedCell(Protocol):
@@ -123,6 +156,29 @@ def _fields(dictionary: MappedObjects, mapping_index: int) -> tuple[list[_Field]
     return fields, -(-shift // 8)
 
 
+class _Target(NamedTuple):
+    """A field of a receive PDO, and the place of its value."""
+
+    field: _Field
+    cell: MappedCell
+    plain: bool
+
+
+def _by_turn(fields: list[_Field]) -> list[list[_Target]]:
+    """Return the fields of a receive PDO by their turns; the number that queues a record is the last of its fields.
+
+    Fields of a record whose number comes by another PDO are parameters: they must be in place before it.
+    """
+    has_number = any(field.address == od.PVT_SEQUENCE for field in fields)
+    targets: list[list[_Target]] = [[] for _ in Turn]
+    for field in sorted(fields, key=lambda each: each.address == od.PVT_SEQUENCE):
+        turn = _TURNS.get(field.address, Turn.PARAMETER)
+        if turn is Turn.RECORD and not has_number:
+            turn = Turn.PARAMETER
+        targets[turn].append(_Target(field, field.cell, field.cell.plain))
+    return targets
+
+
 class ReceivePdo:
     """One receive PDO, as the dictionary describes it."""
 
@@ -140,19 +196,20 @@ class ReceivePdo:
         self.deadline_us: int | None = None
         """Time when the next frame is late; None while none is awaited."""
         fields, self._length = _fields(dictionary, parameters.mapping)
-        self._targets = [(field, field.cell, field.cell.plain) for field in fields]
+        self._by_turn = _by_turn(fields)
+        self._in_order = [target for targets in self._by_turn for target in targets]
         self._latched: bytes | None = None
         self._on_refused = on_refused
 
     def receive(self, data: bytes) -> ErrorCode:
-        """Take a frame: apply it now, or latch it for the next SYNC; return the error in its length, or NONE."""
+        """Take a frame: let it act now, or latch it for the next SYNC; return the error in its length, or NONE."""
         excess = len(data) - self._length
         if excess < 0:
             return ErrorCode.PDO_TOO_SHORT
         if self.synchronous:
             self._latched = data
         else:
-            self._apply(data)
+            self.act(data)
         return ErrorCode.PDO_TOO_LONG if excess else _NO_ERROR
 
     def timed_out(self, now_us: int) -> bool:
@@ -162,15 +219,16 @@ class ReceivePdo:
         self.deadline_us = None
         return True
 
-    def on_sync(self) -> None:
-        """Apply the frame that was latched last, if one came since the last SYNC."""
-        if self._latched is not None:
-            data, self._latched = self._latched, None
-            self._apply(data)
+    def take_latched(self) -> bytes | None:
+        """Return the frame that was latched last, if one came since the last call."""
+        data, self._latched = self._latched, None
+        return data
 
-    def _apply(self, data: bytes) -> None:
+    def act(self, data: bytes, turn: Turn | None = None) -> None:
+        """Let the values of a frame act: all in their order, or those whose turn it is."""
+        targets = self._in_order if turn is None else self._by_turn[turn]
         bits = _integer(data[: self._length], "little")
-        for field, cell, plain in self._targets:
+        for field, cell, plain in targets:
             value = ((bits >> field.shift & field.mask) ^ field.sign_bit) - field.sign_bit
             if plain:  # most values are the fields of a PVT record, whose last one queues it
                 cell.value = value
@@ -179,6 +237,14 @@ class ReceivePdo:
                 cell.put(value)
             except SdoAbortError:
                 self._on_refused(field.address << 8 | field.mask.bit_length())
+
+
+def act_on_sync(pdos: Iterable[ReceivePdo]) -> None:
+    """Let all frames act that were latched for this SYNC, as one process image."""
+    latched = [(pdo, data) for pdo in pdos if (data := pdo.take_latched()) is not None]
+    for turn in _ALL_TURNS if len(latched) > 1 else _AT_ONCE:
+        for pdo, data in latched:
+            pdo.act(data, turn)
 
 
 class TransmitPdo:

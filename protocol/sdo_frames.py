@@ -34,6 +34,7 @@ class AbortCode(IntEnum):
     MAX_BELOW_MIN = 0x0609_0036
     NOT_STORED = 0x0800_0020
     DEVICE_STATE = 0x0800_0022
+    NO_DATA = 0x0800_0024
 
 
 class SdoAbortError(Exception):

@@ -21,7 +21,8 @@ slot adds three to a count, each set-point takes one away, and more than nine is
 so). At rest a lost slot does no harm: the axis holds its position, and without SYNC it stops following.
 
 Halt (bit 8) ramps to rest by the halt option code (605Dh). The axis follows again after the bit has been cleared and a
-SYNC has come; as at the beginning, the host starts from the position demand.
+SYNC has come; as at the beginning, the host starts from the position demand. A set-point that comes together with the
+word that ends the halt counts.
 
 In velocity mode the set-point is the target velocity (60FFh). It leads to a position: that of the slot before, and
 the way at this velocity in a period; what is less than a unit is kept for the next one. All else is as in position
@@ -145,8 +146,10 @@ class CyclicPosition(DriveMode):
         self._enabled = False
         """True while the drive is in OPERATION ENABLED in this mode and not halted."""
         self._following = False
-        self._written = False
-        """True while a set-point has been written that no SYNC has taken yet."""
+        self._written: set[int] = set()
+        """The targets that have been written and that no SYNC has taken yet."""
+        self._fresh: set[int] = set()
+        """Those that the present call has brought while the mode was halted or off."""
         self._slot = self._clock.slot
         self._received = [_NOTHING, _NOTHING]
         """Receptions of the open slot, and those that came early for the next slot."""
@@ -162,9 +165,16 @@ class CyclicPosition(DriveMode):
         """In velocity mode, the way that is less than a unit, in thousandths of one."""
         context.dictionary.bind(self)
 
-    def note_set_point(self, _units: int) -> None:
-        """Note that a set-point is being written."""
-        self._written = True
+    def note_set_point_at(self, address: int, _value: int) -> None:
+        """Note that a target position or a target velocity is being written; the mode says which is a set-point."""
+        self._written.add(address)
+        if not self._enabled:
+            self._fresh.add(address)
+            self._context.touch()
+
+    def end_image(self) -> None:
+        """Let a set-point count as old that has come before what follows: it starts nothing."""
+        self._fresh.clear()
 
     def check_period(self, _period_ms: int) -> None:
         """Refuse another period while the axis follows."""
@@ -172,14 +182,14 @@ class CyclicPosition(DriveMode):
             raise SdoAbortError(AbortCode.DEVICE_STATE)
 
     def control(self, controlword: int, _previous: int) -> None:
-        """Obey the halt bit. A target position written before the drive was enabled is not a set-point."""
+        """Obey the halt bit. A target written before the mode was enabled is none, unless both came together."""
         if controlword & Control.HALT:
             if self._following and self._motion.running:
                 self._stop.ramp_down(self._stop.halt_kind)
             self.interrupted()
         elif not self._enabled:
             self._enabled = True
-            self._written = False
+            self._written = self._fresh.copy()
 
     def interrupted(self) -> None:
         """Stop following: the drive stops or halts. The next SYNC after that begins a new motion."""
@@ -209,10 +219,10 @@ class CyclicPosition(DriveMode):
         if not self._enabled or not (self._following or self._begin()):
             return
         slot = self._clock.hear(self._context.now_us)
-        target = self._dictionary.get(od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION)
-        set_point = target if self._written else self._received[slot].set_point
+        target = od.TARGET_VELOCITY if self._by_velocity else od.TARGET_POSITION
+        set_point = self._dictionary.get(target) if target in self._written else self._received[slot].set_point
         self._received[slot] = _SlotReceptions(sync=True, set_point=set_point)
-        self._written = False
+        self._written.clear()
 
     def _begin(self) -> bool:
         """Begin to follow, unless a ramp is still bringing the axis to rest; return whether the axis follows."""

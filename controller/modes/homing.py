@@ -6,6 +6,8 @@ the axis stands behind the edge, the step where the edge was seen becomes the ho
 step. Methods 35 and 37 set the position of the standing axis to the home offset exactly: since a unit is finer than a
 step, the demand may then lie between two steps.
 
+Method 0 needs no homing: it is attained at once and changes nothing.
+
 Axes that move one joint together, as the two motors of a CoreXY or at the ends of a gantry's beam, are homed together:
 all start at one SYNC, and with 2020h:03 each watches the switches of the same axis, so that all see an edge in the same
 tick and each latches its own counter there. 2020h:03 to 05 hold for the next homing only.
@@ -29,7 +31,7 @@ from steptwin.controller.modes.switch_search import Phase, Speeds, SwitchSearch
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control, DigitalInput, ErrorCode, HomingError, Status
-from steptwin.protocol.homing_methods import HOMING_METHODS, HomingMethod
+from steptwin.protocol.homing_methods import HOMING_METHODS, NO_HOMING, HomingMethod
 from steptwin.protocol.pvt import VELOCITY_PER_UNIT_PER_MS
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -111,8 +113,12 @@ class Homing(DriveMode):
         """Begin the homing that waits, if the axis stands."""
         if self._state is not _State.WAITING or self._motion.running:
             return
-        method = HOMING_METHODS[self._dictionary.get(od.HOMING_METHOD)]
-        if method is None:
+        number = self._dictionary.get(od.HOMING_METHOD)
+        method = HOMING_METHODS.get(number)
+        if number == NO_HOMING:
+            self._partial = True  # the position is known or unknown as before
+            self._end(_State.DONE)
+        elif method is None:
             self._records.discard()
             self._motion.preset(self._dictionary.get(od.HOME_OFFSET))
             self._attain()

@@ -127,7 +127,12 @@ class Interpolation(DriveMode):
         return self._group.rate_q16(self._context.board.motion.tick)
 
     def want_rate(self, rate_q16: int) -> None:
-        """Let the group run slower or faster; refuse without a motion, or what is faster than its records allow."""
+        """Let the group run slower or faster; refuse without a motion, or what is faster than its records allow.
+
+        What is wanted already may always be written, as by a master that writes back what it has read.
+        """
+        if rate_q16 == self.wanted_rate():
+            return
         if not self._group.members:
             raise SdoAbortError(AbortCode.DEVICE_STATE)
         if rate_q16 > self._context.board.motion.highest_rate_q16:

@@ -20,7 +20,7 @@ class ProfileVelocity(DriveMode):
     """Follows the target velocity; the feed makes the motion."""
 
     def __init__(self, context: AxisContext, feed: ProfileFeed, note: Callable[[int], None]) -> None:
-        """Begin; `note` is told each target velocity: in cyclic velocity mode it is a set-point."""
+        """Begin; `note` is told each target velocity, which may be a cyclic set-point."""
         super().__init__(context)
         self._note = note
         self._limits = context.limits

@@ -1,5 +1,6 @@
 """One axis' drive (CiA 402): power state, modes of operation, stops and faults, and how they act on each other."""
 
+from functools import partial
 from typing import Final
 
 from steptwin.controller.modes.cyclic_position import CyclicPosition
@@ -12,7 +13,7 @@ from steptwin.controller.modes.profile_velocity import ProfileVelocity
 from steptwin.controller.node.axis_context import AxisContext
 from steptwin.controller.node.driver_settings import DriverSettings
 from steptwin.controller.node.pins import Pin
-from steptwin.controller.node.power_states import ENERGISED, next_state
+from steptwin.controller.node.power_states import ENERGISED, leads_further, next_state
 from steptwin.controller.node.stops import DISABLES, QUICK_STOPS, SHUTDOWNS, AxisStop, StopKind, fault_stop
 from steptwin.controller.node.supervision import Supervision
 from steptwin.controller.node.touch_probe import TouchProbes
@@ -60,8 +61,10 @@ class AxisDrive:
         self._controlword = 0
         self.emergency_stopped: bool = False
         """True from an emergency stop by a program (2015h) until the fault reset."""
-        self._after_stop: State | None = None
-        """State to enter when the stop in progress has ended."""
+        self._stop_command: State | None = None
+        """State that the command of the stop in progress leads to; None while no ramp leads out of the motion."""
+        self._after_stop: State = self.state
+        """State to enter when that stop has ended, by the option code as it was when the stop began."""
         self._settled_us = 0
         """Time from which on the driver, whose outputs are on, takes steps (2001h:06)."""
         self._enable_due_us: int | None = None
@@ -75,8 +78,10 @@ class AxisDrive:
         self.interpolation: Interpolation = Interpolation(context, self.stop)
         self.settings: DriverSettings = DriverSettings(context, self.interpolation)
         self.feed: ProfileFeed = ProfileFeed(context, self.interpolation)
-        cyclic = CyclicPosition(context, self.interpolation, self.stop)
-        self._profile_velocity = ProfileVelocity(context, self.feed, cyclic.note_set_point)
+        self._cyclic = cyclic = CyclicPosition(context, self.interpolation, self.stop)
+        self._profile_velocity = ProfileVelocity(
+            context, self.feed, partial(cyclic.note_set_point_at, od.TARGET_VELOCITY)
+        )
         self._modes: dict[int, DriveMode] = {
             Mode.NONE: DriveMode(context),
             Mode.PROFILE_POSITION: ProfilePosition(context, self.feed),
@@ -111,8 +116,8 @@ class AxisDrive:
 
         So a bit that rises in the word that enables the drive starts nothing: the mode sees no edge.
 
-        While a ramp leads out of OPERATION ENABLED, the last command decides which state follows it. "Enable
-        operation" then keeps the drive enabled, as transition 4 would after the ramp; the ramp still goes on to rest.
+        While a ramp leads out of OPERATION ENABLED, only a command that leads further away from it counts: so nobody
+        else's "enable operation", repeated every millisecond, takes a stop back.
         """
         self._context.touch()
         previous, self._controlword = self._controlword, controlword
@@ -124,7 +129,7 @@ class AxisDrive:
     @property
     def _enabled(self) -> bool:
         """True in OPERATION ENABLED, unless a ramp leads out of it."""
-        return self.state is State.OPERATION_ENABLED and self._after_stop is None
+        return self.state is State.OPERATION_ENABLED and self._stop_command is None
 
     def reset_numbered_fault(self, number: int) -> None:
         """Leave FAULT as by a rising edge of the controlword's bit 7 (transition 15); elsewhere do nothing.
@@ -141,7 +146,9 @@ class AxisDrive:
 
     def _obey(self, target: State) -> None:
         """Change the state by command. A moving axis first stops, in the way that the option codes select."""
-        if target is (self._after_stop or self.state):
+        if target is self.state:
+            return
+        if self._stop_command and not leads_further(target, self._stop_command):
             return
         if target is State.OPERATION_ENABLED and self._enable_due_us is not None:
             return  # which comes when the driver has settled
@@ -156,10 +163,10 @@ class AxisDrive:
             self._bring_to_rest(kind)
         if not self._motion.running:
             self._enter(end)
-        elif end in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON):
-            self._after_stop = end  # the drive stays in OPERATION ENABLED until the ramp has ended
-        else:
-            self._enter(target)
+            return
+        if target is State.QUICK_STOP_ACTIVE:
+            self._enter(target)  # the drive stays in OPERATION ENABLED in the other stops until the ramp has ended
+        self._stop_command, self._after_stop = target, end
 
     def _stop_towards(self, target: State) -> tuple[StopKind, State]:
         """Return how a moving axis stops on its way to a state, and the state that follows the stop."""
@@ -222,8 +229,9 @@ class AxisDrive:
         was_energised, self.state = self.energised, state
         self.energised = state in ENERGISED
         self._context.pins.set(Pin.ENABLE, int(self.energised))
-        self._after_stop = None
+        self._stop_command = None
         self._profile_velocity.void_target()  # only a target given in OPERATION ENABLED moves an axis
+        self._cyclic.end_image()
         if state is not State.OPERATION_ENABLED:
             self.mode.interrupted()
         if self.energised and not was_energised:
@@ -242,9 +250,7 @@ class AxisDrive:
         """Handle the end of all segments: the axis is at rest."""
         if self.state is State.FAULT_REACTION_ACTIVE:
             self._enter(State.FAULT)
-        elif self.state is State.QUICK_STOP_ACTIVE:
-            self._enter(QUICK_STOPS[self._dictionary.get(od.QUICK_STOP_OPTION)].end)
-        elif self._after_stop:
+        elif self._stop_command:
             self._enter(self._after_stop)
         else:
             self.mode.finished()
@@ -341,6 +347,7 @@ class AxisDrive:
 
     def settle(self, now_us: int) -> None:
         """Tell the group, the queue and the supervision the drive's state, at the end of every call."""
+        self._cyclic.end_image()
         self._motion.settle_speed_limit()
         interpolating = self.mode is self.interpolation
         self.interpolation.ready = interpolating and self.state is State.OPERATION_ENABLED

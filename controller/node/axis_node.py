@@ -17,7 +17,7 @@ from steptwin.protocol.dictionary import FlashPage, ObjectDictionary
 from steptwin.protocol.frame import COB_HEARTBEAT, COB_SDO_RESPONSE, Frame
 from steptwin.protocol.lss import COB_LSS_RESPONSE, UNCONFIGURED
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, after_error, target_of
-from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pdo import ProcessData, act_on_sync
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.storage import ParameterStorage, checksum
 
@@ -227,8 +227,11 @@ class AxisNode:
             self._end_call()
 
     def on_sync(self, data: bytes, now_us: int) -> None:
-        """Apply the RPDOs latched for SYNC, then send the TPDOs that this SYNC triggers."""
-        if self.nmt_state is not NmtState.OPERATIONAL:
+        """Apply the RPDOs latched for SYNC, then send the TPDOs that this SYNC triggers; both in OPERATIONAL only.
+
+        The SYNC object itself is alive in PRE-OPERATIONAL, too (CiA 301, table 38): its length is checked there.
+        """
+        if self.nmt_state in _SILENT:
             return
         self._context.now_us = now_us
         counter = self.process_data.sync_counter(data)
@@ -238,8 +241,10 @@ class AxisNode:
             return
         if self._errors.register:
             self._errors.resolved(ErrorCode.SYNC_LENGTH)
-        for receive_pdo in self.process_data.receive_pdos:
-            receive_pdo.on_sync()
+        if self.nmt_state is not _OPERATIONAL:
+            self._end_call()
+            return
+        act_on_sync(self.process_data.receive_pdos)
         self.drive.mode.on_sync()
         for number, transmit_pdo in enumerate(self.process_data.transmit_pdos):
             frame = transmit_pdo.on_sync(counter) if transmit_pdo.exists else None

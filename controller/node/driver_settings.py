@@ -54,8 +54,11 @@ class DriverSettings:
         """Reconfigure the steps while the driver is off: a TB6560 changes its mode only in reset (page 15).
 
         Drop the records that wait: they were accepted within the old limits. The speed limit (607Fh) may change while
-        the driver is on: from the next set-point on, and for a stream of records or set-points when it has ended.
+        the driver is on: from the next set-point on, and for a stream of records or set-points when it has ended. A
+        PDO may repeat it: the same limit again drops nothing.
         """
+        if address == od.MAX_PROFILE_VELOCITY and value == self._dictionary.get(address):
+            return
         energised = bool(self._pins.level(Pin.ENABLE))
         if energised and address == od.MAX_PROFILE_VELOCITY:
             config = replace(self._motion.config, velocity_max_units_per_s=value)

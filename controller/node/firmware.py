@@ -133,10 +133,6 @@ class Firmware:
                 self._fetch_from(node, now_counts)
         elif cob_id == COB_NMT:
             self._on_nmt(data, now_counts)
-        elif cob_id == COB_SYNC:
-            for node in self.nodes:
-                node.on_sync(data, now_counts // COUNTS_PER_US)
-                self._fetch_from(node, now_counts)
         else:
             self.dropped_frames += 1
         if self._trips or self.motion.group.must_ramp:
@@ -148,7 +144,7 @@ class Firmware:
         By default these are blocks of eight COB-IDs, with a mask for each block; bxCAN's 14 filter banks hold 28 masks
         or 56 identifiers (RM0008, section 24.7.4).
         """
-        return cob_id in self._routes or cob_id in (COB_NMT, COB_SYNC)
+        return cob_id in self._routes or cob_id == COB_NMT
 
     def on_can_error(self, code: ErrorCode, now_counts: int, *, active: bool) -> None:
         """Report an error of the CAN controller, or its end, by an EMCY of every node.
@@ -176,7 +172,10 @@ class Firmware:
 
     def _route(self) -> None:
         """List the services that take each COB-ID; called again whenever a node's COB-IDs change."""
-        self._routes = {COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes]}
+        self._routes = {
+            COB_LSS_REQUEST: [(node, node.on_lss) for node in self.nodes],
+            COB_SYNC: [(node, node.on_sync) for node in self.nodes],
+        }
         for node in self.nodes:
             node.routes_changed = False
         nodes = [node for node in self.nodes if node.configured]

@@ -5,6 +5,7 @@ motion.
 """
 
 from enum import Enum
+from typing import Final
 
 from steptwin.protocol.cia402 import Control, State
 
@@ -39,15 +40,23 @@ TRANSITIONS: dict[tuple[State, DriveCommand], State] = {
     (_OE, DriveCommand.QUICK_STOP): _QSA,  # 11
     (_QSA, DriveCommand.DISABLE_VOLTAGE): _SOD,  # 12
     (State.FAULT, DriveCommand.FAULT_RESET): _SOD,  # 15
-    (_QSA, DriveCommand.ENABLE_OPERATION): _OE,  # 16
+    (_QSA, DriveCommand.ENABLE_OPERATION): _OE,  # 16, only at rest: so with the option codes 5 to 8 only
 }
 """Every transition that a controlword makes, with CiA 402's number.
 
-The drive makes 0 and 1 (boot) and 13 and 14 (fault and end of its reaction) by itself.
+The drive makes 0 and 1 (boot), 12 (end of a quick stop) and 13 and 14 (fault and end of its reaction) by itself.
 """
+
+_STOPS: Final = (_SO, _RTSO, _QSA, _SOD)
+"""The states that a stop out of OPERATION ENABLED leads to, the nearest first."""
 
 ENERGISED = frozenset((_SO, _OE, _QSA, State.FAULT_REACTION_ACTIVE))
 """The states with the driver's outputs on: the motor holds its position."""
+
+
+def leads_further(target: State, stop: State) -> bool:
+    """Return whether a command leads further away from OPERATION ENABLED than the stop in progress."""
+    return target in _STOPS and _STOPS.index(target) > _STOPS.index(stop)
 
 
 def command_of(controlword: int, previous: int) -> DriveCommand:

@@ -170,6 +170,8 @@ def _state_row(state: State) -> list[str]:
     mask, bits = state.value
     targets = [next_state(state, word, 0) for word in _CONTROLWORDS]
     cells = ["-" if target is state else _spoken(target) for target in targets]
+    if state is State.QUICK_STOP_ACTIVE:
+        cells[_CONTROLWORDS.index(ENABLE_OPERATION)] += ", if 0x605A is 5 or 6 and the axis rests"
     return [f"{_spoken(state)} (0x{mask:02X}: 0x{bits:02X})", *cells]
 
 

@@ -35,7 +35,7 @@ from steptwin.protocol.frame import (
 )
 from steptwin.protocol.nmt import HeartbeatProducer, NmtCommand, NmtState, command_for, target_of
 from steptwin.protocol.objects import ANY_CHANGE
-from steptwin.protocol.pdo import PdoParameters, ReceivePdo, TransmitPdo
+from steptwin.protocol.pdo import PdoParameters, ReceivePdo, TransmitPdo, act_on_sync
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 from steptwin.protocol.sdo_server import SdoServer
 from steptwin.protocol.timer import COUNTS_PER_US
@@ -291,8 +291,7 @@ class SimpleNode:
         counted = self._objects.get(od.SYNC_COUNTER_OVERFLOW) != 0
         if len(data) != counted:
             return
-        for receive_pdo in self._receive_pdos:
-            receive_pdo.on_sync()
+        act_on_sync(self._receive_pdos)
         for transmit_pdo in self._transmit_pdos:
             frame = transmit_pdo.on_sync(data[0] if counted else 0) if transmit_pdo.exists else None
             if frame:

@@ -32,7 +32,8 @@ def quick_stop(link: Link, axes: Sequence[AxisClient]) -> None:
 
     Raises:
         BusError: an axis does not answer or does not come to rest; the others have been told to stop.
-        DeviceFaultError: an axis refuses the quick stop.
+        DeviceFaultError: an axis refuses the quick stop, or another program enables it again, which a drive that holds
+            its position after a quick stop allows.
     """
     _begin_quick_stop(link, axes)
     wait_until(link, lambda: all(map(_reacted, axes)), _REACTION_S)
@@ -105,8 +106,14 @@ def _reacted(axis: AxisClient) -> bool:
 
 
 def _stopped(axis: AxisClient) -> bool:
+    """Return whether an axis that has reacted rests; raise DeviceFaultError if it is enabled again."""
     statusword = axis.read(od.STATUSWORD)
-    return State.of(statusword) is not State.OPERATION_ENABLED and bool(statusword & Status.TARGET_REACHED)
+    if State.of(statusword) is State.OPERATION_ENABLED:
+        again = "another program enables the drive again after each stop; `steptwin estop` stops and holds it"
+        raise DeviceFaultError(f"{axis.name}: {again}").plainly(
+            f"{axis.name}: another program switches it on again after each stop: use the emergency stop"
+        )
+    return bool(statusword & Status.TARGET_REACHED)
 
 
 def _rests(axis: AxisClient) -> bool:

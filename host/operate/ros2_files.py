@@ -2,7 +2,8 @@
 
 ros2_canopen's Cia402Driver drives one axis a node. It gets statusword and mode, position and velocity with each SYNC,
 and sends controlword and mode, target position and velocity. Its units are rad and m: positions are multiplied by
-`scale_pos_to_dev` on their way to a node. The file names, keys and driver names follow its documentation and its tests.
+`scale_pos_to_dev` on their way to a node. All PDOs go with SYNC: so controlword and target act together. The file
+names, keys and driver names follow its documentation and its tests.
 """
 
 from math import pi
@@ -19,6 +20,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode
 from steptwin.protocol.exports import render_eds
 from steptwin.protocol.frame import FIRST_NODE_ID, HOST_NODE_ID
+from steptwin.protocol.homing_methods import NO_HOMING
 
 PERIOD_MS: Final = 10
 """Period of SYNC and of the drivers: a setpoint each 10 ms."""
@@ -74,12 +76,14 @@ _NODE: Final = """
     1:
       enabled: true
       cob_id: auto
+      transmission: 1
       mapping:
         - {{index: 0x6040, sub_index: 0}}
         - {{index: 0x6060, sub_index: 0}}
     2:
       enabled: true
       cob_id: auto
+      transmission: 1
       mapping:
         - {{index: 0x607A, sub_index: 0}}
         - {{index: 0x60FF, sub_index: 0}}
@@ -144,7 +148,7 @@ def _node(robot: Robot, joint: Joint, node_id: int) -> str:
         (od.QUICK_STOP_OPTION, _HOLD_AFTER_QUICK_STOP),
         (od.INTERPOLATION_PERIOD, PERIOD_MS),
         (od.INTERPOLATION_PERIOD_EXPONENT, -3),
-        *(homing.objects() if homing else ()),
+        *(homing.objects() if homing else [(od.HOMING_METHOD, NO_HOMING)]),
     ]
     to_dev = scale_to_dev(joint)
     return _NODE.format(

@@ -10,7 +10,7 @@ from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.frame import COB_ID_INVALID, COB_ID_NO_RTR
-from steptwin.protocol.pdo import ProcessData
+from steptwin.protocol.pdo import ProcessData, act_on_sync
 from steptwin.protocol.pvt import PvtRecord
 from steptwin.protocol.sdo_frames import AbortCode, SdoAbortError
 
@@ -110,10 +110,10 @@ def test_a_synchronous_rpdo_waits_for_sync_and_the_last_one_counts() -> None:
     pdos.receive_pdos[1].receive(b"\x06\x00")
     pdos.receive_pdos[1].receive(b"\x1f\x00")
     assert dictionary.get(od.CONTROLWORD) == 0
-    pdos.receive_pdos[1].on_sync()
+    act_on_sync(pdos.receive_pdos)
     assert dictionary.get(od.CONTROLWORD) == 0x1F
     dictionary.set(od.CONTROLWORD, 0)
-    pdos.receive_pdos[1].on_sync()
+    act_on_sync(pdos.receive_pdos)
     assert dictionary.get(od.CONTROLWORD) == 0
 
 
@@ -286,14 +286,14 @@ class TestConfiguration:
         write(dictionary, 0x1400, 1, 0x210)
 
     @pytest.mark.parametrize(
-        "identifier", [0x000, 0x080, 0x101, 0x180, 0x581, 0x610, 0x67F, 0x6E0, 0x710, 0x7FF, 0x800]
+        "identifier", [0x000, 0x07F, 0x101, 0x180, 0x581, 0x610, 0x67F, 0x6E0, 0x6FF, 0x701, 0x710, 0x7FF, 0x800]
     )
     def test_identifiers_of_other_services_are_refused(self, identifier: int) -> None:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)
         assert refused(dictionary, 0x1400, 1, identifier) is AbortCode.VALUE_RANGE
 
-    @pytest.mark.parametrize("identifier", [0x081, 0x100, 0x181, 0x580, 0x600, 0x680, 0x6DF])
+    @pytest.mark.parametrize("identifier", [0x080, 0x081, 0x100, 0x181, 0x580, 0x600, 0x680, 0x6DF, 0x700])
     def test_identifiers_beside_them_are_free(self, identifier: int) -> None:
         dictionary, _ = process_data()
         write(dictionary, 0x1400, 1, 0x210 | INVALID)

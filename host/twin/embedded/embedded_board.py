@@ -8,9 +8,11 @@ from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.bus.simple_node import SimpleNode
 from steptwin.emulator.faults import Scheduled
 from steptwin.emulator.faults.drivers import OscCapacitor
-from steptwin.emulator.faults.harm import Operation
+from steptwin.emulator.faults.harm import Harm
+from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.faults.machine import CYCLE_FULL_STEPS, SetInput
 from steptwin.emulator.motors.rotors import RotorRecord
+from steptwin.host.common.errors import InputError
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.target import Moment, check_motors
 from steptwin.host.robots.board_settings import Microsteps
@@ -169,14 +171,16 @@ class EmbeddedBoard:
             (counts for counts, frame in log if frame.cob_id == COB_SYNC and counts not in strange), default=None
         )
 
-    def operate(self, operation: Operation) -> None:
-        """Do an operation on the machine now, such as EmergencyStop(pressed=True).
+    def operate(self, harm: Harm) -> None:
+        """Do an operation on the machine, such as EmergencyStop(pressed=True), or let a fault of the bus begin, now.
 
         Raises:
-            InputError: only motors that turn with the board would feel it, and there are none.
+            InputError: the machine lacks what it concerns, such as motors that turn with the board; or it is a fault of
+                the host, which only a scenario brings about.
         """
-        check_motors(operation, turning=self.motors_turn)
-        self._machine.operate(operation)
+        if isinstance(harm, HostFault):
+            raise InputError(f"do: '{harm.do}' is for scenarios: give this board one that harms its host")
+        self._machine.harm(harm)
 
     def repair(self) -> None:
         """End every fault of the scenario that lasts, and let none begin any more; a host that has died is replaced."""
