@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,8 +10,6 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import GCODE_BYTES_MAX
-from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
 from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, timed
@@ -74,8 +71,11 @@ class GcodeStep:
     pace: JointPace
 
     @classmethod
-    def read(cls, table: Table, folder: Path, frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
-        """Return the step of a table; raise InputError for a wrong key, or with file, line and word for the file."""
+    def read(cls, table: Table, text_of: Callable[[str], str], frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
+        """Return the step of a table, whose file `text_of` reads.
+
+        Raises InputError for a wrong key, or with file, line and word for the file.
+        """
         name = table.text("gcode", empty=False)
         frame = STATION_FRAME
         if "frame" in table:
@@ -91,7 +91,7 @@ class GcodeStep:
         percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
         outputs = _outputs(table)
         with prefixed(f"{name}: "):
-            blocks = read_blocks(read_text(str(folder / name), GCODE_BYTES_MAX))
+            blocks = read_blocks(text_of(name))
             _check_outputs(blocks, outputs)
         tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
         return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
