@@ -101,11 +101,12 @@ class Usual:
 
     def gcode(self, name: str) -> str:
         """Return the text of a file of G-code; raise InputError if all together are longer than one may be."""
-        text = read_text(str(self.folder / name), GCODE_BYTES_MAX)
-        self.gcode_chars += len(text)
-        if self.gcode_chars > GCODE_BYTES_MAX:
-            raise InputError(f"the program's files of G-code have more than {size_text(GCODE_BYTES_MAX)} together")
-        return text
+        if self.gcode_chars <= GCODE_BYTES_MAX:  # behind that no further file is read
+            text = read_text(str(self.folder / name), GCODE_BYTES_MAX)
+            self.gcode_chars += len(text)
+            if self.gcode_chars <= GCODE_BYTES_MAX:
+                return text
+        raise InputError(f"the program's files of G-code have more than {size_text(GCODE_BYTES_MAX)} together")
 
 
 _PROGRAM_KEYS: Final = (

@@ -104,7 +104,7 @@ def test_a_file_that_is_too_long(tmp_path: Path) -> None:
             urdf(TWO.replace("</joint>", '<mimic joint="J9"/></joint>'), links="abc"),
             None,
             None,
-            "--tip is missing: which of the last links is the tool's? There are c",
+            "joint 'J1' follows 'J9' (mimic), a chain's joints have a motor each: --tip a ends before it",
         ),
     ],
 )
