@@ -120,14 +120,14 @@ def test_the_tip_is_the_only_leaf_that_needs_no_mimic() -> None:
     assert [each.name for each in tree.way(None, None)] == ["J1", "J2", "F2"]
     assert [each.name for each in tree.way("b", None)] == ["J2", "F2"]
     assert [each.name for each in tree.way(None, "b")] == ["J1"]
-    assert complaint(urdf(TWO, MIMIC, links="abcd")).endswith("There are d")
+    assert complaint(urdf(TWO, MIMIC, links="abcd")).endswith("--tip c ends before it")
 
 
 def test_a_leaf_to_which_nothing_moves_is_no_tool() -> None:
     """The Moveo's file has a fixed link `odom` at its base, and a gripper whose jaws mimic each other."""
     odom = joint("O", "a", "e", kind="fixed")
     assert [each.name for each in read_urdf(urdf(TWO, odom, links="abce")).way(None, None)] == ["J1", "J2"]
-    assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("There are d")
+    assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("--tip c ends before it")
     assert [each.name for each in read_urdf(urdf(odom, links="ae")).way(None, None)] == ["O"]
 
 
