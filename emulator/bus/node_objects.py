@@ -25,14 +25,14 @@ class ValueForm(Enum):
     WHOLE = "whole number"
     REAL = "number"
     TEXT = "text"
-    """ISO 8859-1: a visible string is ASCII, and some devices have more."""
+    """A visible string is ASCII, and some devices have more: ISO 8859-1, or UTF-8 for what that has not."""
     WIDE_TEXT = "text in Unicode"
     BYTES = "bytes"
 
 
 NodeValue = int | float | str | bytes
 _REALS: Final = {32: "<f", 64: "<d"}
-_ENCODINGS: Final = {ValueForm.TEXT: "latin-1", ValueForm.WIDE_TEXT: "utf-16-le"}
+_WIDE: Final = "utf-16-le"
 BYTES_MAX: Final = 4096
 """Longest text and longest bytes that an entry takes."""
 
@@ -99,7 +99,10 @@ class NodeEntry:
 
     def _text_bytes(self, text: str) -> bytes:
         try:
-            return text.encode(_ENCODINGS[self.form])
+            if self.form is ValueForm.WIDE_TEXT:
+                return text.encode(_WIDE)
+            data = text.encode("latin-1", "replace")
+            return data if _text_of(data) == text else text.encode()
         except UnicodeEncodeError:
             raise ValueError(f"{text!r} has characters that the type does not have") from None
 
@@ -111,10 +114,20 @@ class NodeEntry:
             case ValueForm.REAL:
                 real: float = struct.unpack(_REALS[self.bits], data)[0]
                 return real
-            case ValueForm.TEXT | ValueForm.WIDE_TEXT:
-                return data.decode(_ENCODINGS[self.form], "replace")
+            case ValueForm.TEXT:
+                return _text_of(data)
+            case ValueForm.WIDE_TEXT:
+                return data.decode(_WIDE, "replace")
             case ValueForm.BYTES:
                 return data
+
+
+def _text_of(data: bytes) -> str:
+    """Return what a device's bytes spell: UTF-8 if they are, else ISO 8859-1."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,16 @@ def whole(text: str, base: int = 10) -> int:
     return int(text, base)
 
 
+DIGITS_MAX: Final = 18
+"""Digits of the longest whole number that is read: it fits 64 bits, and Python itself refuses those of thousands."""
+
+
+def digits_in(text: str) -> int | None:
+    """Return the whole number that a text of decimal digits spells; None for any other, and for a very long one."""
+    is_number = text.isascii() and text.isdecimal() and len(text) <= DIGITS_MAX
+    return int(text) if is_number else None
+
+
 def _check_notation(text: str) -> None:
     if "_" in text or not text.isascii():
         raise ValueError(f"{short(text)} is not a number in ASCII digits")

@@ -9,7 +9,7 @@ import errno
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from stat import S_ISREG
 from typing import BinaryIO, Final, TextIO
@@ -82,6 +82,19 @@ def read_text(path: Path | str, bytes_max: int) -> str:
     return text
 
 
+def read_old_text(path: Path | str, bytes_max: int) -> str:
+    """Return a file's text as `read_text` does; what is not UTF-8 is read as older Windows programs write it."""
+    with opened_text(path, bytes_max, "surrogateescape") as file:
+        text = file.read(bytes_max + 1)
+    if len(text) > bytes_max:
+        raise _too_long("more", bytes_max)
+    data = text.encode(errors="surrogateescape")
+    for encoding in ("utf-8", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            return data.decode(encoding)
+    return data.decode("latin-1")
+
+
 def is_file(path: Path) -> bool:
     """Return whether a path that a file names is a file; a name that no file can have, such as a long one, is none."""
     try:
@@ -91,16 +104,16 @@ def is_file(path: Path) -> bool:
 
 
 @contextmanager
-def opened_text(path: Path | str, bytes_max: int) -> Iterator[TextIO]:
+def opened_text(path: Path | str, bytes_max: int, errors: str = "strict") -> Iterator[TextIO]:
     """Open a text for the block. A regular file that is too long is refused before anything is read.
 
-    A byte order mark at its beginning, as Windows' programs write it, is left out.
+    A byte order mark at its beginning, as Windows' programs write it, is left out. `errors` is as for `open`.
 
     Raises:
         InputError: the file cannot be read, by the block either, is too long or is not UTF-8; without the path.
     """
     try:
-        with open(path, encoding=_ENCODING, opener=only_files) as file:
+        with open(path, encoding=_ENCODING, errors=errors, opener=only_files) as file:
             status = os.fstat(file.fileno())
             if S_ISREG(status.st_mode) and status.st_size > bytes_max:
                 raise _too_long(size_text(status.st_size), bytes_max)

@@ -14,6 +14,7 @@ import scipy
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.robots.poses import Pose, Task, Turning
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class StraightLine:
     goal: Pose
 
     def __post_init__(self) -> None:
-        if not self.length_mm > 0:
+        if not self.length_mm > NO_WAY:
             raise InputError(f"a straight line of {self.length_mm:g} mm has both ends at one place")
 
     @property
@@ -122,13 +123,13 @@ class Arc:
     def through(cls, start: Pose, via_mm: tuple[float, float, float], goal: Pose) -> Self:
         """Return the arc from a SCARA's pose or a place through a place to another.
 
-        Raises InputError if the three places lie on a line.
+        Raises InputError if the three places lie on a line, as they do where two of them are one.
         """
         a, b, c = np.array(start[:3]), np.array(via_mm), np.array(goal[:3])
         normal = np.cross(b - a, c - a)
         area = float(np.linalg.norm(normal))
-        longest_mm = max(float(np.linalg.norm(p - q)) for p, q in ((a, b), (b, c), (a, c)))
-        if not area > 1e-9 * longest_mm**2:
+        sides_mm = [float(np.linalg.norm(p - q)) for p, q in ((a, b), (b, c), (a, c))]
+        if not (min(sides_mm) > NO_WAY and area > 1e-9 * max(sides_mm) ** 2):
             raise InputError(f"an arc through {start[:3]}, {via_mm} and {goal[:3]} mm: they lie on a line")
         centre = _centre(a, b, c, normal)
         radius_mm = float(np.linalg.norm(a - centre))
@@ -148,7 +149,7 @@ class Arc:
         centre = np.array([*centre_mm, start[2]])
         spoke = np.array(start[:3]) - centre
         radius_mm = float(np.linalg.norm(spoke))
-        if not radius_mm > 0:
+        if not radius_mm > NO_WAY:
             raise InputError(f"a circle around x {centre_mm[0]:g}, y {centre_mm[1]:g} mm: the tool is at its centre")
         outward = spoke / radius_mm
         onward = np.sign(sweep_deg) * np.array([-outward[1], outward[0], 0.0])
@@ -286,7 +287,7 @@ class SampledPath:
         if len(poses) < 3:
             raise InputError(f"a curve through {len(poses)} poses: it takes at least 3")
         chords_mm = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)
-        if not chords_mm.min() > 0:
+        if not chords_mm.min() > NO_WAY:
             i = int(np.argmin(chords_mm))
             raise InputError(f"poses {i + 1} and {i + 2} of the curve are at the same place")
         s_mm = np.concatenate(([0.0], np.cumsum(chords_mm)))

@@ -12,10 +12,10 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.common.numbers import finite_number
+from steptwin.host.common.numbers import digits_in, finite_number
 from steptwin.host.robots import load_robot, read_robot, robot_names
 from steptwin.host.robots.board_settings import BoardSettings
 from steptwin.host.robots.joint import Unit
@@ -99,9 +99,12 @@ def _joint_count(kind: str, settings: Mapping[str, str]) -> int | None:
         return None
     usual, most = _COUNTS[kind]
     text = settings.get(_JOINTS_COUNT, str(usual))
-    if not (text.isdecimal() and 1 <= int(text) <= most):
-        raise InputError(f"{_JOINTS_COUNT}: {text!r} is not one of {', '.join(map(str, range(1, most + 1)))}")
-    return int(text)
+    count = digits_in(text)
+    if count is None or not 1 <= count <= most:
+        raise InputError(
+            f"{_JOINTS_COUNT}: {shortened(text)!r} is not one of {', '.join(map(str, range(1, most + 1)))}"
+        )
+    return count
 
 
 def questions_of(kind: str, settings: Mapping[str, str]) -> dict[str, tuple[str, Dimension]]:

@@ -11,6 +11,7 @@ from steptwin.host.cli.options import LIVE_PANEL, option, switch
 from steptwin.host.cli.output import Columns, fixed, print_rows
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import digits_in
 
 if TYPE_CHECKING:
     from steptwin.host.client import Link
@@ -170,6 +171,7 @@ def host_and_port(option: str, text: str, usual_port: int, *, optional: bool = F
         host = host[1:-1]
     elif ":" in host:
         raise InputError(f"{option} {text}: put an IPv6 address in brackets, such as [::1]:{usual_port}")
-    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 1 << 16:
+    number = digits_in(port)
+    if not host or number is None or not 0 < number < 1 << 16:
         raise InputError(f"{option} {text}: is not of the form HOST:PORT, such as {socketcand.LOOPBACK}:{usual_port}")
-    return host, int(port)
+    return host, number

@@ -9,8 +9,10 @@ from steptwin.host.cli.arguments import RobotName
 from steptwin.host.cli.live.connection import LiveOptions, SessionOptions
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_table
+from steptwin.host.common.bad_input import shortened
 from steptwin.host.common.choices import LEVELS
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import digits_in
 
 if TYPE_CHECKING:
     from steptwin.host.operate.recovering import AxisState
@@ -61,9 +63,10 @@ def speed(
 
     loaded, rest = live.robot_and_rest(words)
     text = rest[0].removesuffix("%") if rest else ""
-    if len(rest) != 1 or not (text.isascii() and text.isdecimal()):
-        raise InputError(f"after the robot: a whole number of percent, such as 50, not {' '.join(rest) or 'nothing'}")
-    percent = int(text)
+    percent = digits_in(text)
+    if len(rest) != 1 or percent is None:
+        shown = shortened(" ".join(rest)) or "nothing"
+        raise InputError(f"after the robot: a whole number of percent, such as 50, not {shown}")
     check_speed(percent)
     with live.session(loaded) as session:
         session.require_present()

@@ -175,6 +175,9 @@ class ChosenMotion:
         if any(departure.distance >= _SHOWN for departure in departures):
             sizes = ", ".join(f"{departure.what} {departure.distance:.3f} {departure.unit}" for departure in departures)
             answer.add(f"{path}: off the lines between the points by {sizes}")
+        if file.points.begun_at_home:
+            first_s = float(file.points.times_s[1])
+            answer.add(f"{path}: begins at the robot's home position, {first_s:g} s before the first point")
         if unread := file.points.unread:
             many = f"{unread[0]} to {unread[-1]} are" if len(unread) > 1 else f"{unread[0]} {_is(unread[0])}"
             answer.add(f"{path}: {many} not read: positions and velocities alone make the motion")

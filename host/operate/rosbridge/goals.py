@@ -19,7 +19,6 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.tables import Table, number_at
 from steptwin.host.operate.rosbridge import PER_ROS_UNIT, FollowCode
 from steptwin.host.operate.running import END_ERROR_STEPS_MAX
-from steptwin.host.planning.motions.sampled import NumberedPlaces
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory_file.file_motion import FileMotion
@@ -205,18 +204,11 @@ def _begun_where_it_stands(robot: Robot, points: Points, standing: list[float]) 
     if not len(points.times_s):
         raise RefusedGoalError("points: there are none; to stop a motion, cancel its goal")
     at = dict(zip(robot.joint_names, standing, strict=True))
+    if points.times_s[0] != 0.0:
+        return points.begun_at(at)
     start = np.array([at[name] for name in points.names])
-    if points.times_s[0] == 0.0:
-        _check_start(robot, points, start)
-        return replace(points, positions=np.vstack([start, points.positions[1:]]))
-    velocities = points.velocities
-    return replace(
-        points,
-        places=NumberedPlaces("point {}, time_from_start", range(len(points.times_s) + 1)),
-        times_s=np.concatenate(([0.0], points.times_s)),
-        positions=np.vstack([start, points.positions]),
-        velocities=None if velocities is None else np.vstack([np.zeros_like(start), velocities]),
-    )
+    _check_start(robot, points, start)
+    return replace(points, positions=np.vstack([start, points.positions[1:]]))
 
 
 def _check_start(robot: Robot, points: Points, standing: FloatArray) -> None:

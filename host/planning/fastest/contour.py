@@ -34,6 +34,7 @@ class Contour:
             power of the part on.
         circles: shape (pieces, 2, 3), the vectors of the circle's cosine and sine, 0 where there is none.
         angles_rad: shape (pieces,), angle of the circle over the piece.
+        growths: shape (pieces,), part of its radius by which the circle grows over the piece.
         lengths_mm: shape (pieces,), lengths of the parameter, above 0; that of a rounding is both its parts of legs.
         speeds_mm_s: shape (pieces,), highest speed of the tool on each.
         lines: shape (pieces,), number of the line in the file that made each.
@@ -45,6 +46,7 @@ class Contour:
     coefficients: FloatArray
     circles: FloatArray
     angles_rad: FloatArray
+    growths: FloatArray
     lengths_mm: FloatArray
     speeds_mm_s: FloatArray
     lines: Int64Array
@@ -97,12 +99,18 @@ class Contour:
             values += factor * self.coefficients[piece, row]
         round_ = np.flatnonzero(self.angles_rad[piece])
         if len(round_):
-            own = piece[round_]
-            angle = self.angles_rad[own]
-            turned = angle * part[round_] + order * np.pi / 2  # a derivative turns by a right angle
-            ways = np.stack([np.cos(turned), np.sin(turned)], axis=1) * (angle**order)[:, np.newaxis]
+            own, at = piece[round_], part[round_]
+            ways = (1.0 + self.growths[own] * at)[:, np.newaxis] * self._ways_round(own, at, order)
+            if order:
+                ways += (order * self.growths[own])[:, np.newaxis] * self._ways_round(own, at, order - 1)
             values[round_, :3] += np.einsum("nk,nkj->nj", ways, self.circles[own])
         return values
+
+    def _ways_round(self, piece: Int64Array, part: FloatArray, order: int) -> FloatArray:
+        """Return cosine and sine of circles without growth, or their derivatives by the part, of shape (n, 2)."""
+        angle = self.angles_rad[piece]
+        turned = angle * part + order * np.pi / 2  # a derivative turns by a right angle
+        return np.stack([np.cos(turned), np.sin(turned)], axis=1) * (angle**order)[:, np.newaxis]
 
     @cached_property
     def looked_at(self) -> tuple[Int64Array, FloatArray]:

@@ -192,7 +192,7 @@ def flowing(robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float]) 
     for i, leg in enumerate(legs):
         begin = reaches[i - 1] if i else 0.0
         end = leg.length - (reaches[i] if i < len(reaches) else 0.0)
-        if end - begin > _SMALL_MM:
+        if end - begin > _SMALL_MM or end - begin == leg.length:  # of a whole leg nothing is left out, however short
             pieces.append(leg.part(begin, end))
             s += pieces[-1].length
         if i < len(reaches):

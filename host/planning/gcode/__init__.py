@@ -4,7 +4,7 @@ Without a stop, nearly straight lines are merged, and the corners between moves 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import pairwise
 from math import dist
 from typing import Final
@@ -24,6 +24,7 @@ from steptwin.host.planning.gcode.modal import (
     Spot,
     actions,
 )
+from steptwin.host.planning.no_way import NO_WAY
 
 __all__ = [
     "GROUPS",
@@ -48,7 +49,6 @@ _PASS: Final = 3.0 / 16.0
 """Part of r |t2 - t1| at which a rounding by r passes its corner, t1 and t2 being the directions of length 1."""
 _MERGED_MAX: Final = 200
 """Lines that are merged into one at most: each is compared with all before it."""
-_SMALL_MM: Final = 1e-6
 _TURN_KINK_DEG_MM: Final = 1e-3
 """Jump of the turn for each mm from which on it makes a corner."""
 _LEAST_MM: Final = 1e-3
@@ -150,7 +150,7 @@ def _is_straight(
 ) -> bool:
     """Return whether corners lie along a line in their order, none farther from it than a distance."""
     length = dist(start, goal)
-    if length <= _SMALL_MM:
+    if length <= NO_WAY:
         return False
     dx, dy, dz = ((b - a) / length for a, b in zip(start, goal, strict=True))
     before = 0.0
@@ -172,13 +172,14 @@ class _Legs:
     coefficients: FloatArray
     circles: FloatArray
     angles: FloatArray
+    growths: FloatArray
     lengths: FloatArray
 
     @classmethod
     def of(cls, moves: Sequence[CutMove]) -> "_Legs":
         start, goal = np.array([move.start for move in moves]), np.array([move.goal for move in moves])
-        arcs = np.array([(m.arc.x_mm, m.arc.y_mm, m.arc.sweep_rad) if m.arc else (0.0, 0.0, 0.0) for m in moves])
-        angles = arcs[:, 2]
+        arcs = np.array([astuple(move.arc) if move.arc else (0.0, 0.0, 0.0, 0.0) for move in moves])
+        angles, growths = arcs[:, 2], arcs[:, 3]
         is_arc = (angles != 0.0)[:, np.newaxis]
         spokes = np.where(is_arc, start[:, :2] - arcs[:, :2], 0.0)
         coefficients, circles = np.zeros((len(moves), 6, 4)), np.zeros((len(moves), 2, 3))
@@ -187,28 +188,31 @@ class _Legs:
         coefficients[:, 4, :2] = np.where(is_arc, 0.0, coefficients[:, 4, :2])
         circles[:, 0, :2] = spokes
         circles[:, 1, 0], circles[:, 1, 1] = -spokes[:, 1], spokes[:, 0]
-        round_mm = np.hypot(*spokes.T) * np.abs(angles)
-        lengths = np.sqrt(np.sum(coefficients[:, 4, :3] ** 2, axis=1) + round_mm**2)
-        return cls(coefficients, circles, angles, lengths)
+        radii_mm = np.hypot(*spokes.T)
+        round_mm = radii_mm * (1.0 + growths / 2.0) * np.abs(angles)
+        lengths = np.sqrt(np.sum(coefficients[:, 4, :3] ** 2, axis=1) + round_mm**2 + (radii_mm * growths) ** 2)
+        return cls(coefficients, circles, angles, growths, lengths)
 
     def ends(self, part: FloatArray) -> FloatArray:
         """Return values, first and second derivatives by the length, shape (legs, 3, 4), at a part of each leg."""
         length = self.lengths[:, np.newaxis]
         cos, sin = (f(self.angles * part)[:, np.newaxis] for f in (np.cos, np.sin))
-        spin = (self.angles / self.lengths)[:, np.newaxis]
+        spin, growing = ((each / self.lengths)[:, np.newaxis] for each in (self.angles, self.growths))
+        grown = 1.0 + (self.growths * part)[:, np.newaxis]
         first, second = self.circles[:, 0], self.circles[:, 1]
+        outward, onward = first * cos + second * sin, second * cos - first * sin
         values = np.zeros((len(part), 3, 4))
         values[:, 0] = self.coefficients[:, 5] + part[:, np.newaxis] * self.coefficients[:, 4]
         values[:, 1] = self.coefficients[:, 4] / length
-        values[:, 0, :3] += first * cos + second * sin
-        values[:, 1, :3] += spin * (second * cos - first * sin)
-        values[:, 2, :3] = -(spin**2) * (first * cos + second * sin)
+        values[:, 0, :3] += grown * outward
+        values[:, 1, :3] += grown * spin * onward + growing * outward
+        values[:, 2, :3] = 2.0 * growing * spin * onward - grown * spin**2 * outward
         return values
 
     def radii_mm(self, moves: Sequence[CutMove], blend_mm: float) -> tuple[FloatArray, BoolArray]:
         """Return how far each corner is rounded, and whether the tool stops there, both of shape (moves - 1,)."""
         last, first = self.ends(np.ones(len(moves)))[:-1, 1], self.ends(np.zeros(len(moves)))[1:, 1]
-        kink = np.linalg.norm(last[:, :3] - first[:, :3], axis=1)
+        kink = np.linalg.norm(_directions(last) - _directions(first), axis=1)
         turns_on = np.abs(last[:, 3] - first[:, 3]) <= _TURN_KINK_DEG_MM
         flows = (kink <= 2.0 * np.sin(np.deg2rad(KINK_MAX_DEG) / 2.0)) & turns_on
         modes = [move.corner for move in moves[:-1]]
@@ -223,19 +227,22 @@ class _Legs:
 
     def run(self, placing: Placing, moves: Sequence[CutMove], own: slice, radii: FloatArray) -> CutRun:
         """Return the run through some of the legs, whose corners are rounded so far."""
-        legs = _Legs(self.coefficients[own], self.circles[own], self.angles[own], self.lengths[own])
+        legs = _Legs(
+            *(each[own] for each in (self.coefficients, self.circles, self.angles, self.growths, self.lengths))
+        )
         begin, end = np.append(0.0, radii) / legs.lengths, 1.0 - np.append(radii, 0.0) / legs.lengths
         count, feeds = len(moves), np.array([move.feed_mm_s for move in moves])
         coefficients, circles = np.zeros((2 * count - 1, 6, 4)), np.zeros((2 * count - 1, 2, 3))
-        angles, lengths, speeds = np.zeros((3, 2 * count - 1))
-        coefficients[::2], circles[::2], angles[::2] = legs.between(begin, end)
+        angles, growths, lengths, speeds = np.zeros((4, 2 * count - 1))
+        coefficients[::2], circles[::2], angles[::2], growths[::2] = legs.between(begin, end)
         lengths[::2], lengths[1::2] = (end - begin) * legs.lengths, 2.0 * radii
         speeds[::2], speeds[1::2] = feeds, np.minimum(feeds[:-1], feeds[1:])
         powers = (2.0 * radii)[:, np.newaxis, np.newaxis] ** np.arange(3)[:, np.newaxis]
         coefficients[1::2] = rounding_coefficients(legs.ends(end)[:-1] * powers, legs.ends(begin)[1:] * powers)
         numbers = np.array([move.line for move in moves]).repeat(2)[:-1]
         is_rounding = np.arange(2 * count - 1) % 2 == 1
-        kept = lengths > np.where(is_rounding, 0.0, _SMALL_MM)
+        kept = lengths > 0.0
+        kept[::2] &= (lengths[::2] > NO_WAY) | ((begin == 0.0) & (end == 1.0))  # a whole leg stays, however short
         starts = np.concatenate([[0.0], np.cumsum(np.where(kept, lengths, 0.0))])
         begins = starts[:-1][::2] - np.append(0.0, radii)
         coefficients[:, :, :3] = coefficients[:, :, :3] @ placing.axes
@@ -245,6 +252,7 @@ class _Legs:
             coefficients[kept],
             circles[kept] @ placing.axes,
             angles[kept],
+            growths[kept],
             lengths[kept],
             speeds[kept],
             numbers[kept],
@@ -254,13 +262,20 @@ class _Legs:
         )
         return CutRun(contour, tuple(moves), begins)
 
-    def between(self, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return coefficients, circles and angles of the part of each leg between two parts of it."""
+    def between(self, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return coefficients, circles, angles and growths of the part of each leg between two parts of it."""
         coefficients, width = self.coefficients.copy(), (end - begin)[:, np.newaxis]
         coefficients[:, 5] += begin[:, np.newaxis] * coefficients[:, 4]
         coefficients[:, 4] *= width
         turned = (self.angles * begin)[:, np.newaxis]
         cos, sin = np.cos(turned), np.sin(turned)
         first, second = self.circles[:, 0], self.circles[:, 1]
+        grown = 1.0 + self.growths * begin
         circles = np.stack([first * cos + second * sin, second * cos - first * sin], axis=1)
-        return coefficients, circles, self.angles * width[:, 0]
+        circles *= grown[:, np.newaxis, np.newaxis]
+        return coefficients, circles, self.angles * width[:, 0], self.growths * width[:, 0] / grown
+
+
+def _directions(slopes: FloatArray) -> FloatArray:
+    """Return the directions of length 1 of the places' derivatives, shape (n, 3)."""
+    return np.asarray(slopes[:, :3] / np.linalg.norm(slopes[:, :3], axis=1, keepdims=True))

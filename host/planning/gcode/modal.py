@@ -8,14 +8,18 @@ from typing import Final
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.gcode.blocks import GcodeBlock
+from steptwin.host.planning.no_way import NO_WAY
 
 Spot = tuple[float, float, float, float]
 """A place in the file's coordinates: x, y and z in mm and the turn in degrees."""
 
 _INCH_MM: Final = 25.4
-_OFF_MM: Final = 0.005
-_OFF_PART: Final = 0.001
-"""How far both radii of an arc may differ, as RS274/NGC has it: in mm, or as a part of the radius."""
+_OFF_MM, _OFF_PART, _OFF_MOST_MM = 0.005, 0.001, 0.5
+"""How far both radii of an arc may differ: by the first, or by a part of the radius, but at most by the last.
+
+So does grbl 1.1 (gcode.c, "Arc definition error"). LinuxCNC has the same form (interp_arc.cc, spiral_abs_tolerance and
+spiral_rel_tolerance). Both keep the centre.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +39,15 @@ class CornerMode:
 
 @dataclass(frozen=True, slots=True)
 class ArcShape:
-    """An arc about the vertical: its centre in mm, its sweep in radians, counter-clockwise above 0."""
+    """An arc about the vertical: its centre in mm, its sweep in radians, counter-clockwise above 0.
+
+    The radius grows evenly over the sweep, by `growth` as a part of that at its begin.
+    """
 
     x_mm: float
     y_mm: float
     sweep_rad: float
+    growth: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,54 +298,63 @@ class _Modal:
             centre = self._centre_by_radius((x, y), (x_goal, y_goal), numbers["R"] * self.scale)
         else:
             centre = self._centre((x, y), (x_goal, y_goal), numbers)
-        begin = atan2(y - centre[1], x - centre[0])
-        end = atan2(y_goal - centre[1], x_goal - centre[0])
+        spoke, last_spoke = (x - centre[0], y - centre[1]), (x_goal - centre[0], y_goal - centre[1])
         turn = 1.0 if self.motion == "G3" else -1.0
-        closed = x == x_goal and y == y_goal
-        sweep = 2.0 * pi if closed else (turn * (end - begin)) % (2.0 * pi)
-        return ArcShape(*centre, turn * (sweep or 2.0 * pi))
+        sweep = (turn * (atan2(*last_spoke[::-1]) - atan2(*spoke[::-1]))) % (2.0 * pi)
+        first, last = hypot(*spoke), hypot(*last_spoke)
+        if min(sweep, 2.0 * pi - sweep) * first <= NO_WAY:
+            sweep = 2.0 * pi
+        return ArcShape(*centre, turn * sweep, (last - first) / first)
 
     def _centre(
         self, here: tuple[float, float], goal: tuple[float, float], numbers: Mapping[str, float]
     ) -> tuple[float, float]:
-        """Return the centre of I and J, moved so that the circle passes both ends to the last digit."""
+        """Return the centre of I and J; raise InputError if the arc's ends are not equally far from it."""
         if self.has_absolute_centres and not ("I" in numbers and "J" in numbers):
             raise InputError(f"{self.motion}: with G90.1 an arc has both I and J")
         if "I" not in numbers and "J" not in numbers:
             raise InputError(f"{self.motion}: an arc has I and J, or R")
-        if "K" in numbers and self.scale * numbers["K"] != (self.here[2] if self.has_absolute_centres else 0.0):
+        height = self.here[2] if self.has_absolute_centres else 0.0
+        if "K" in numbers and abs(self.scale * numbers["K"] - height) > NO_WAY:
             raise InputError(f"K{numbers['K']:g}: an arc in G17 has its centre at the height of its start")
         base = (0.0, 0.0) if self.has_absolute_centres else here
         x, y = (base[i] + self.scale * numbers.get(name, 0.0) for i, name in enumerate("IJ"))
         first, last = hypot(here[0] - x, here[1] - y), hypot(goal[0] - x, goal[1] - y)
-        if not first > 0:
-            raise InputError(f"{self.motion}: the centre is where the arc begins")
-        if not abs(last - first) <= max(_OFF_MM, _OFF_PART * first):
+        for radius, ends in ((first, "begins"), (last, "ends")):
+            if not radius > NO_WAY:
+                raise InputError(f"{self.motion}: the centre is where the arc {ends}, to {NO_WAY:g} mm")
+        if not abs(last - first) <= _off_max(first):
             raise InputError(
                 f"{self.motion}: the arc begins {first:.6g} mm and ends {last:.6g} mm from its centre; they may differ"
-                f" by {_OFF_MM:g} mm or a thousandth"
+                f" by {_off_max(first):.3g} mm"
             )
-        way_x, way_y = goal[0] - here[0], goal[1] - here[1]
-        chord = hypot(way_x, way_y)
-        if not chord:
-            return x, y
-        beyond = ((x - (here[0] + goal[0]) / 2) * way_x + (y - (here[1] + goal[1]) / 2) * way_y) / chord**2
-        return x - beyond * way_x, y - beyond * way_y
+        return x, y
 
     def _centre_by_radius(
         self, here: tuple[float, float], goal: tuple[float, float], radius: float
     ) -> tuple[float, float]:
         way_x, way_y = goal[0] - here[0], goal[1] - here[1]
-        half = hypot(way_x, way_y) / 2
-        if not half:
+        chord = hypot(way_x, way_y)
+        half = chord / 2
+        if not chord > NO_WAY:
             raise InputError(f"R{radius / self.scale:g}: an arc that ends where it begins has I and J")
-        if half > abs(radius) + max(_OFF_MM, _OFF_PART * abs(radius)):
+        if radius < 0 and NO_WAY * -radius > _OFF_MM * chord:
+            raise InputError(
+                f"R{radius / self.scale:g}: the arc ends {chord / self.scale:.3g} from where it begins, which does not"
+                " say where its centre is: nearly a whole circle has I and J"
+            )
+        if half > abs(radius) + _off_max(abs(radius)):
             raise InputError(
                 f"R{radius / self.scale:g}: is less than half the distance of the arc's ends, {half / self.scale:.6g}"
             )
         up = max(radius**2 - half**2, 0.0) ** 0.5 / (2 * half)
         left = (1.0 if radius > 0 else -1.0) * (1.0 if self.motion == "G3" else -1.0)
         return (here[0] + goal[0]) / 2 - left * up * way_y, (here[1] + goal[1]) / 2 + left * up * way_x
+
+
+def _off_max(radius_mm: float) -> float:
+    """Return by how much the radius at an arc's end may differ from that at its begin, in mm."""
+    return max(_OFF_MM, min(_OFF_PART * radius_mm, _OFF_MOST_MM))
 
 
 _TAKE_P: Final = ("G4", "M62", "M63", "M64", "M65")

@@ -13,6 +13,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.laws import Law, SCurve, check_duration
 from steptwin.host.planning.motions.joint_move import JointMove, limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.no_way import is_no_way
 from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
 from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, states
@@ -122,9 +123,6 @@ WAIT_S: Final = 0.01
 WAIT_MAX_S: Final = 3600.0
 """Longest time-out of a wait."""
 
-_THERE: Final = 1e-9
-"""Rounding error, in mm or degrees, of the distance to a goal that has been reached."""
-
 
 @dataclass(slots=True)
 class Composer:
@@ -149,7 +147,7 @@ class Composer:
     def go(self, goal: FloatArray) -> None:
         """Move all joints to a position of shape (joints,), together and jerk-limited; do nothing if they are there."""
         way = goal - self.joints
-        if np.abs(way).max() < _THERE:
+        if is_no_way(way):
             return
         speed, acceleration = limits_along(self.robot, way)
         law = SCurve.fastest(1.0, PACE * speed, PACE * acceleration, PACE * acceleration / JERK_TIME_S)

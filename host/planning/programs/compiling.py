@@ -17,6 +17,7 @@ from steptwin.host.planning import checks
 from steptwin.host.planning.fastest import CornerError, DriveAnswer, MakeDrives
 from steptwin.host.planning.motions.composer import Sequence
 from steptwin.host.planning.motions.tool_move import ToolMove
+from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.planning.peaks import Peak
 from steptwin.host.planning.programs.fast_steps import MadeStep, fast_steps
 from steptwin.host.planning.programs.flowing import BranchesOnWay, switching_words
@@ -381,7 +382,11 @@ class _Walk:
         for i, joint in enumerate(self._robot.joints):
             if checks.is_outside(joint, start[i]):
                 end = ends[i]
-                if isinstance(step, JointsBy | ToolBy) or end == start[i] or not checks.is_outside(joint, end):
+                if (
+                    isinstance(step, JointsBy | ToolBy)
+                    or abs(end - start[i]) <= NO_WAY
+                    or not checks.is_outside(joint, end)
+                ):
                     continue
             try:
                 made.positions.check_joint(i)

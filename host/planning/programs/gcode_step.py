@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,8 +10,6 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import GCODE_BYTES_MAX
-from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
 from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, timed
@@ -26,11 +23,13 @@ from steptwin.host.planning.gcode import (
     OutputWord,
     Placing,
     RapidMove,
+    Spot,
     actions,
     cut_runs,
     read_blocks,
 )
 from steptwin.host.planning.motions.tool_move import present_branch
+from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.planning.programs.flowing import check_none_gathered, switch_on_way
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import SPEED_PERCENT, JointPace, LawName, OnTheWay, ToolPace, check_blend
@@ -45,7 +44,6 @@ GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_per
 """Keys of the step beside `gcode`."""
 
 _OUTPUT_KEY: Final = re.compile(r"M[3478]|P(0|[1-9][0-9]{0,2})")
-_SMALL_MM: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +71,11 @@ class GcodeStep:
     pace: JointPace
 
     @classmethod
-    def read(cls, table: Table, folder: Path, frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
-        """Return the step of a table; raise InputError for a wrong key, or with file, line and word for the file."""
+    def read(cls, table: Table, text_of: Callable[[str], str], frames: Mapping[str, WorkFrame | None]) -> "GcodeStep":
+        """Return the step of a table, whose file `text_of` reads.
+
+        Raises InputError for a wrong key, or with file, line and word for the file.
+        """
         name = table.text("gcode", empty=False)
         frame = STATION_FRAME
         if "frame" in table:
@@ -90,7 +91,7 @@ class GcodeStep:
         percent = table.number("speed_percent") if "speed_percent" in table else SPEED_PERCENT
         outputs = _outputs(table)
         with prefixed(f"{name}: "):
-            blocks = read_blocks(read_text(str(folder / name), GCODE_BYTES_MAX))
+            blocks = read_blocks(text_of(name))
             _check_outputs(blocks, outputs)
         tool_mm = table.number("tool_mm") if "tool_mm" in table else 0.0
         return cls(name, blocks, frame, tool_mm, feed_max_mm_s, blend_mm, outputs, JointPace(LawName.FASTEST, percent))
@@ -167,24 +168,40 @@ class _Cutting:
             min(task.width, 4),
         )
         self._waiting: list[CutMove] = []
+        self._place: Spot = self._placing.spot(pose)
+        """Where the moves have led to; those that are no way do not add up unseen."""
         self._corners, self._stops, self._paths = 0, 0, 0
 
     def make(self) -> None:
         moves, placing = self._moves, self._placing
         home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
-        for action in actions(self._step.blocks, placing.spot(moves.pose_by({})), placing.spot(home)):
-            if isinstance(action, CutMove) and _has_way(action):
-                self._waiting.append(action)
+        for action in actions(self._step.blocks, self._place, placing.spot(home)):
+            if isinstance(action, CutMove) and self._waits(action):
                 continue
             self._cut()
             with prefixed(f"line {action.line}: "):
                 self._stand_or_go(action)
+            match action:
+                case RapidMove(_, goal):
+                    self._place = goal
+                case HomeMove():
+                    self._place = placing.spot(home)
         self._cut()
         moves.leg_times, moves.switched = [], ()
         moves.notes = (
             f"{len(self._step.blocks)} lines: {_many(self._paths, 'path')} of the tool without a stop,"
             f" {_many(self._corners, 'corner')} rounded, {_many(self._stops, 'stop')} at corners",
         )
+
+    def _waits(self, move: CutMove) -> bool:
+        """Let a move wait for those that it flows into; return False for one that leads nowhere."""
+        if move.arc is None:
+            move = replace(move, start=(*self._place[:3], move.start[3]))
+            if max(abs(a - b) for a, b in zip(move.start[:3], move.goal[:3], strict=True)) <= NO_WAY:
+                return False
+        self._waiting.append(move)
+        self._place = move.goal
+        return True
 
     def _stand_or_go(self, action: GcodeAction) -> None:
         moves, pace, outputs = self._moves, self._step.pace, self._step.outputs
@@ -238,7 +255,7 @@ class _Cutting:
         """Raise InputError, with the line, for the first place where a joint leaves its range."""
         for i, joint in enumerate(self._robot.joints):
             column = followed.guides[:, i]
-            outside = np.flatnonzero((column < joint.lower - _SMALL_MM) | (column > joint.upper + _SMALL_MM))
+            outside = np.flatnonzero((column < joint.lower - NO_WAY) | (column > joint.upper + NO_WAY))
             if len(outside):
                 with prefixed(f"{where(float(followed.guide_mm[outside[0]]))} "):
                     checks.check_within(joint, float(column[outside[0]]))
@@ -246,7 +263,3 @@ class _Cutting:
 
 def _many(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
-
-
-def _has_way(move: CutMove) -> bool:
-    return move.arc is not None or max(abs(a - b) for a, b in zip(move.start, move.goal[:3], strict=False)) > _SMALL_MM

@@ -16,6 +16,7 @@ from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
 from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, nearest_turns, present_branch
+from steptwin.host.planning.no_way import NO_WAY, is_no_way
 from steptwin.host.planning.paths import (
     Arc,
     OnTheSpot,
@@ -57,14 +58,7 @@ def turning_law(robot: Robot, turn: Turn, branch: str, start: FloatArray, goal: 
     return law(max(replace(peak, limit=peak.limit * percent / 100).stretch for peak in peaks))
 
 
-_PLACE_MM: Final = 1e-6
-"""Distance up to which two poses are at the same place: the tool then only turns."""
-
 _HALF_TURN_DEG: Final = 180.0
-
-
-_ANGLE_DEG: Final = 1e-9
-"""Angle up to which two orientations are the same."""
 
 
 def _turn_deg(path: ToolPath) -> float:
@@ -190,7 +184,7 @@ class Moves:
     def go(self, goal: FloatArray, pace: JointPace) -> None:
         """Move all joints to a position of shape (joints,); do nothing if they are there."""
         way = goal - self.composer.joints
-        if not np.abs(way).max() > 0:
+        if is_no_way(way):
             self._gathered(pace)
         elif self._flows(pace):
             self._gather_joints(goal, pace)
@@ -200,17 +194,19 @@ class Moves:
     def line(self, goal: Pose, pace: ToolPace) -> None:
         """Move the tool straight to a pose; where only the attitude differs, turn it on the spot, at SPEED_PERCENT."""
         here = self._here()
-        if np.linalg.norm(np.subtract(goal, here)[:3]) > _PLACE_MM:
+        if not is_no_way(np.subtract(goal, here)[:3]):
             self._straight(straight(self._task, here, goal), goal, pace)
         elif self._task is not SCARA:
             self._turn_in_space(here, goal, pace)
-        elif abs(goal[3] - here[3]) > _HALF_TURN_DEG:
+        elif abs(goal[3] - here[3]) > _HALF_TURN_DEG + NO_WAY:
             steps = ceil(abs(goal[3] - here[3]) / _HALF_TURN_DEG)
             raise InputError(
                 f"phi: {goal[3] - here[3]:g} deg on the spot is more than half a turn: make {steps} steps of it"
             )
-        elif goal[3] != here[3]:
+        elif abs(goal[3] - here[3]) > NO_WAY:
             self._turn(Turn(here, goal[3] - here[3]), pace)
+        else:
+            self._stay(pace)
 
     def arc(self, via: Pose, goal: Pose, pace: ToolPace) -> None:
         """Move the tool along the arc through a pose's place to a pose."""
@@ -235,6 +231,8 @@ class Moves:
 
     def _follow(self, path: ToolPath, pace: ToolPace, *goals: Pose) -> None:
         """Move along a path; a goal on it that is out of reach is refused before a place on the way."""
+        if not path.length_mm > NO_WAY:
+            raise InputError(f"the path of the tool is {path.length_mm:.3g} mm long: that is no way")
         for goal in goals:
             self._solve(self._wanted(goal), self._branch(), on_path=True)
         self._move_along(path, pace, pace.along(path.length_mm, _turn_deg(path)))
@@ -296,6 +294,15 @@ class Moves:
         if pace.blend_mm is None:
             self.end_flow()
 
+    def _stay(self, pace: ToolPace) -> None:
+        """Make no motion, since the tool is there; raise InputError for outputs that were to change on its way."""
+        for each in pace.outputs:
+            raise InputError(
+                f"outputs.{each.output}: the tool is there already, so it has no way on which an output could change:"
+                " use a step `output`"
+            )
+        self._gathered(pace)
+
     def _begin_turn(self, pace: ToolPace) -> None:
         """Raise InputError if a turn on the spot is asked to flow into a step, or a step into it."""
         check_none_gathered(self.legs, "a turn on the spot")
@@ -317,9 +324,12 @@ class Moves:
     def _turn_in_space(self, here: Pose, goal: Pose, pace: ToolPace) -> None:
         """Turn the tool on the spot by the shortest rotation, if there is any, at the pace's speed."""
         if self._task.is_flat:
+            self._stay(pace)
             return
         turning = Turning.shortest(self._task, here, goal)
-        if turning.angle_deg > _ANGLE_DEG:
+        if turning.angle_deg <= NO_WAY:
+            self._stay(pace)
+        else:
             self._begin_turn(pace)
             self._solve(goal, self._branch(), on_path=True)
             path = Oriented(OnTheSpot(here[:3], turning.angle_deg), turning)

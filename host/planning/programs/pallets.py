@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import digits_in
 from steptwin.host.common.tables import Table
 from steptwin.host.planning.programs.positions import Position, ToolPosition, read_position, read_target
 from steptwin.host.robots.poses import DIRECTION, PLACE, Orientation
@@ -18,6 +19,8 @@ from steptwin.host.robots.poses.rotations import of_rotation_vector, product, tu
 
 CELLS_MAX: Final = 5_000
 """Number of cells of a pallet: as many as a program may have steps."""
+PROGRAM_CELLS_MAX: Final = 4 * CELLS_MAX
+"""Cells of all pallets of a program, of which its steps visit at most a quarter."""
 
 Cells = Mapping[str, int]
 """The number of the present cell, from 0 on, of each pallet whose cells are visited."""
@@ -99,9 +102,12 @@ class Pallet:
 
 
 def read_pallet(
-    table: Table, frames: Mapping[str, WorkFrame | None], positions: Mapping[str, Position | None]
+    table: Table,
+    frames: Mapping[str, WorkFrame | None],
+    positions: Mapping[str, Position | None],
+    cells_before: int = 0,
 ) -> Pallet:
-    """Return a pallet from a table; raise InputError for what is wrong."""
+    """Return a pallet from a table; raise InputError for what is wrong, and for too many cells with those before."""
     table.check_keys(("frame", "first", *_DIRECTIONS, "fourth", "order", "zigzag"))
     frame = STATION_FRAME
     if "frame" in table:
@@ -115,6 +121,8 @@ def read_pallet(
     steps, counts = zip(*(_direction(table, key, first, positions) for key in _DIRECTIONS), strict=True)
     if prod(counts) > CELLS_MAX:
         raise InputError(f"has {prod(counts)} cells; a pallet has at most {CELLS_MAX}")
+    if (cells := prod(counts) + cells_before) > PROGRAM_CELLS_MAX:
+        raise InputError(f"makes {cells} cells with the pallets before; a program has at most {PROGRAM_CELLS_MAX}")
     bend = _bend(table, first, steps, counts, positions)
     indices = list(_indices(table, counts))
     cells = []
@@ -210,9 +218,9 @@ def cell_numbers(text: str, pallet: str, count: int) -> range:
     """Return the numbers, from 0 on, of `3..7` or `5` among a pallet's cells; raise InputError for others."""
     ends = [end.strip() for end in text.split("..")]
     with prefixed("cells: "):
-        if len(ends) not in (1, 2) or not all(end.isdecimal() for end in ends):
+        first, last = digits_in(ends[0]), digits_in(ends[-1])
+        if len(ends) not in (1, 2) or first is None or last is None:
             raise InputError(f"{shortened(text)!r} is not such as 3..7, or 5")
-        first, last = int(ends[0]), int(ends[-1])
         if not 1 <= first <= last <= count:
             raise InputError(f"{text}: the cells of {pallet} are 1..{count}")
     return range(first - 1, last)

@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import PROGRAM_BYTES_MAX
+from steptwin.host.common.file_limits import GCODE_BYTES_MAX, PROGRAM_BYTES_MAX, size_text
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, toml_table
@@ -83,7 +83,7 @@ def pass_words(first: Place, wrong: int, judged: int) -> str:
 SUFFIX: Final = ".toml"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Usual:
     """What all steps of a program share.
 
@@ -91,11 +91,22 @@ class Usual:
         keys: keys that each step has that moves, unless it says otherwise.
         folder: folder from which the paths in it count.
         frames: the frames, None for one that is wrong.
+        gcode_chars: characters of the files of G-code that its steps have named so far.
     """
 
     keys: Mapping[str, object]
     folder: Path
     frames: Mapping[str, WorkFrame | None]
+    gcode_chars: int = 0
+
+    def gcode(self, name: str) -> str:
+        """Return the text of a file of G-code; raise InputError if all together are longer than one may be."""
+        if self.gcode_chars <= GCODE_BYTES_MAX:  # behind that no further file is read
+            text = read_text(str(self.folder / name), GCODE_BYTES_MAX)
+            self.gcode_chars += len(text)
+            if self.gcode_chars <= GCODE_BYTES_MAX:
+                return text
+        raise InputError(f"the program's files of G-code have more than {size_text(GCODE_BYTES_MAX)} together")
 
 
 _PROGRAM_KEYS: Final = (
@@ -210,7 +221,15 @@ def _pallets(
     names: Findings,
 ) -> dict[str, Pallet | None]:
     """Return the pallets by name, None for one that is wrong."""
-    return _named(table, "pallets", lambda own: read_pallet(own, frames, positions), findings, names)
+    cells = 0
+
+    def read(own: Table) -> Pallet:
+        nonlocal cells
+        pallet = read_pallet(own, frames, positions, cells)
+        cells += len(pallet.cells)
+        return pallet
+
+    return _named(table, "pallets", read, findings, names)
 
 
 Named = TypeVar("Named")
@@ -331,7 +350,7 @@ def _step(table: Table, place: str, findings: Findings, usual: Usual) -> AnyStep
         return Each(tuple(names), cells, _steps(_some(table, "steps"), place, findings, usual))
     if verb == "gcode":
         table.check_keys(("gcode", *GCODE_KEYS))
-        return GcodeStep.read(table, usual.folder, usual.frames)
+        return GcodeStep.read(table, usual.gcode, usual.frames)
     read, keys = _VERBS[verb]
     table.check_keys((verb, *keys))
     if "duration_s" not in table:

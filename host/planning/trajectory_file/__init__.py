@@ -106,7 +106,8 @@ def read_file_motion(
     read_in = USUAL if units is None else FileUnits.named(units)
     with prefixed(f"{path}: "):
         all_whole_ms = interpolation in (PointCurve.LINEAR, PointCurve.STOP)
-        points = _points(path).in_units(read_in, robot).joint_points(robot, elbow, all_whole_ms=all_whole_ms)
+        in_file = _points(path).in_units(read_in, robot).begun_at_home_of(robot)
+        points = in_file.joint_points(robot, elbow, all_whole_ms=all_whole_ms)
         points.check_within(robot)
         return FileMotion.of(robot, points, interpolation, ramps_s, is_fastest=law is not None, drives=drives)
 

@@ -3,7 +3,7 @@
 Between two points with velocities the motion is a cubic, so it is known without its accelerations and tool poses.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Sequence as Texts
 from dataclasses import dataclass, replace
 from math import ceil, degrees, floor, inf, nan
@@ -14,7 +14,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.motions.sampled import check_times
+from steptwin.host.planning.motions.sampled import NumberedPlaces, check_times
 from steptwin.host.planning.peaks import LONGEST_MS
 from steptwin.host.robots.joint import Joint, Unit
 from steptwin.host.robots.kinematics import Branch, Kinematics, make_kinematics
@@ -195,6 +195,8 @@ class Points:
         elbow: branch of the inverse kinematics that the file names; None if it names none.
         unread: names of the columns, or kinds of a JSON point's values, that follow from the others.
         rounded_s: time by which points were moved at most so that they come at whole milliseconds.
+        is_goal: True if the motion may begin wherever the machine stands, as ROS has it: a first point after 0 s.
+        begun_at_home: True if it was begun at the robot's home position.
     """
 
     names: list[str]
@@ -205,6 +207,26 @@ class Points:
     elbow: str | None = None
     unread: tuple[str, ...] = ()
     rounded_s: float = 0.0
+    is_goal: bool = False
+    begun_at_home: bool = False
+
+    def begun_at(self, start: Mapping[str, float]) -> "Points":
+        """Return the points behind one more at 0 s, where all joints stand at positions given by their names."""
+        velocities = self.velocities
+        return replace(
+            self,
+            places=NumberedPlaces("point {}, time_from_start", range(len(self.times_s) + 1)),
+            times_s=np.concatenate(([0.0], self.times_s)),
+            positions=np.vstack([[start[name] for name in self.names], self.positions]),
+            velocities=None if velocities is None else np.vstack([np.zeros(len(self.names)), velocities]),
+            is_goal=False,
+        )
+
+    def begun_at_home_of(self, robot: Robot) -> "Points":
+        """Return a goal for a robot's joints as the motion there from its home position; other points as they are."""
+        if not self.is_goal or set(self.names) != set(robot.joint_names):
+            return self
+        return replace(self.begun_at(dict(zip(robot.joint_names, robot.home, strict=True))), begun_at_home=True)
 
     def until(self, end_s: float) -> "Points":
         """Return the points up to an instant, all if it is infinite; raise InputError if no motion ends before it."""
@@ -247,7 +269,13 @@ class Points:
         if elbow is not None:
             raise InputError(f"elbow={elbow}: is for a file of the tool's poses; this one has joints")
         return JointPoints(
-            self.times_s, self.places, positions, velocities, unread=self.unread, rounded_s=self.rounded_s
+            self.times_s,
+            self.places,
+            positions,
+            velocities,
+            unread=self.unread,
+            rounded_s=self.rounded_s,
+            begun_at_home=self.begun_at_home,
         )
 
     def _check_times(self, *, all_whole_ms: bool) -> None:
@@ -330,6 +358,7 @@ class JointPoints:
         reached: branch of the inverse kinematics on which the poses are reached, with its changes on the way.
         unread: names of the file's columns, or kinds of values, that follow from the others.
         rounded_s: time by which points were moved at most so that they come at whole milliseconds.
+        begun_at_home: True if the first point is the robot's home position, and not of the file.
     """
 
     times_s: FloatArray
@@ -340,6 +369,7 @@ class JointPoints:
     reached: Branch | None = None
     unread: tuple[str, ...] = ()
     rounded_s: float = 0.0
+    begun_at_home: bool = False
 
     @property
     def branch(self) -> str | None:

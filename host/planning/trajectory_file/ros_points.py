@@ -170,6 +170,7 @@ def _points(message: Table, kind: str) -> Points:
         _rows(points, "velocities", names) if any(moving) else None,
         unread=(_ACCELERATIONS,) if given else (),
         rounded_s=float(np.abs(whole_s - times_s).max(initial=0.0)),
+        is_goal=bool(points) and bool(whole_s[0] > 0.0),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import shortened, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.numbers import digits_in
 
 CHANNELS_MAX: Final = 64
 """Channels of a capture; a sample of more does not fit into 8 bytes."""
@@ -82,8 +83,9 @@ class Capture:
         if found := by_name.get(name.strip().lower()):
             return found
         digits = name.strip().upper().removeprefix("CH").removeprefix("D")
-        if digits.isascii() and digits.isdecimal() and int(digits) < len(self.channels):
-            return self.channels[int(digits)]
+        number = digits_in(digits)
+        if number is not None and number < len(self.channels):
+            return self.channels[number]
         raise unknown("channel", name, [channel.name for channel in self.channels])
 
 

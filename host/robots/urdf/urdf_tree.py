@@ -7,7 +7,7 @@ Source: https://wiki.ros.org/urdf/XML/joint; `quat_xyzw` of version 1.1: the REA
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 from xml.etree.ElementTree import Element, ParseError, fromstring
@@ -20,6 +20,8 @@ from steptwin.host.common.numbers import finite_number
 from steptwin.host.common.tables import check_name
 
 _XACRO: Final = "is xacro, not a URDF: run xacro first, as in: xacro robot.xacro > robot.urdf"
+_XACRO_NAMES: Final = ("property", "arg", "macro")
+"""Elements of xacro that name something. Where the name is used, `${`, `$(` or an element of that name tells."""
 _MM_PER_M: Final = 1000.0
 _NORM_OFF: Final = 1e-3
 """Distance from 1 that the norm of a quaternion may have: the rounding of its four numbers."""
@@ -143,10 +145,12 @@ class UrdfTree:
         ways = {link: self._up(link, base) for link in leaves}
         leaves = [link for link, way in ways.items() if any(joint.kind in MOVING for joint in way)] or leaves
         free = [link for link in leaves if not any(joint.mimics for joint in ways[link])]
-        if len(free) != 1:
-            named = ", ".join(map(shortened, free or leaves)) or "none"
-            raise InputError(f"--tip is missing: which of the last links is the tool's? There are {named}")
-        return free[0]
+        if len(free) == 1:
+            return free[0]
+        if leaves and not free:
+            raise InputError(_all_mimic([ways[link] for link in leaves]))
+        named = ", ".join(map(shortened, free)) or "none"
+        raise InputError(f"--tip is missing: which of the last links is the tool's? There are {named}")
 
     def _up(self, link: str, base: str | None = None) -> list[UrdfJoint]:
         """Return the joints from a link up to the base or the root."""
@@ -161,6 +165,14 @@ class UrdfTree:
         return found
 
 
+def _all_mimic(ways: Sequence[Sequence[UrdfJoint]]) -> str:
+    """Return that every way, each from its last link on, has a joint that follows another, and where each can end."""
+    first = [next(joint for joint in reversed(way) if joint.mimics) for way in ways]
+    followers = ", ".join(dict.fromkeys(f"{joint.name!r} follows {joint.mimics!r}" for joint in first))
+    ends = " or ".join(dict.fromkeys(f"--tip {joint.parent}" for joint in first))
+    return f"joint {followers} (mimic), a chain's joints have a motor each: {ends} ends before it"
+
+
 def read_urdf(text: str) -> UrdfTree:
     """Return the tree of a URDF; raise InputError for a text that is none."""
     lower = text.lower()
@@ -172,7 +184,7 @@ def read_urdf(text: str) -> UrdfTree:
     except ParseError as error:
         _refuse_xacro("<xacro:" in lower)
         raise InputError(f"is no XML: {error}") from None
-    _refuse_xacro(any(each.tag.partition("}")[0].endswith("/xacro") for each in root.iter()))
+    _refuse_xacro(_makes_more(root))
     if _tag(root) != "robot":
         raise InputError(f"is no URDF: it begins with <{shortened(_tag(root))}>, a URDF with <robot>")
     links = tuple(_name(each, "link") for each in _children(root, "link"))
@@ -209,14 +221,16 @@ def _joint(element: Element) -> UrdfJoint:
         if end is None or "link" not in end.attrib:
             raise InputError(f"joint {name!r}: has no {key}, such as <{key} link=...>")
         ends[key] = end.attrib["link"]
+        _refuse_used(ends[key])
     mimic = _child(element, "mimic")
     mimics = "" if mimic is None else shortened(mimic.get("joint", "another"))
+    _refuse_used(element.get("type", ""))
     return UrdfJoint(name, shortened(element.get("type", "")), ends["parent"], ends["child"], mimics, element)
 
 
 def _name(element: Element, what: str) -> str:
     name = element.get("name", "")
-    _refuse_xacro("${" in name)
+    _refuse_used(name)
     if not name:
         raise InputError(f"a {what} has no name")
     with prefixed(f"a {what}'s name: "):
@@ -225,12 +239,30 @@ def _name(element: Element, what: str) -> str:
 
 
 def _numbers(key: str, text: str, count: int) -> list[float]:
-    _refuse_xacro("${" in text)
+    _refuse_used(text)
     words = text.split()
     if len(words) != count:
         raise InputError(f"{key}: has {len(words)} numbers, it takes {count}")
     with prefixed(f"{key}: "):
         return [finite_number(word) for word in words]
+
+
+def _makes_more(root: Element) -> bool:
+    """Return whether xacro would make elements here. What it only names, and nothing uses, changes nothing."""
+    left = [root]
+    while left:
+        element = left.pop()
+        namespace, _, tag = element.tag.rpartition("}")
+        if not namespace.endswith("/xacro"):
+            left += element
+        elif tag not in _XACRO_NAMES:
+            return True
+    return False
+
+
+def _refuse_used(text: str) -> None:
+    """Raise InputError for a text in which xacro would put a value."""
+    _refuse_xacro("${" in text or "$(" in text)
 
 
 def _refuse_xacro(found: bool) -> None:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
 
-from steptwin.host.common.bad_input import prefixed, unknown
+from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.choices import check_bitrate, name_value_pairs
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.numbers import finite_number, whole
+from steptwin.host.common.numbers import digits_in, finite_number, whole
 
 if TYPE_CHECKING:
     from steptwin.emulator.faults.harm import Harm
@@ -57,11 +57,14 @@ def _positions(text: str) -> list[float]:
 
 
 def _microsteps(texts: list[str]) -> dict[str, int]:
-    settings = name_value_pairs(texts)
-    for name, text in settings.items():
-        if not (text.isascii() and text.isdecimal()):
-            raise InputError(f"dip_microsteps={name}={text}: {text!r} is not a whole number")
-    return {name: int(text) for name, text in settings.items()}
+    settings: dict[str, int] = {}
+    for name, text in name_value_pairs(texts).items():
+        microsteps = digits_in(text)
+        if microsteps is None:
+            shown = shortened(text)
+            raise InputError(f"dip_microsteps={name}={shown}: {shown!r} is not a whole number")
+        settings[name] = microsteps
+    return settings
 
 
 _COUNT: Final = re.compile(r"\s*[0-9]{1,4}\s*")

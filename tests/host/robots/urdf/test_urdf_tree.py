@@ -105,7 +105,7 @@ def test_a_file_that_is_too_long(tmp_path: Path) -> None:
             urdf(TWO.replace("</joint>", '<mimic joint="J9"/></joint>'), links="abc"),
             None,
             None,
-            "--tip is missing: which of the last links is the tool's? There are c",
+            "joint 'J1' follows 'J9' (mimic), a chain's joints have a motor each: --tip a ends before it",
         ),
     ],
 )
@@ -121,14 +121,14 @@ def test_the_tip_is_the_only_leaf_that_needs_no_mimic() -> None:
     assert [each.name for each in tree.way(None, None)] == ["J1", "J2", "F2"]
     assert [each.name for each in tree.way("b", None)] == ["J2", "F2"]
     assert [each.name for each in tree.way(None, "b")] == ["J1"]
-    assert complaint(urdf(TWO, MIMIC, links="abcd")).endswith("There are d")
+    assert complaint(urdf(TWO, MIMIC, links="abcd")).endswith("--tip c ends before it")
 
 
 def test_a_leaf_to_which_nothing_moves_is_no_tool() -> None:
     """The Moveo's file has a fixed link `odom` at its base, and a gripper whose jaws mimic each other."""
     odom = joint("O", "a", "e", kind="fixed")
     assert [each.name for each in read_urdf(urdf(TWO, odom, links="abce")).way(None, None)] == ["J1", "J2"]
-    assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("There are d")
+    assert complaint(urdf(TWO, MIMIC, odom, links="abcde")).endswith("--tip c ends before it")
     assert [each.name for each in read_urdf(urdf(odom, links="ae")).way(None, None)] == ["O"]
 
 

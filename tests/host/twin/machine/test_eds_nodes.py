@@ -56,6 +56,8 @@ def test_compact_arrays_have_all_their_entries() -> None:
         ("CompactSubObj=2", "CompactSubObj=255"),
         ("[2400]", "no ini file"),
         ("[2402]", "[2401]"),
+        ("DefaultValue=255", "DefaultValue=255\ndefaultvalue=1"),
+        ("ObjectType=7", "ObjectType=5"),
     ],
 )
 def test_what_is_wrong_in_it_is_told_in_a_line(tmp_path: Path, old: str, new: str) -> None:
