@@ -1,7 +1,8 @@
 """Bound the processor time that planning takes: what cannot be planned within it ends with a sentence.
 
-Whatever plans opens `plan_within`, and each of its loops that an input can make long calls `check_planning_time`. The
-outermost block counts, and it counts the processor time of its own thread, so a busy computer changes nothing.
+Whatever plans is a block of `in_planning_time`, and each of its loops that an input can make long calls
+`check_planning_time`. The outermost of such blocks counts. `plan_within` gives all those in it one bound together. Only
+the processor time of the own thread counts, so a busy computer changes nothing.
 """
 
 import time
@@ -24,37 +25,53 @@ class PlanningTimeError(InputError):
 
 @dataclass(slots=True)
 class _Clock:
-    """The time of a block.
+    """The time that planning has.
 
     Attributes:
-        seconds: its bound.
+        bound_s: the time.
         now_s: the processor time of the thread.
         thread: the thread.
-        until_s: time at which it is over.
         steps: what is being planned, the innermost last.
+        until_s: the time of `now_s` at which it is over; None while nothing is planned.
         error: the error once it is over.
     """
 
-    seconds: float
+    bound_s: float
     now_s: Callable[[], float]
     thread: int = field(default_factory=get_ident)
-    until_s: float = field(init=False)
     steps: list[str] = field(default_factory=list)
+    until_s: float | None = None
     error: PlanningTimeError | None = None
+    left_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.until_s = self.now_s() + self.seconds
+        self.left_s = self.bound_s
 
     def check(self) -> None:
-        if self.now_s() < self.until_s:
+        if self.until_s is None or self.now_s() < self.until_s:
             return
         if self.error is None:
             what = self.steps[-1] if self.steps else "the motion"
             self.error = PlanningTimeError(
-                f"{what}: could not be planned in {self.seconds:g} s of processor time: make it simpler or shorter,"
-                f" or give it more time, such as plan_within={2 * self.seconds:g}"
+                f"{what}: is not planned after {self.bound_s:g} s of processor time: make it simpler or shorter, or"
+                f" give it more time, such as plan_within={2 * self.bound_s:g}"
             )
         raise self.error
+
+    @contextmanager
+    def runs(self) -> Iterator[None]:
+        """Count the time of the block; an error that it has hidden comes at its end."""
+        self.until_s = self.now_s() + self.left_s
+        try:
+            yield
+        except InputError as error:
+            if self.error is None or isinstance(error, PlanningTimeError):
+                raise
+            raise self.error from error
+        finally:
+            self.left_s, self.until_s = self.until_s - self.now_s(), None
+        if self.error is not None:
+            raise self.error
 
 
 _CLOCK: ContextVar[_Clock | None] = ContextVar("planning clock", default=None)
@@ -67,32 +84,35 @@ def _present() -> _Clock | None:
 
 
 @contextmanager
-def plan_within(seconds: float | None = None, now_s: Callable[[], float] | None = None) -> Iterator[None]:
-    """Bound the processor time of all planning in the block, in s, by default PLANNING_S; the outermost block counts.
+def plan_within(seconds: float = PLANNING_S, now_s: Callable[[], float] = time.thread_time) -> Iterator[None]:
+    """Bound the processor time, in s, that all planning in the block takes together; other work does not count.
 
-    Also a decorator of a function. `now_s` is another clock than the processor time of this thread.
-
-    Raises:
-        PlanningTimeError: the time is over. Nothing in the block hides that: it is raised at its end at the latest.
-        InputError: the bound is not above 0.
+    `now_s` tells the processor time of this thread. Raises InputError unless the bound is above 0.
     """
-    if seconds is not None and not seconds > 0:
+    if not seconds > 0:
         raise InputError(f"plan_within={seconds:g}: is not above 0")
-    if _present() is not None:
-        yield
-        return
-    clock = _Clock(PLANNING_S if seconds is None else seconds, time.thread_time if now_s is None else now_s)
-    token = _CLOCK.set(clock)
+    token = _CLOCK.set(_Clock(seconds, now_s))
     try:
         yield
-    except InputError as error:
-        if clock.error is None or isinstance(error, PlanningTimeError):
-            raise
-        raise clock.error from error
     finally:
         _CLOCK.reset(token)
-    if clock.error is not None:
-        raise clock.error
+
+
+@contextmanager
+def in_planning_time() -> Iterator[None]:
+    """Let the block, or the function that this decorates, be planning, within the bound around it or the usual one.
+
+    Raises PlanningTimeError when the time is over; nothing in the block hides it, as it comes at the end at the latest.
+    """
+    clock = _present()
+    if clock is None:
+        with plan_within(), in_planning_time():
+            yield
+    elif clock.until_s is not None:
+        yield
+    else:
+        with clock.runs():
+            yield
 
 
 @contextmanager
@@ -110,7 +130,7 @@ def planning_step(what: str) -> Iterator[None]:
 
 
 def check_planning_time() -> None:
-    """Raise PlanningTimeError if the time of the block around is over; outside of any block there is no bound."""
+    """Raise PlanningTimeError if the time is over; outside of planning there is no bound."""
     clock = _present()
     if clock is not None:
         clock.check()

@@ -130,7 +130,7 @@ class TimedPath:
 
 
 class UntimedError(InputError):
-    """No pace was found at which the cubics along a path keep the limits; `s` is the path's parameter where they do not."""
+    """At no pace the cubics along a path keep the limits; `s` is the parameter of the path where they do not."""
 
     def __init__(self, message: str, s: float = 0.0) -> None:
         super().__init__(message)
@@ -292,7 +292,10 @@ class _Use:
         whats = [f"{name} {what}" for what in ("speed", "acceleration") for name in names]
         what = [*whats, "the tool's speed", "the tool's turn"][column]
         s = float(law.at(self.ends_s[row : row + 1])[0][0])
-        return f"{what} is {used[row, column]:.3g} times the highest at whatever pace: the path turns too sharply there", s
+        return (
+            f"{what} is {used[row, column]:.3g} times the highest at whatever pace: the path turns too sharply there",
+            s,
+        )
 
     def lowered(self, limits: PathLimits, law: Averaged, places: FloatArray) -> PathLimits:
         """Return limits lowered around the records that exceed theirs, as far as the average reaches."""

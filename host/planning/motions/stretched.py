@@ -8,6 +8,7 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
 from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, left_open, states, waits_of
 
@@ -21,12 +22,14 @@ def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest
     below, longer = fails, 1
     number = min(max(fails + 1, guess), largest)
     while not passes(number):
+        check_planning_time()
         if number >= largest:
             return None
         below, number, longer = number, min(number + longer, largest), 2 * longer
     if number - below > 1 and below == fails and not passes(number - 1):
         return number
     while number - below > 1:
+        check_planning_time()
         middle = (number + below) // 2
         if passes(middle):
             number = middle

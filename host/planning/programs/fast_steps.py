@@ -7,6 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
+from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.motions.stretched import least_passing
@@ -217,11 +218,14 @@ def fast_steps(made: Iterable[MadeStep]) -> Iterator[str]:
     for step in made:
         judged[step.place.number] += 1
         try:
-            step.check_speed()
+            with planning_step(f"{step.place} ({step.step})"):
+                check_planning_time()
+                step.check_speed()
         except checks.TooFastError as error:
             wrong.setdefault(id(step.step), []).append(_FastStep(step, error))
     for group in wrong.values():
-        yield _message(group, judged)
+        with planning_step(f"{group[0].made.place} ({group[0].made.step})"):
+            yield _message(group, judged)
 
 
 def _message(group: list[_FastStep], judged: Mapping[str, int]) -> str:
