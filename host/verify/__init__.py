@@ -28,7 +28,7 @@ from steptwin.host.verify.gates import (
     Gates,
     any_step_rule,
 )
-from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
+from steptwin.host.verify.report import BusReport, Report, RotorSlip, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.verifier import verify, verify_comparison
 
@@ -52,6 +52,7 @@ __all__ = [
     "Phases",
     "RateRamps",
     "Report",
+    "RotorSlip",
     "RunInfo",
     "ShelfEvent",
     "ShelfEvidence",
