@@ -25,7 +25,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time, in_planning_time
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, present_branch
+from steptwin.host.planning.motions.tool_move import ToolMove, branches_on, is_straight_in_joints, present_branch
 from steptwin.host.planning.paths import FreeAttitude, OnTheSpot, Oriented, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
@@ -197,7 +197,14 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> T
     kinematics = make_kinematics(robot)
     branch = present_branch(robot, start)
     path = step_path(robot, start, step)
-    goal = _goal(kinematics, path, branch, start)
+    try:
+        goal = _goal(kinematics, path, branch, start)
+    except InputError:
+        if kinematics.keeps_branch:
+            raise
+        names, goal = branches_on(robot, path, branch, start)
+        if len(names) == 1:
+            raise
     speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
     if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
         law = _law(path, 1.0, speed, ramp_s)
