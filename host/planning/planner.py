@@ -6,7 +6,7 @@ two rounded absolutes, so rounding errors do not add up. Velocities are the traj
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,13 +28,10 @@ from steptwin.host.planning.peaks import (
     step_rate_peaks,
 )
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
-
-DEFAULT_POINT_MS: Final = 10
-"""Usual time between PVT points."""
 
 
 @in_planning_time()

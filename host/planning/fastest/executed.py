@@ -20,7 +20,7 @@ from steptwin.host.planning.fastest.solve import Solver, fastest_squares
 from steptwin.host.planning.laws import time_after
 from steptwin.host.planning.motions.sampled import Sampled
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.planner import DEFAULT_POINT_MS
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final, Protocol, Self
 
 import numpy as np
@@ -39,6 +39,10 @@ _ROUNDS_MAX: Final = 12
 
 def _after(at_mm: float) -> str:
     return f"after {at_mm:.2f} mm"
+
+
+def _where_at(where: Callable[[float], str], guide_mm: FloatArray, i: int) -> str:
+    return where(float(guide_mm[i]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +83,7 @@ class FollowedPath:
         guide_mm = np.linspace(0.0, path.length_mm, count)
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
         for _ in range(_ROUNDS_MAX):
-            at_mm = guide_mm
-            solved = followed(robot, path.poses(at_mm), lambda i, at_mm=at_mm: where(float(at_mm[i])), branch, start)
+            solved = followed(robot, path.poses(guide_mm), partial(_where_at, where, guide_mm), branch, start)
             check_start(robot, branch, start, solved.joints[0], "at its start")
             steep = _steep(kinematics, solved.joints, rotary)
             if not steep.any():

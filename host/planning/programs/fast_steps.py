@@ -12,13 +12,13 @@ from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
-from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
+from steptwin.host.planning.planner import step_peaks
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import StepPace
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
