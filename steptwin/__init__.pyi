@@ -42,6 +42,8 @@ from steptwin.host.common.errors import NotVerifiedError as NotVerifiedError
 from steptwin.host.common.errors import RecordingError as RecordingError
 from steptwin.host.common.errors import StepTwinError as StepTwinError
 from steptwin.host.common.errors import WaitTimeoutError as WaitTimeoutError
+from steptwin.host.common.planning_time import PlanningTimeError as PlanningTimeError
+from steptwin.host.common.planning_time import plan_within as plan_within
 from steptwin.host.faults.reaction import Motion as Motion
 from steptwin.host.faults.reaction import Reaction as Reaction
 from steptwin.host.faults.report import NotBegunError as NotBegunError

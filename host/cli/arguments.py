@@ -4,17 +4,18 @@ A tool's orientation has one of several notations, whose options carry their con
 machine differs from its robot's file by options, whose names stand in errors.
 """
 
-from collections.abc import Callable, Collection, Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from steptwin.host.cli.options import argument, naming_options, option, switch
+from steptwin.host.cli.options import argument, naming_options, option, switch, with_options
 from steptwin.host.cli.output import print_json, say, say_no_pictures, warn
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import PLANNING_S, PlanningTimeError, plan_within
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 
 if TYPE_CHECKING:
@@ -214,6 +215,24 @@ def saved_position(robot: "Robot", name: str | None, file: str | None) -> "Posit
         return None
     path = positions_path(robot, file)
     return find_position(read_positions(path, robot), name, path)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanningOptions:
+    """The bound of a command that plans."""
+
+    plan_within: float | None = option(
+        "SECONDS", f"Processor time that planning may take; by default {PLANNING_S:g}.", read=positive_number
+    )
+
+    @contextmanager
+    def bounded(self) -> Iterator[None]:
+        """Bound the planning in the block."""
+        try:
+            with plan_within(self.plan_within or PLANNING_S):
+                yield
+        except PlanningTimeError as error:
+            raise PlanningTimeError(with_options(str(error), "plan_within")) from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.motions.joint_move import fastest_law
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
@@ -85,6 +86,7 @@ def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -
     reach_mm = float(np.abs(way) @ arm.levers_mm)
     part = 0.0
     while True:
+        check_planning_time()
         nearest = arm.nearest(begin + part * way)
         if nearest.free_mm < MARGIN_MM:
             return arm.contact(robot, nearest, begin, way, part)

@@ -52,6 +52,7 @@ LONGEST_MS: Final = 10**9
 """Longest motion chosen, more than eleven days: much longer ones in seconds could not hold whole milliseconds."""
 
 _TIME_S: Final = 1e-9
+_HALVINGS: Final = 64
 """Accuracy of the time at which a law is at a place: a fraction of a timer's count."""
 
 _SLACK: Final = 1e-12
@@ -119,7 +120,9 @@ def time_at(law: Law, position: float) -> float:
 def time_after(is_before: Callable[[float], bool], duration_s: float) -> float:
     """Return the end of the time in a duration for which something holds, from its begin on, by halving."""
     low_s, high_s = 0.0, duration_s
-    while high_s - low_s > _TIME_S:
+    for _ in range(_HALVINGS):
+        if high_s - low_s <= _TIME_S:
+            break
         middle_s = (low_s + high_s) / 2.0
         low_s, high_s = (middle_s, high_s) if is_before(middle_s) else (low_s, middle_s)
     return high_s

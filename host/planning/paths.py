@@ -14,6 +14,7 @@ import scipy
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.no_way import NO_WAY
 from steptwin.host.robots.poses import Pose, Task, Turning
 
@@ -337,6 +338,7 @@ class EvenPath:
         """Return a curve over its true length; raise InputError if the tool turns back on the spot somewhere on it."""
         parts = _PARTS_MIN
         while True:
+            check_planning_time()
             even = cls._measured(path, parts)
             off = even.unevenness()
             if off.max() <= EVENNESS:

@@ -10,6 +10,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.trajectory import Trajectory, states
 from steptwin.host.robots.joint import Joint
 from steptwin.host.robots.robot import Robot
@@ -70,6 +71,7 @@ def windows_ms(end_ms: int) -> Iterator[Int64Array]:
     """
     check_length("the motion", end_ms)
     for begin_ms in range(0, end_ms, WINDOW_MS):
+        check_planning_time()
         yield np.arange(begin_ms, min(begin_ms + WINDOW_MS, end_ms) + 1)
 
 

@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import floor, sqrt
+from pkgutil import resolve_name
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,7 +29,7 @@ _ACCELERATIONS: Final = (Quantity.ACCELERATION, Quantity.AXIS_ACCELERATION)
 _ROUNDING: Final = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A checked trajectory as points on the wire, made by `planner.plan`; its arrays are read-only.
 
@@ -102,6 +104,20 @@ class Plan:
         """Return the peak of a quantity that is nearest to its limit, of all joints."""
         return max((peak for peak in self.peaks if peak.quantity is quantity), key=lambda peak: peak.percent)
 
+    @cached_property
+    def highest_speed(self) -> "HighestSpeed":
+        """The highest speed at which it may be executed, by limits, drivers, bus and, where the robot has them, motors.
+
+        It is found out when it is first asked for: to turn the motors beforehand takes some time.
+        """
+        found = [HighestSpeed(RATE_PERCENT_MAX, "this is the highest speed"), _by_bus(self)]
+        found += [HighestSpeed(_by_peak(peak), f"{peak.joint}: {peak.quantity}") for peak in self.peaks]
+        lowest = min(found, key=lambda each: each.percent)
+        if lowest.percent <= PLANNED_PERCENT:
+            return lowest._replace(percent=PLANNED_PERCENT)
+        held = _by_motors(self, lowest.percent)
+        return lowest if held is None or held.percent >= lowest.percent else held
+
     def until(self, end_ms: int) -> "Plan":
         """Return the plan up to a point where it stands; raise ValueError for another time.
 
@@ -147,12 +163,22 @@ def highest_speed(plan: Plan) -> HighestSpeed:
     """Return the highest speed of a motion, a whole percentage from 100 to 150.
 
     At r times the planned speed, speeds and step rates are r times as high and accelerations r^2 times. So r is at most
-    the least limit / peak, for accelerations its square root. Step rates are compared in the board's integers.
+    the least limit / peak, for accelerations its square root. Step rates are compared in the board's integers. A robot
+    with motors turns them by the motion: at r times the speed they must keep step, with some reserve.
     """
-    found = [HighestSpeed(RATE_PERCENT_MAX, "this is the highest speed"), _by_bus(plan)]
-    found += [HighestSpeed(_by_peak(peak), f"{peak.joint}: {peak.quantity}") for peak in plan.peaks]
-    lowest = min(found, key=lambda each: each.percent)
-    return lowest._replace(percent=max(PLANNED_PERCENT, lowest.percent))
+    return plan.highest_speed
+
+
+_MOTORS: Final = "steptwin.host.twin.motor_limits.override:held_speed"
+"""What knows motors: it is loaded by its name, since planning itself knows neither motors nor the emulated board."""
+
+
+def _by_motors(plan: Plan, percent: int) -> HighestSpeed | None:
+    """Return the highest speed up to a percentage that the motors hold; None for a robot without described motors."""
+    if not plan.robot.has_motors:
+        return None
+    held: HighestSpeed = resolve_name(_MOTORS)(plan, percent)
+    return held
 
 
 def _by_peak(peak: Peak) -> int:

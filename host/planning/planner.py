@@ -6,13 +6,14 @@ two rounded absolutes, so rounding errors do not add up. Velocities are the traj
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import in_planning_time
 from steptwin.host.planning import checks
 from steptwin.host.planning.motions.stretched import Stretched, largest_stretch, smallest_stretch
 from steptwin.host.planning.peaks import (
@@ -27,15 +28,13 @@ from steptwin.host.planning.peaks import (
     step_rate_peaks,
 )
 from steptwin.host.planning.plan import Plan
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.joint import with_fewer_steps
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol.pvt import DURATION_MAX_MS, VELOCITY_PER_UNIT_PER_MS
 
-DEFAULT_POINT_MS: Final = 10
-"""Usual time between PVT points."""
 
-
+@in_planning_time()
 def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS) -> Plan:
     """Sample a trajectory every `point_ms` milliseconds and at its breakpoints, check it and convert it.
 
@@ -47,6 +46,7 @@ def plan(robot: Robot, trajectory: Trajectory, point_ms: int = DEFAULT_POINT_MS)
     return plan_stretched(robot, trajectory, 1.0, point_ms)
 
 
+@in_planning_time()
 def plan_stretched(
     robot: Robot, trajectory: Trajectory, stretch: float | None = None, point_ms: int = DEFAULT_POINT_MS
 ) -> Plan:

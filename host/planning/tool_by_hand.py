@@ -22,9 +22,10 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import at_most, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time
 from steptwin.host.planning.laws import SCurve
 from steptwin.host.planning.motions.joint_move import JointMove
-from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, present_branch
+from steptwin.host.planning.motions.tool_move import ToolMove, branches_on, is_straight_in_joints, present_branch
 from steptwin.host.planning.paths import FreeAttitude, OnTheSpot, Oriented, StraightLine, ToolPath, Turn
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan_stretched
@@ -108,6 +109,7 @@ class ToolStep:
         return along
 
 
+@in_planning_time()
 def plan_tool_step(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     """Plan a step from a joint position on the branch on which the arm is; joints' limits make it slower.
 
@@ -139,11 +141,13 @@ def _gentle_plan(robot: Robot, standing: list[float], step: ToolStep) -> Plan:
     return plan
 
 
+@in_planning_time()
 def farthest_part(robot: Robot, standing: list[float], step: ToolStep) -> ToolStep | None:
     """Return the largest part of a step that passes, in tenths of a mm or degree; None if not even the first does."""
     tenths = int(_PER_UNIT * max(map(abs, step.distances.values())))
     passing, failing = 0, tenths + 1
     while failing - passing > 1:  # a way that passes has no part that fails
+        check_planning_time()
         middle = (passing + failing) // 2
         try:
             _plan(robot, standing, step.part(middle / tenths), _RAMP_S)
@@ -193,7 +197,14 @@ def _motion(robot: Robot, start: FloatArray, step: ToolStep, ramp_s: float) -> T
     kinematics = make_kinematics(robot)
     branch = present_branch(robot, start)
     path = step_path(robot, start, step)
-    goal = _goal(kinematics, path, branch, start)
+    try:
+        goal = _goal(kinematics, path, branch, start)
+    except InputError:
+        if kinematics.keeps_branch:
+            raise
+        names, goal = branches_on(robot, path, branch, start)
+        if len(names) == 1:
+            raise
     speed = step.speed_percent / 100 * (SPEED_MAX_MM_S if step.moves else TURN_SPEED_MAX_DEG_S)
     if is_straight_in_joints(robot, path, start, goal):  # also at a singularity, for a lift or a wrist alone
         law = _law(path, 1.0, speed, ramp_s)
@@ -267,6 +278,7 @@ def check_tool_jog(robot: Robot, coordinate: str, speed: float) -> None:
         raise InputError(f"{coordinate}: a speed of {speed:g} {unit}/s is not {limit}")
 
 
+@in_planning_time()
 def plan_tool_jog(
     robot: Robot, standing: list[float], coordinate: str, speed: float, frame: StepFrame = StepFrame.WORLD
 ) -> Plan:

@@ -87,6 +87,16 @@ class Trajectory(Protocol):
         ...
 
 
+DEFAULT_POINT_MS: Final = 10
+"""Usual time between PVT points."""
+
+
+def smooth_breakpoints_ms(trajectory: Trajectory) -> frozenset[int]:
+    """Return the breakpoints at which the acceleration hardly jumps; others need not have the attribute."""
+    found: frozenset[int] = getattr(trajectory, "smooth_ms", frozenset())
+    return found
+
+
 def states(trajectory: Trajectory, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a trajectory's positions and velocities, both of shape (n, joints), at times of shape (n,).
 

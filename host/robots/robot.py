@@ -327,6 +327,11 @@ class Robot:
         return f"axis position = {' + '.join(terms)}"
 
     @property
+    def has_motors(self) -> bool:
+        """True if its file describes all motors, masses and the supply."""
+        return self.dynamics is not None and all(joint.motor and joint.link for joint in self.joints)
+
+    @property
     def axis_speeds_max(self) -> FloatArray:
         """Shape (axes,): highest speed of each axis, in mm/s or deg/s."""
         return np.array([axis.axis_speed_max or axis.speed_max for axis in self.axes])

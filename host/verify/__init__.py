@@ -27,8 +27,9 @@ from steptwin.host.verify.gates import (
     THRESHOLD_TOLERANCE_STEPS,
     Gates,
     any_step_rule,
+    threshold_tolerance_steps,
 )
-from steptwin.host.verify.report import BusReport, Report, RunInfo, speeds_document
+from steptwin.host.verify.report import BusReport, Report, RotorSlip, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.verifier import verify, verify_comparison
 
@@ -52,6 +53,7 @@ __all__ = [
     "Phases",
     "RateRamps",
     "Report",
+    "RotorSlip",
     "RunInfo",
     "ShelfEvent",
     "ShelfEvidence",
@@ -63,6 +65,7 @@ __all__ = [
     "shelf_contradictions",
     "shelf_document",
     "speeds_document",
+    "threshold_tolerance_steps",
     "verify",
     "verify_comparison",
 ]

@@ -137,6 +137,10 @@ class Expectation:
         names = self.trajectory.joint_names
         return names if self.robot is None else (*names, *self.robot.axis_names[len(names) :])
 
+    def microsteps_of(self, axis: int) -> int | None:
+        """Return the microsteps per full step of an axis' driver; None for whatever the driver makes."""
+        return self.microsteps[axis] if self.microsteps else None
+
     @property
     def axis_motion(self) -> Trajectory:
         """The planned motion of the axes."""

@@ -18,6 +18,19 @@ cubics and chords.
 POSITION_ERROR_LIMIT_STEPS: Final = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
 """0.57: a perfect counter is up to H = 0.5625 step away when it steps; the tolerance is the rest."""
 
+_USUAL_MICROSTEPS: Final = 16
+"""Microsteps of a full step up to which the tolerance is that; it is 7.68 units of the wire then."""
+
+
+def threshold_tolerance_steps(microsteps: int | None) -> float:
+    """Return the largest distance of a step from its threshold for a driver's microsteps; None: for the usual ones.
+
+    Positions on the wire, cubics and chords are off by parts of a full step, whatever the driver makes of it. So from
+    1/16 on the tolerance is the same part of a full step, 7.68 units of the wire: 0.12 steps at 1/256.
+    """
+    return THRESHOLD_TOLERANCE_STEPS * max(1.0, (microsteps or 1) / _USUAL_MICROSTEPS)
+
+
 TOLERANCE_STEPS: Final = 1.0
 """Usual distance that is asked of another controller: counters that step at whole steps are up to 1 step away."""
 
@@ -27,13 +40,20 @@ class Gates:
     """What a run must keep to.
 
     Attributes:
-        position_error_steps: largest distance of the count from the planned position at any instant.
-        step_rule: True if the steps must come at the oracle's thresholds, within THRESHOLD_TOLERANCE_STEPS; False for
-            any step rule, whose steps are counted run by run between the motion's turning points.
+        position_error_steps: largest distance of the count from the planned position at any instant, for the usual
+            microsteps.
+        step_rule: True if the steps must come at the oracle's thresholds, within their tolerance; False for any step
+            rule, whose steps are counted run by run between the motion's turning points.
     """
 
     position_error_steps: float = POSITION_ERROR_LIMIT_STEPS
     step_rule: bool = True
+
+    def position_limit_steps(self, microsteps: int | None) -> float:
+        """Return the largest distance of the count from the planned position for a driver's microsteps."""
+        if not self.step_rule:
+            return self.position_error_steps
+        return self.position_error_steps + threshold_tolerance_steps(microsteps) - THRESHOLD_TOLERANCE_STEPS
 
 
 OWN_FIRMWARE: Final = Gates()

@@ -17,7 +17,7 @@ from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps, pulse_facts
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
-from steptwin.host.verify.gates import POSITION_ERROR_LIMIT_STEPS, THRESHOLD_TOLERANCE_STEPS
+from steptwin.host.verify.gates import OWN_FIRMWARE, threshold_tolerance_steps
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.report import (
@@ -134,7 +134,8 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
     threshold_steps = float(worst.threshold_steps[axis])
     matching = comparison.matchings[axis]
     unmatched, grazing = matching.unmatched, matching.grazing
-    if comparison.gates.step_rule and _follows_step_rule(position_steps, threshold_steps):
+    microsteps = comparison.expected.microsteps_of(axis)
+    if comparison.gates.step_rule and _follows_step_rule(position_steps, threshold_steps, microsteps):
         unmatched, grazing = 0, unmatched
     late_us = np.abs(comparison.timing_errors_us(axis))
     p50_us, p99_us, max_us = np.percentile(late_us, [50, 99, 100]).tolist() if late_us.size else [0.0] * 3
@@ -160,9 +161,10 @@ def _axis_report(comparison: Comparison, axis: int, worst: _Worst) -> AxisReport
     )
 
 
-def _follows_step_rule(position_steps: float, threshold_steps: float) -> bool:
+def _follows_step_rule(position_steps: float, threshold_steps: float, microsteps: int | None) -> bool:
     """Return whether the count follows the step rule within the tolerance; False for NaN."""
-    return position_steps <= POSITION_ERROR_LIMIT_STEPS and threshold_steps <= THRESHOLD_TOLERANCE_STEPS
+    near = position_steps <= OWN_FIRMWARE.position_limit_steps(microsteps)
+    return near and threshold_steps <= threshold_tolerance_steps(microsteps)
 
 
 def _strange_modes(comparison: Comparison) -> Iterator[str]:
@@ -199,6 +201,8 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
         axis.threshold_error_steps_max,
     )
     first_s = comparison.matchings[index].first_s
+    microsteps = comparison.expected.microsteps_of(index)
+    position_limit, threshold_limit = gates.position_limit_steps(microsteps), threshold_tolerance_steps(microsteps)
     checks = (
         (axis.violations > 0, f"driver violations {axis.violations} (limit 0)"),
         (axis.unmatched_steps > 0, f"unmatched steps {axis.unmatched_steps} (limit 0), the first at {first_s:.3f} s"),
@@ -207,12 +211,12 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
             f"end count {axis.steps_end} (planned {comparison.ideal[index].end_steps})",
         ),
         (
-            not position_steps <= gates.position_error_steps,
-            f"position error {position_steps:.9g} steps (limit {gates.position_error_steps:g})",
+            not position_steps <= position_limit,
+            f"position error {position_steps:.9g} steps (limit {position_limit:g})",
         ),
         (
-            gates.step_rule and not threshold_steps <= THRESHOLD_TOLERANCE_STEPS,
-            f"threshold error {threshold_steps:.9g} steps (limit {THRESHOLD_TOLERANCE_STEPS:g})",
+            gates.step_rule and not threshold_steps <= threshold_limit,
+            f"threshold error {threshold_steps:.9g} steps (limit {threshold_limit:g})",
         ),
     )
     return [f"{axis.name}: {line}" for failed, line in checks if failed]
@@ -224,7 +228,8 @@ def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:
         return True
     gates, expected = comparison.gates, comparison.expected
     if gates.step_rule:
-        return _follows_step_rule(axis.position_error_steps_max, axis.threshold_error_steps_max)
+        microsteps = expected.microsteps_of(index)
+        return _follows_step_rule(axis.position_error_steps_max, axis.threshold_error_steps_max, microsteps)
     planned = float(expected.axis_position(index, np.array([expected.trajectory.duration_s]))[0])
     least, most = any_rule_end(planned, comparison.matchings[index].off_steps, gates.position_error_steps)
     return least <= axis.steps_end <= most

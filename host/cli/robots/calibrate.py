@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import Replace, RobotAndJoints, RobotOptions, finite_number, keep_files, out_folder
+from steptwin.host.cli.arguments import (
+    PlanningOptions,
+    Replace,
+    RobotAndJoints,
+    RobotOptions,
+    finite_number,
+    keep_files,
+    out_folder,
+)
 from steptwin.host.cli.options import argument, naming_options, option
 from steptwin.host.cli.output import Columns, fixed, number_of, print_rows, print_table, say
 from steptwin.host.common.bad_input import prefixed
@@ -130,6 +138,7 @@ def measure(
 @command("calibration-scara measured.csv", "my-arm.toml measured.csv --out out/calibration")
 def calibrate(
     which: RobotOptions,
+    planning: PlanningOptions,
     words: list[str] | None = argument(
         "ROBOT FILE",
         "The robot, and a CSV file of measurements with the header JOINT,...,x,y,z, in mm and degrees.",
@@ -150,7 +159,7 @@ def calibrate(
     if out is not None:
         keep_files((Path(out) / name for name in _FILES), replace=replace)
     chain, measurements = Chain.of(loaded), read_measurements(file, loaded)
-    with prefixed(f"{file}: "):
+    with planning.bounded(), prefixed(f"{file}: "):
         found = identify_errors(chain, measurements)
     folder = None if out is None else out_folder(out, _FILES)
     document = _document(found)

@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import Replace, RobotName, RobotOptions, finite_number, keep_files, out_folder
+from steptwin.host.cli.arguments import (
+    PlanningOptions,
+    Replace,
+    RobotName,
+    RobotOptions,
+    finite_number,
+    keep_files,
+    out_folder,
+)
 from steptwin.host.cli.options import option
 from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.whole_file import whole_file, write_json
@@ -30,6 +38,7 @@ class WorkspaceOptions:
 def workspace(
     which: RobotOptions,
     wanted: WorkspaceOptions,
+    planning: PlanningOptions,
     robot: RobotName = None,
     out: str | None = option("DIR", "Folder to write figures, cloud and pictures into."),
     replace: Replace = False,
@@ -40,9 +49,11 @@ def workspace(
     loaded = which.robot(robot)
     if out is not None:
         keep_files((Path(out) / name for name in _FILES), replace=replace)
-    cloud = monte_carlo(loaded, wanted.samples, wanted.seed)
+    with planning.bounded():
+        cloud = monte_carlo(loaded, wanted.samples, wanted.seed)
     folder = None if out is None else out_folder(out, _FILES)
-    scanned = scan(loaded, wanted.phi, wanted.z) if has_sections(loaded) else None
+    with planning.bounded():
+        scanned = scan(loaded, wanted.phi, wanted.z) if has_sections(loaded) else None
     document = _document(loaded, cloud, scanned)
     pictures = folder is not None and _write(folder, loaded, document, cloud, scanned)
     which.tell_of(loaded, document, lambda: _print_figures(loaded, document))

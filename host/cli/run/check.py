@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import typer
 
 from steptwin.host.cli.app import command
-from steptwin.host.cli.arguments import AnswerOptions, CheckedFile
+from steptwin.host.cli.arguments import AnswerOptions, CheckedFile, PlanningOptions
 from steptwin.host.cli.options import argument, with_options
 from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say, warn
 from steptwin.host.cli.run.check_robot import check_robot
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 @command("my-arm.toml", "docs/programs/teaching-scara.toml")
 def check(
     answer: AnswerOptions,
+    planning: PlanningOptions,
     file: str = argument("FILE", "A robot, a program, a scenario of faults or a campaign, in TOML.", MISSING),
     robot: str | None = argument("ROBOT", "The robot for a program that does not name it, or for a scenario."),
 ) -> None:
@@ -64,7 +65,8 @@ def check(
         "campaign": partial(_check_campaign, file),
         "robot": check_robot,
     }
-    checked = checks[kind](text, robot, findings)
+    with planning.bounded(), prefixed(f"{file}: "):
+        checked = checks[kind](text, robot, findings)
     wrong = findings.messages
     if wrong and not answer.as_json:
         say(*(f"{file}: {message}" for message in (*wrong, *checked.advice)), err=True)

@@ -176,14 +176,6 @@ def _remedy() -> str:
     return "" if find_spec("numba") else "; numba makes it some hundred times faster (pip install 'steptwin[fast]')"
 
 
-def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[str, Any]:
-    """Return a run's document with the motors' verdict: a loss fails the run."""
-    reasons = [*document["reasons"], *verdict.reasons]
-    return {**document, "passed": document["passed"] and verdict.kept_step, "reasons": reasons} | {
-        "motors": verdict.to_dict()
-    }
-
-
 _COLUMNS: Final[Columns] = {
     "joint": "{0.name}",
     "motor": "{0.motor}",

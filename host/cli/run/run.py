@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command, end_unless
+from steptwin.host.cli.arguments import PlanningOptions
 from steptwin.host.cli.live.connection import SessionOptions, live_option, live_switch
 from steptwin.host.cli.options import argument, given_options, naming_options, option
 from steptwin.host.cli.output import fixed, print_table, progress_bar, say
@@ -55,6 +56,7 @@ def run(
     chosen: JobOptions,
     file_options: FileOptions,
     speed_options: SpeedOptions,
+    planning: PlanningOptions,
     virtual: VirtualRunOptions,
     live: LiveRunOptions,
     words: list[str] | None = argument(
@@ -72,7 +74,8 @@ def run(
     robot, rest = live.robot_and_rest(words)
     job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
     errand = choose_errand(robot, job, chosen.by_name(), virtual.inventory, box)
-    motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
+    with planning.bounded():
+        motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
     if live.address.connection(robot) is None:
         live.refuse()
         run_virtual(live, motion, errand, virtual)

@@ -22,7 +22,6 @@ from steptwin.host.cli.run.motor_report import (
     motors_of,
     print_motors,
     telling_time,
-    with_motors,
 )
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.bad_input import prefixed
@@ -154,8 +153,8 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand
     if folder is not None:
         what = "report, edges, bus log and pictures" if pictures else "report, edges and bus log"
         answer.add_files(f"{what} are", folder, pictures=pictures)
-    _raise_unless_right(outcome, kept_step=done.motors is None or done.motors.verdict.kept_step)
-    if outcome.passed:
+    _raise_unless_right(done.outcome)
+    if done.outcome.passed:
         errand.keep(answer, motion.plan.robot)
 
 
@@ -204,9 +203,8 @@ class FinishedRun:
         """Turn the motors by the run's record, unless they have turned with it or are not to."""
         if not turning:
             return cls(outcome, None)
-        return cls(
-            outcome, motors_of(outcome.plan.robot, outcome.comparison, outcome.driver_profile, trace=outcome.rotors)
-        )
+        motors = motors_of(outcome.plan.robot, outcome.comparison, outcome.driver_profile, trace=outcome.rotors)
+        return cls(replace(outcome, rotors=motors.trace), motors)
 
     def save(self, folder: Path, draw: Callable[[Path], None]) -> bool:
         """Write the folder of the run, its pictures by `draw`; return whether there are pictures."""
@@ -218,7 +216,7 @@ class FinishedRun:
     def document(self) -> dict[str, Any]:
         """Return the document that --json prints."""
         document = self.outcome.to_dict()
-        return document if self.motors is None else with_motors(document, self.motors.verdict)
+        return document if self.motors is None else document | {"motors": self.motors.verdict.to_dict()}
 
     def print(self) -> None:
         """Print the report, what became of faults, and what the motors did."""
@@ -240,7 +238,7 @@ def say_what_is_faster(wall_s: float) -> None:
         say("numba makes long runs about twice as fast (pip install 'steptwin[fast]')", err=True)
 
 
-def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
+def _raise_unless_right(outcome: "Outcome") -> None:
     """End the command unless the run is right: with a scenario, if it went as documented, even if the motion did not.
 
     Raises:
@@ -253,7 +251,7 @@ def _raise_unless_right(outcome: "Outcome", *, kept_step: bool) -> None:
         raise DeviceFaultError(fault_line(outcome.fault.to_dict()))
     else:
         right = outcome.report.passed
-    end_unless(right and kept_step)
+    end_unless(right and not outcome.slips)
 
 
 def _input_change(text: str) -> "InputChange":

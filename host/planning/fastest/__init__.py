@@ -12,7 +12,7 @@ from steptwin.host.planning.fastest.drives import (
     MakeDrives,
     check_drives,
 )
-from steptwin.host.planning.fastest.executed import timed
+from steptwin.host.planning.fastest.executed import UntimedError, timed
 from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Pace",
     "TimedChain",
     "ToolLeg",
+    "UntimedError",
     "check_drives",
     "fastest_again",
     "rounding_coefficients",

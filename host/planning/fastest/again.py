@@ -16,6 +16,7 @@ import scipy
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time
 from steptwin.host.planning.fastest.chain import AVERAGE_S, ChainDrives, driven, timed_chains
 from steptwin.host.planning.fastest.corners import CornerError, JointLeg, MotionLeg, ToolLeg
 from steptwin.host.planning.fastest.drives import DriveLimits, PathLoad
@@ -46,6 +47,7 @@ _KINK_COS: Final = cos(radians(30.0))
 """Cosine of the turn between two milliseconds from which on the joints turn back or round a corner, so they stop."""
 
 
+@in_planning_time()
 def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None = None) -> Sequence:
     """Return a motion along a motion's path, in its own time: as fast as the limits of joints and axes allow.
 
@@ -62,6 +64,7 @@ def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None =
         raise InputError(f"law={FASTEST}: the motion changes outputs on its way; a program's own steps can do both")
     made = _Made(robot, motion, drives)
     for part in _parts(motion):
+        check_planning_time()
         made.take(part)
     return Sequence(
         motion.joint_names,

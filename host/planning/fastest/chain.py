@@ -6,6 +6,7 @@ over the time that the drives name, and the rotors turn by it. One that slips, o
 made gentler and smoother in turn, until they keep step.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,11 +15,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.fastest.corners import Corner, CornerError, Flow, MotionLeg, flowing
 from steptwin.host.planning.fastest.drives import DriveLimits, DrivesOnPath, LoadChange, PathLoad
-from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, timed
+from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.rows import PathRates
 from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.planning.peaks import TooLongError
 from steptwin.host.robots.robot import Robot
 
 
@@ -53,6 +56,7 @@ def driven(
     drives = drives_along(limits, rates, load)
     average_s, refused = drives.average_s, ""
     for number, change in enumerate((_Change(), *_CHANGES[:tries]), 1):
+        check_planning_time()
         average_s *= change.smoother
         if change.left_percent:
             limits = limits.left_more(change.left_percent)
@@ -160,8 +164,12 @@ def timed_chains(
                 (average_s, from_ms),
                 is_sure=is_sure,
             )
-        except WeakDrivesError as error:
+        except (WeakDrivesError, TooLongError) as error:
             raise CornerError(first, str(error)) from error
+        except UntimedError as error:
+            starts = [0.0, *(corner.s for corner in flow.corners)]
+            leg = bisect_right(starts, error.s) - 1
+            raise CornerError(first + leg, f"after {error.s - starts[leg]:.2f} mm {error}") from error
         return TimedChain(first, end - first, flow.corners, found)
 
     def part(first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
@@ -172,6 +180,7 @@ def timed_chains(
     whole, doubtful = timed_part(flow, 0, len(legs), from_ms), _doubtful(flow, average_s)
     found, begins = [whole], [0, *(corner + 1 for corner in doubtful), len(legs)]
     for corner in doubtful:
+        check_planning_time()
         last = found.pop()
         halves = [part(last.first, corner + 1), part(corner + 1, len(legs))]
         found += halves if _lasts_ms(halves) < last.duration_ms else [last]

@@ -12,12 +12,15 @@ from typing import Final, Protocol, Self
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
+from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.fastest.drives import DriveAnswer, DrivesOnPath
 from steptwin.host.planning.fastest.rows import PathLimits, PathRates, Rows, with_axes
 from steptwin.host.planning.fastest.solve import Solver, fastest_squares
 from steptwin.host.planning.laws import time_after
 from steptwin.host.planning.motions.sampled import Sampled
-from steptwin.host.planning.planner import DEFAULT_POINT_MS
+from steptwin.host.planning.peaks import check_length
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS
 from steptwin.host.robots.robot import Robot
 
 
@@ -126,10 +129,20 @@ class TimedPath:
     drives: DriveAnswer | None = None
 
 
+class UntimedError(InputError):
+    """At no pace the cubics along a path keep the limits; `s` is the parameter of the path where they do not."""
+
+    def __init__(self, message: str, s: float = 0.0) -> None:
+        super().__init__(message)
+        self.s = s
+
+
 _LIMIT_PASSES: Final = 8
 """Passes that lower the limits that are exceeded; the following ones cap the speed there, which reaches all of them."""
 _PASSES: Final = 20
 """Passes altogether; afterwards the whole motion is made slower by what is still beyond."""
+_SLOWER_MAX: Final = 1.5
+"""Factor by which the whole motion is made slower at most: what needs more of it turns joints all at once."""
 _LOWERED_MAX: Final = 1.3
 """Factor by which a pass lowers a limit at most: the excess of one place also comes from its neighbours."""
 _BEYOND: Final = 1e-4
@@ -161,9 +174,11 @@ def timed(
     limits, caps, slower = asked, np.full(len(rates.s), np.inf), 1.0
     torques = _Torques.of(rates, drives, asked.rows(robot, rates))
     for number in count(1):
+        check_planning_time()
         rows = limits.rows(robot, rates)
         squares = torques.fastest(replace(rows, x_max=np.minimum(rows.x_max, caps)))
         law = Averaged.of(rates.s, squares, average_s, slower)
+        check_length("the motion", round(1000 * law.duration_s))
         motion = _cubics(robot, path, law, from_ms)
         use = _Use.of(robot, path, law, motion, asked, rates.s)
         used = torques.used(motion, law)
@@ -177,6 +192,8 @@ def timed(
             caps = np.minimum(caps, squares / use.factors(used, law, rates.s))
         else:
             slower *= max(1.0001, highest)
+            if slower > _SLOWER_MAX:
+                raise UntimedError(*use.worst(robot, law))
     return TimedPath(motion, law, highest)
 
 
@@ -267,6 +284,19 @@ class _Use:
         """The largest part of a limit that is used."""
         return float(max(self.speeds.max(), self.accelerations.max(), self.tool.max()))
 
+    def worst(self, robot: Robot, law: Averaged) -> tuple[str, float]:
+        """Return which limit is exceeded most, in words, and at which parameter of the path."""
+        names = [*(f"{joint.name}'s" for joint in robot.joints), *(f"{joint.name}'s axis'" for joint in robot.axes)]
+        parts = [self.speeds, self.accelerations, self.tool]
+        row, column = np.unravel_index(int(np.argmax(used := np.concatenate(parts, axis=1))), used.shape)
+        whats = [f"{name} {what}" for what in ("speed", "acceleration") for name in names]
+        what = [*whats, "the tool's speed", "the tool's turn"][column]
+        s = float(law.at(self.ends_s[row : row + 1])[0][0])
+        return (
+            f"{what} is {used[row, column]:.3g} times the highest at whatever pace: the path turns too sharply there",
+            s,
+        )
+
     def lowered(self, limits: PathLimits, law: Averaged, places: FloatArray) -> PathLimits:
         """Return limits lowered around the records that exceed theirs, as far as the average reaches."""
         reach = self.reached(law, places)
@@ -314,6 +344,7 @@ def _cubics(robot: Robot, path: LimitedPath, law: Averaged, from_ms: int) -> Sam
     joints, velocities = _on_path(path, law, knots_ms)
     unseen = np.arange(len(knots_ms) - 1)
     while True:
+        check_planning_time()
         begins_ms, ends_ms = knots_ms[unseen], knots_ms[unseen + 1]
         middles_ms = (begins_ms + ends_ms) // 2
         middles, speeds = _on_path(path, law, middles_ms)

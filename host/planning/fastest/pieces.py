@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Final, Protocol, Self
 
 import numpy as np
 import scipy
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.fastest.rows import PathLimits, PathRates
 from steptwin.host.planning.motions.tool_move import check_start, followed
-from steptwin.host.planning.paths import FreeAttitude, ToolPath
+from steptwin.host.planning.paths import FreeAttitude, OutOfReachError, ToolPath
 from steptwin.host.robots.joint import Unit
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
@@ -23,10 +24,25 @@ if TYPE_CHECKING:
 _APART_MM: Final = 0.25
 """Distance between two places of a path at which it is looked at, and the joints' turns are stored."""
 _GUIDES_MIN, _GUIDES_MAX = 64, 100_000
+_STEEP_DEG: Final = 5.0
+"""Turn of a joint from one guide to the next above which more guides are laid in between."""
+_UNEVEN_DEG: Final = 0.2
+"""The same for a turn beside which those before and after are small: it looks like a jump."""
+_UNEVEN: Final = 10.0
+"""Such a turn over the larger one beside it."""
+_STEEP_PARTS: Final = 8
+_SHORTEST_MM: Final = 1e-3
+"""Way between two guides on which such a turn is a jump: no motor step of an arm resolves it."""
+_ROUNDS_MAX: Final = 12
+"""Rounds of laying guides; eight parts each make a hundred metres shorter than the shortest way in ten."""
 
 
 def _after(at_mm: float) -> str:
     return f"after {at_mm:.2f} mm"
+
+
+def _where_at(where: Callable[[float], str], guide_mm: FloatArray, i: int) -> str:
+    return where(float(guide_mm[i]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,19 +73,34 @@ class FollowedPath:
     ) -> Self:
         """Return a path that begins at the joints `start`, of shape (joints,), on a branch.
 
-        Raises InputError if it leaves the mechanism's reach, comes near a singularity or does not begin at `start`; the
-        message says `where`, usually after how many mm. PathLimits of the joints are not checked.
+        Raises InputError if it leaves the mechanism's reach, comes near a singularity, does not begin at `start` or
+        makes a joint jump; the message says `where`, usually after how many mm. Limits of the joints are not checked.
         """
         kinematics = make_kinematics(robot)
         if kinematics.attitude_follows:
             path = FreeAttitude(path)
         count = int(np.clip(np.ceil(path.length_mm / _APART_MM), _GUIDES_MIN, _GUIDES_MAX)) + 1
         guide_mm = np.linspace(0.0, path.length_mm, count)
-        solved = followed(robot, path.poses(guide_mm), lambda i: where(float(guide_mm[i])), branch, start)
-        check_start(robot, branch, start, solved.joints[0], "at its start")
         rotary = tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG)
+        for _ in range(_ROUNDS_MAX):
+            solved = followed(robot, path.poses(guide_mm), partial(_where_at, where, guide_mm), branch, start)
+            check_start(robot, branch, start, solved.joints[0], "at its start")
+            steep = _steep(kinematics, solved.joints, rotary)
+            if not steep.any():
+                break
+            check_planning_time()
+            _check_jumps(robot, kinematics, guide_mm, solved.joints, steep, where)
+            guide_mm = _denser(guide_mm, steep)
         changes = tuple((float(guide_mm[i]), name) for i, name in solved.changes)
         return cls(path, kinematics, branch, guide_mm, solved.joints, rotary, changes)
+
+    def steep_mm(self, begin_mm: float, end_mm: float) -> FloatArray:
+        """Return the lengths between two on which joints turn so fast that its guides are dense there, rising."""
+        apart = np.diff(self.guide_mm)
+        dense = apart < apart.max() / 2.0
+        at_dense = np.append(dense, False) | np.append(False, dense)
+        own = (self.guide_mm > begin_mm) & (self.guide_mm < end_mm)
+        return np.asarray(self.guide_mm[at_dense & own])
 
     @property
     def end(self) -> FloatArray:
@@ -91,6 +122,46 @@ class FollowedPath:
     def derivatives(self, s_mm: FloatArray) -> FloatArray:
         """Return the joints' derivatives by the length, of shape (n, joints), by the inverse Jacobian."""
         return self.kinematics.joint_velocities(self.joints(s_mm), self.path.derivatives(s_mm))
+
+
+def _steep(kinematics: Kinematics, joints: FloatArray, rotary: tuple[int, ...]) -> BoolArray:
+    """Return between which guides a joint turns far, of shape (guides - 1,); never on a branch that is kept."""
+    if kinematics.keeps_branch:
+        return np.zeros(len(joints) - 1, np.bool_)
+    turned = np.abs(np.diff(joints[:, rotary], axis=0))
+    padded = np.pad(turned, ((1, 1), (0, 0)))
+    uneven = (turned > _UNEVEN_DEG) & (turned > _UNEVEN * np.maximum(padded[:-2], padded[2:]))
+    return np.asarray((uneven | (turned > _STEEP_DEG)).any(axis=1))
+
+
+def _denser(guide_mm: FloatArray, steep: BoolArray) -> FloatArray:
+    """Return guides with further ones in these gaps between them."""
+    begin, end = guide_mm[:-1][steep, np.newaxis], guide_mm[1:][steep, np.newaxis]
+    between = begin + (end - begin) * (np.arange(1, _STEEP_PARTS) / _STEEP_PARTS)
+    return np.sort(np.concatenate([guide_mm, between.ravel()]))
+
+
+def _check_jumps(
+    robot: Robot,
+    kinematics: Kinematics,
+    guide_mm: FloatArray,
+    joints: FloatArray,
+    steep: BoolArray,
+    where: Callable[[float], str],
+) -> None:
+    """Raise OutOfReachError where a joint turns far between two guides that are as near as guides get."""
+    jumps = np.flatnonzero(steep & (np.diff(guide_mm) <= _SHORTEST_MM))
+    if not len(jumps):
+        return
+    row = int(jumps[0])
+    turned = np.abs(np.diff(joints[row : row + 2], axis=0))[0]
+    axis = int(np.argmax([each * (joint.unit is Unit.DEG) for each, joint in zip(turned, robot.joints, strict=True)]))
+    pose = kinematics.task.words(np.round(kinematics.forward(joints[row : row + 1])[0], 3))
+    near = ", ".join(filter(None, (kinematics.near_what(joints[row]), f"at {pose}")))
+    raise OutOfReachError(
+        f"{where(float(guide_mm[row]))} the tool's path breaks off: {robot.joints[axis].name} would turn by"
+        f" {turned[axis]:.3g} deg on {guide_mm[row + 1] - guide_mm[row]:.1g} mm, {near}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,8 +296,10 @@ class ToolPiece:
     places_on: int = _STRAIGHT_PLACES
 
     def places(self) -> FloatArray:
-        """Return its places."""
-        return _dense_at_ends(self.length, self.places_on)
+        """Return its places, and more of them where joints turn fast."""
+        usual = _dense_at_ends(self.length, self.places_on)
+        steep = self.followed.steep_mm(self.begin, self.begin + self.length) - self.begin
+        return np.union1d(usual, steep) if len(steep) else usual
 
     def joints(self, s: FloatArray, order: int) -> FloatArray:
         """Return joints or a derivative; the second one by differences of the first."""

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.fastest.rows import Rows
 
 _FLAT: Final = 1e-12
@@ -160,6 +161,7 @@ def _in_blocks(loop: Callable[..., None]) -> Callable[..., None]:
         count = len(steps)
         begins = range(0, count, _BLOCK)
         for begin in reversed(begins) if loop is controllable else begins:
+            check_planning_time()
             end = min(begin + _BLOCK, count)
             lists = [_listed(array, begin, end, count) for array in arrays]
             loop(steps[begin:end].tolist(), *lists)

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.planning_time import in_planning_time, planning_step
 from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.jobs.carry import CARRY
@@ -77,6 +78,7 @@ def job_fields(robot: Robot, job_name: str) -> tuple[OptionField, ...]:
     return _job(robot, job_name).fields(robot)
 
 
+@in_planning_time()
 def make_job(
     robot: Robot, job_name: str, options: Mapping[str, str] | None = None, *, drives: DriveLimits | None = None
 ) -> Trajectory:
@@ -87,7 +89,8 @@ def make_job(
     Raises:
         InputError: an unknown job or option, a value out of range, or a motion that the robot cannot make.
     """
-    return _job(robot, job_name).make(robot, options or {}, drives)
+    with planning_step(f"job {job_name}"):
+        return _job(robot, job_name).make(robot, options or {}, drives)
 
 
 def job_carries(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:

@@ -16,7 +16,7 @@ from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.no_way import is_no_way
 from steptwin.host.planning.paths import ToolPath, straight
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, states
+from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, smooth_breakpoints_ms, states
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import Pose
 from steptwin.host.robots.robot import Robot
@@ -75,6 +75,12 @@ class Sequence:
         for start_ms, part in zip(self.starts_ms, self.parts, strict=False):
             breakpoints_ms |= {start_ms + round(1000 * t_s) for t_s in part.breakpoints_s}
         return tuple(ms / 1000 for ms in sorted(breakpoints_ms))
+
+    @property
+    def smooth_ms(self) -> frozenset[int]:
+        """The breakpoints inside of parts at which the acceleration hardly jumps."""
+        starts = zip(self.starts_ms, self.parts, strict=False)
+        return frozenset(start_ms + own for start_ms, part in starts for own in smooth_breakpoints_ms(part))
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""

@@ -52,6 +52,46 @@ class CutShort:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Unwaited:
+    """A trajectory that waits for no input; implements Trajectory."""
+
+    trajectory: Trajectory
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The trajectory's joints."""
+        return self.trajectory.joint_names
+
+    @property
+    def duration_s(self) -> float:
+        """The trajectory's duration."""
+        return self.trajectory.duration_s
+
+    @property
+    def breakpoints_s(self) -> tuple[float, ...]:
+        """The trajectory's breakpoints."""
+        return self.trajectory.breakpoints_s
+
+    @property
+    def switchings(self) -> tuple[Switching, ...]:
+        """The trajectory's changes of outputs."""
+        return self.trajectory.switchings
+
+    @property
+    def leaves_open(self) -> tuple[str, ...]:
+        """The slots whose drawers the trajectory leaves out."""
+        return left_open(self.trajectory)
+
+    def positions(self, t_s: FloatArray) -> FloatArray:
+        """Return joint positions, of shape (n, joints)."""
+        return self.trajectory.positions(t_s)
+
+    def velocities(self, t_s: FloatArray) -> FloatArray:
+        """Return joint velocities, of shape (n, joints)."""
+        return self.trajectory.velocities(t_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class TimeSpan:
     """A part of a trajectory that need not begin or end at rest; implements Trajectory.
 

@@ -8,8 +8,18 @@ from typing import Final
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.peaks import LONGEST_MS, TooLongError
-from steptwin.host.planning.trajectory import PlannedWait, Switching, Trajectory, left_open, states, waits_of
+from steptwin.host.planning.trajectory import (
+    DEFAULT_POINT_MS,
+    PlannedWait,
+    Switching,
+    Trajectory,
+    left_open,
+    smooth_breakpoints_ms,
+    states,
+    waits_of,
+)
 
 
 def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest: int) -> int | None:
@@ -21,12 +31,14 @@ def least_passing(passes: Callable[[int], bool], fails: int, guess: int, largest
     below, longer = fails, 1
     number = min(max(fails + 1, guess), largest)
     while not passes(number):
+        check_planning_time()
         if number >= largest:
             return None
         below, number, longer = number, min(number + longer, largest), 2 * longer
     if number - below > 1 and below == fails and not passes(number - 1):
         return number
     while number - below > 1:
+        check_planning_time()
         middle = (number + below) // 2
         if passes(middle):
             number = middle
@@ -51,7 +63,9 @@ class Stretched:
 
     Speeds become smaller by the factor, accelerations by its square. A breakpoint that falls between two milliseconds
     becomes a breakpoint at each of them. The acceleration then jumps by some da within this millisecond, in which the
-    PVT record's cubic is less than da dt^2 / 32 from the motion: 0.003 step for 1000 deg/s^2 at 100 steps/deg.
+    PVT record's cubic is less than da dt^2 / 32 from the motion: 0.003 step for 1000 deg/s^2 at 100 steps/deg. One
+    between the cubics of a fastest motion, where the acceleration hardly jumps, becomes only one, up to a millisecond
+    away, which is not beside another point: no record lasts a millisecond.
 
     Attributes:
         trajectory: the trajectory itself.
@@ -88,8 +102,11 @@ class Stretched:
     @property
     def breakpoints_s(self) -> tuple[float, ...]:
         """The whole milliseconds at the trajectory's breakpoints, or around them."""
-        times_ms = [1000 * self.factor * t_s for t_s in self.trajectory.breakpoints_s]
-        around_ms = {near(t_ms) for t_ms in times_ms for near in (_floor_ms, _ceil_ms)}
+        smooth_ms, around_ms = smooth_breakpoints_ms(self.trajectory), set[int]()
+        for t_s in self.trajectory.breakpoints_s:
+            t_ms = 1000 * self.factor * t_s
+            both = {_floor_ms(t_ms), _ceil_ms(t_ms)}
+            around_ms |= {_uncrowded(t_ms, around_ms)} if round(1000 * t_s) in smooth_ms else both
         end_ms = round(1000 * self.duration_s)
         return tuple(t_ms / 1000 for t_ms in sorted(around_ms) if 0 < t_ms < end_ms)
 
@@ -128,6 +145,17 @@ class Stretched:
 
     def _own_s(self, t_s: FloatArray) -> FloatArray:
         return (t_s / self.factor).clip(0.0, self.trajectory.duration_s)
+
+
+def _uncrowded(t_ms: float, taken_ms: set[int]) -> int:
+    """Return the nearest millisecond, up to one away, that is not beside a point of the grid or one that is taken."""
+    near_ms = range(_floor_ms(t_ms - 1.0), _ceil_ms(t_ms + 1.0) + 1)
+
+    def crowded(ms: int) -> tuple[bool, float]:
+        beside_grid = ms % DEFAULT_POINT_MS in (1, DEFAULT_POINT_MS - 1)
+        return beside_grid or bool(taken_ms & {ms - 1, ms + 1}), abs(ms - t_ms)
+
+    return min((ms for ms in near_ms if abs(ms - t_ms) <= 1.0 + _WHOLE_MS), key=crowded)
 
 
 def _floor_ms(t_ms: float) -> int:

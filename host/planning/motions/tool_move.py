@@ -70,6 +70,21 @@ def present_branch(robot: Robot, joints: FloatArray) -> str:
     return min(kinematics.inverse(kinematics.forward(joints[np.newaxis]), joints), key=distance).name
 
 
+_LOOKED_AT: Final = 257
+"""Poses of a path at which the branch is followed to its end."""
+
+
+def branches_on(robot: Robot, path: ToolPath, branch: str, start: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the branches on which an arm is that follows a path from joints on a branch, and its joints at the end.
+
+    Two branches may meet on the way, as straight through the wrist, if the arm follows the nearest one. Whether it
+    reaches the poses within its limits is not checked.
+    """
+    kinematics = make_kinematics(robot)
+    solved = kinematics.along(path.poses(np.linspace(0.0, path.length_mm, _LOOKED_AT)), branch, start)
+    return (branch, *(name for _, name in solved.changes)), np.asarray(solved.joints[-1])
+
+
 def nearest_turns(robot: Robot, joints: FloatArray, near: FloatArray) -> FloatArray:
     """Return joints of shape (joints,) with each rotary one in the turn nearest to `near`; limits do not matter."""
     rotary = [joint.unit is Unit.DEG for joint in robot.joints]

@@ -13,6 +13,7 @@ from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings, check_all
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.fastest import CornerError, DriveAnswer, MakeDrives
 from steptwin.host.planning.motions.composer import Sequence
@@ -130,6 +131,7 @@ class CompiledProgram:
             raise InputError(f"{where}: {error}").plainly(f"{where}: {error.plain}") from error
 
 
+@in_planning_time()
 def compile_program(
     program: Program, robot: Robot, findings: Findings | None = None, *, drives: MakeDrives | None = None
 ) -> CompiledProgram:
@@ -153,6 +155,7 @@ def compile_program(
         limits = None if program.limits is None else program.limits.drives(robot, drives)
     walk = _Walk(robot, Moves(robot, positions, pallets=pallets, drives=limits))
     for name, pallet in pallets.items():
+        check_planning_time()
         with found.collecting(f"pallets.{name}: "):
             if own_robot is not None:
                 check_cells(robot, pallet)
@@ -241,7 +244,9 @@ class _Walk:
         for count, written in enumerate(written_out(program)):
             if count >= STEPS_MAX:
                 raise InputError(f"{written.place}: a program has at most {STEPS_MAX} steps, repetitions written out")
-            self._take(written)
+            with planning_step(f"{written.place} ({written.step})"):
+                check_planning_time()
+                self._take(written)
         self._end_flow()
 
     def _begin(self, program: Program) -> None:
@@ -338,10 +343,17 @@ class _Walk:
     def _end_flow(self) -> None:
         """Let the steps that flow come to rest, before one that begins at rest."""
         try:
-            self._moves.end_flow()
+            with planning_step(self._flow_words):
+                self._moves.end_flow()
         except CornerError as error:
             self._complain_of(error)
         self._add_gathered()
+
+    @property
+    def _flow_words(self) -> str:
+        """The steps that flow, the first and the last, as an error names them."""
+        places = [each.place.number for each in self._gathered]
+        return f"steps {places[0]} to {places[-1]}, which flow into each other" if places else "the program"
 
     def _complain_of(self, error: CornerError) -> None:
         """Tell of a corner that cannot be rounded at the step at whose end it is."""

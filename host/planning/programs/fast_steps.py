@@ -7,17 +7,18 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
+from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
 from steptwin.host.planning.motions.stretched import least_passing
 from steptwin.host.planning.peaks import Peak, Quantity, TooLongError, sampled, shifted
-from steptwin.host.planning.planner import DEFAULT_POINT_MS, step_peaks
+from steptwin.host.planning.planner import step_peaks
 from steptwin.host.planning.programs.moves import Moves
 from steptwin.host.planning.programs.paces import StepPace
 from steptwin.host.planning.programs.program import Place
 from steptwin.host.planning.programs.program_file import pass_words
 from steptwin.host.planning.programs.steps import Step
-from steptwin.host.planning.trajectory import Trajectory
+from steptwin.host.planning.trajectory import DEFAULT_POINT_MS, Trajectory
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -217,11 +218,14 @@ def fast_steps(made: Iterable[MadeStep]) -> Iterator[str]:
     for step in made:
         judged[step.place.number] += 1
         try:
-            step.check_speed()
+            with planning_step(f"{step.place} ({step.step})"):
+                check_planning_time()
+                step.check_speed()
         except checks.TooFastError as error:
             wrong.setdefault(id(step.step), []).append(_FastStep(step, error))
     for group in wrong.values():
-        yield _message(group, judged)
+        with planning_step(f"{group[0].made.place} ({group[0].made.step})"):
+            yield _message(group, judged)
 
 
 def _message(group: list[_FastStep], judged: Mapping[str, int]) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed, shortened, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.common.tables import Table
 from steptwin.host.planning import checks
-from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, timed
+from steptwin.host.planning.fastest import AVERAGE_S, ContourPath, FollowedPath, UntimedError, timed
 from steptwin.host.planning.gcode import (
     CutMove,
     CutRun,
@@ -176,6 +177,7 @@ class _Cutting:
         moves, placing = self._moves, self._placing
         home = self._kinematics.forward(np.array(self._robot.home)[np.newaxis])[0].tolist()
         for action in actions(self._step.blocks, self._place, placing.spot(home)):
+            check_planning_time()
             if isinstance(action, CutMove) and self._waits(action):
                 continue
             self._cut()
@@ -243,7 +245,12 @@ class _Cutting:
         followed = FollowedPath.along(self._robot, contour, branch, composer.joints, where)
         self._check_range(followed, where)
         from_ms, begins_s = round(1000 * composer.now_s), composer.now_s
-        made = timed(self._robot, ContourPath(self._robot, contour, followed), AVERAGE_S, from_ms)
+        path = ContourPath(self._robot, contour, followed)
+        try:
+            with planning_step(f"{self._step.file}: {where(0.0)} a path of {len(contour.lengths_mm)} pieces"):
+                made = timed(self._robot, path, AVERAGE_S, from_ms)
+        except UntimedError as error:
+            raise InputError(f"{where(error.s)} {error}") from error
         composer.take(made.motion)
         for move, begin_mm in zip(run.moves, run.begins_mm.tolist(), strict=True):
             if move.changes:

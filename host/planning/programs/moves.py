@@ -15,7 +15,13 @@ from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.laws import Law, SCurve, time_at
 from steptwin.host.planning.motions.composer import JERK_TIME_S, Composer
 from steptwin.host.planning.motions.joint_move import limits_along
-from steptwin.host.planning.motions.tool_move import ToolMove, is_straight_in_joints, nearest_turns, present_branch
+from steptwin.host.planning.motions.tool_move import (
+    ToolMove,
+    branches_on,
+    is_straight_in_joints,
+    nearest_turns,
+    present_branch,
+)
 from steptwin.host.planning.no_way import NO_WAY, is_no_way
 from steptwin.host.planning.paths import (
     Arc,
@@ -234,8 +240,21 @@ class Moves:
         if not path.length_mm > NO_WAY:
             raise InputError(f"the path of the tool is {path.length_mm:.3g} mm long: that is no way")
         for goal in goals:
-            self._solve(self._wanted(goal), self._branch(), on_path=True)
+            self._check_goal(goal, path)
         self._move_along(path, pace, pace.along(path.length_mm, _turn_deg(path)))
+
+    def _check_goal(self, goal: Pose, path: ToolPath) -> None:
+        """Raise InputError for a goal on a path that is out of reach on each branch on which the arm is on its way."""
+        wanted, own = self._wanted(goal), self._branch()
+        try:
+            self._solve(wanted, own, on_path=True)
+        except InputError:
+            if self._kinematics.keeps_branch:
+                raise
+            names, _ = branches_on(self._robot, path, own, self.composer.joints)
+            reached = {found.name for found in self._branches(wanted) if found.reachable[0]}
+            if not reached.intersection(names):
+                raise
 
     def _straight(self, line: ToolPath, end: Pose, pace: ToolPace) -> None:
         try:
@@ -331,8 +350,8 @@ class Moves:
             self._stay(pace)
         else:
             self._begin_turn(pace)
-            self._solve(goal, self._branch(), on_path=True)
             path = Oriented(OnTheSpot(here[:3], turning.angle_deg), turning)
+            self._check_goal(goal, path)
             self._move_along(path, pace, pace.turning(turning.angle_deg))
 
     def _turn(self, turn: Turn, pace: ToolPace) -> None:

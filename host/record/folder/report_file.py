@@ -20,7 +20,16 @@ from steptwin.host.planning.trajectory import Switching
 from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, check_version, existing_file
 from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
-from steptwin.host.verify import OWN_FIRMWARE, BusReport, Gates, RunInfo, ShelfEvent, ShelfEvidence, any_step_rule
+from steptwin.host.verify import (
+    OWN_FIRMWARE,
+    BusReport,
+    Gates,
+    RotorSlip,
+    RunInfo,
+    ShelfEvent,
+    ShelfEvidence,
+    any_step_rule,
+)
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _FRAMES_MAX: Final = 1e15
@@ -73,6 +82,7 @@ class StoredReport:
         next_motion_s: when a motion began, since power-up, that is not in the plan; None if there was none.
         capture: of a real controller's edges; None for a run that was emulated.
         on_purpose: the faults of the run's scenario.
+        slips: the rotors that slipped, in a run whose motors turned.
     """
 
     run: RunInfo
@@ -86,6 +96,7 @@ class StoredReport:
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
     on_purpose: tuple[StoredFault, ...] = ()
+    slips: tuple[RotorSlip, ...] = ()
 
     @property
     def gates(self) -> Gates:
@@ -119,6 +130,7 @@ def _report(table: Table) -> StoredReport:
         document=table.values,
         capture=_capture(table) if "capture" in table else None,
         on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
+        slips=table.each("slips", _slip) if "slips" in table else (),
     )
 
 
@@ -166,6 +178,10 @@ def _duration_s(table: Table, key: str) -> float:
 
 def _switching(table: Table) -> Switching:
     return Switching(table.text("name"), table.truth("on"), table.number("from_s"), table.number("until_s"))
+
+
+def _slip(table: Table) -> RotorSlip:
+    return RotorSlip(table.text("name"), table.number("at_s"), table.number("full_steps"))
 
 
 def _on_purpose(table: Table) -> StoredFault:

@@ -8,7 +8,7 @@ from typing import Any, Final
 from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
-from steptwin.host.record.folder.report_file import StoredFault
+from steptwin.host.record.folder.report_file import StoredFault, StoredReport
 from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -35,7 +35,8 @@ class FolderVerdict:
         tampered: one line for each sign that the files were changed after the run.
         fault: the fault that ended the run, from the stored report; None if the run came to its end.
         interruption: how far a recording goes that has no end, which cannot pass; None if it has one.
-        noted: of a capture, the reasons that were seen in the file of the logic analyser alone.
+        noted: what the files beside the report do not show: of a capture, the reasons that were seen in the file of the
+            logic analyser alone; the rotors that slipped.
         simulated: False for a capture of a real controller.
         on_purpose: the faults of the run's scenario, from the stored report.
     """
@@ -85,10 +86,15 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         tampered,
         said.fault,
         interruption,
-        said.capture.reasons if said.capture else (),
+        _noted(said),
         simulated=said.capture is None,
         on_purpose=said.on_purpose,
     )
+
+
+def _noted(said: StoredReport) -> tuple[str, ...]:
+    """Return the reasons that only the stored report knows."""
+    return (*(said.capture.reasons if said.capture else ()), *map(str, said.slips))
 
 
 def _after_the_end(stored: StoredRun) -> list[str]:
@@ -121,8 +127,7 @@ def _differences(stored: StoredRun, report: Report) -> list[str]:
     if stored.report.passed is None:
         return []
     given, said = report.to_dict(), stored.report
-    noted = said.capture.reasons if said.capture else ()
-    passed = report.passed and said.fault is None and not noted
+    passed = report.passed and said.fault is None and not _noted(said)
     pairs: list[tuple[str, Any, Any]] = [
         ("passed", said.passed, passed),
         ("duration_s", said.run.duration_s, round(stored.duration_s, _MS)),

@@ -209,17 +209,19 @@ def draw_error(comparison: Comparison, run: RunInfo) -> Figure:
     figure = new_figure(run, "counted minus planned", ERROR_ROW_INCHES * len(series))
     ratios = WIDTH_RATIOS if any(one.edges.size for one in series) else WIDTH_RATIOS[:1]
     rows = figure.subplots(len(series), len(ratios), squeeze=False, width_ratios=ratios)
-    end_s, limit_steps = comparison.expected.trajectory.duration_s, comparison.gates.position_error_steps
+    end_s = comparison.expected.trajectory.duration_s
+    limits_steps = [comparison.gates.position_limit_steps(comparison.expected.microsteps_of(axis)) for axis in moving]
     for n, (row, one) in enumerate(zip(rows, series, strict=True)):
         _draw_whole(row[0], one, end_s)
         for right in row[1:]:
             _draw_close(right, one)
         if n < len(moving):
-            _draw_error_limits(row, limit_steps)
+            _draw_error_limits(row, limits_steps[n])
         row[0].tick_params(labelbottom=n == len(series) - 1)
     for right in rows[0][1:]:
         right.set_title("the largest, close up", loc="left")
-    dashed = f"; dashed: limit of {limit_steps:g} steps" if moving else ""
+    limits = " or ".join(f"{limit:g}" for limit in sorted(set(limits_steps)))
+    dashed = f"; dashed: limit of {limits} steps" if moving else ""
     rows[0][0].set_title(f"whole motion{dashed}", loc="left")
     rows[-1][0].set_xlabel("time [s]")
     note_still_axes(figure, comparison, moving)

@@ -8,6 +8,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.robot import Robot
 from steptwin.host.robots.workspace.sections import Scan, has_sections, orientation_words, scan
@@ -49,6 +50,7 @@ class MonteCarlo:
         return self.samples - self.counted
 
 
+@in_planning_time()
 def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
     """Draw joint positions and return the tool positions; raise InputError if `samples` or `seed` is out of range.
 
@@ -64,6 +66,8 @@ def monte_carlo(robot: Robot, samples: int, seed: int) -> MonteCarlo:
     counted, clouds = 0, [np.empty((0, 3))]
     radius_mm, z_mm = _NOTHING, _NOTHING
     for joints in _drawn(robot, samples, seed):
+        with planning_step("the workspace"):
+            check_planning_time()
         positions_mm = _positions(kinematics, joints)
         radius_mm = _widened(
             radius_mm, np.hypot(positions_mm[:, 0] - robot.base.x_mm, positions_mm[:, 1] - robot.base.y_mm)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.poses import PLACE, SCARA, Pose, Task
 from steptwin.host.robots.poses.rotations import wrapped_deg
@@ -130,6 +131,7 @@ class _Search:
         """Return a place with one coordinate as near to the wanted one as passes; None if no value does."""
         values = self._values(wanted, axis, _COARSE)
         while True:
+            check_planning_time()
             places = np.tile(place, (len(values), 1))
             places[:, axis] = values
             passing = self._pass(places)

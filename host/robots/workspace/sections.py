@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.robots.kinematics import Kinematics, make_kinematics
 from steptwin.host.robots.poses import SCARA
 from steptwin.host.robots.poses.rotations import of_rotation_vector
@@ -106,6 +107,8 @@ class ArmReach:
         reached, turnable = self._solved(outwards)
         places = np.flatnonzero(turnable & ~reached)
         for begin in range(0, len(places), _CHUNK):
+            with planning_step("the workspace"):
+                check_planning_time()
             part = places[begin : begin + _CHUNK]
             reached[part] = self._reached_turned(outwards[part])
         return reached
@@ -165,6 +168,8 @@ class ArmReach:
         reached, turnable = np.empty(len(poses), np.bool_), np.ones(len(poses), np.bool_)
         turning = self.kinematics.turning
         for begin in range(0, len(poses), _CHUNK):
+            with planning_step("the workspace"):
+                check_planning_time()
             part = slice(begin, begin + _CHUNK)
             branches = self.kinematics.inverse(poses[part], self.home)
             reached[part] = np.logical_or.reduce([branch.reachable for branch in branches])
@@ -374,6 +379,7 @@ class Scan:
     profile: ProfileSection
 
 
+@in_planning_time()
 def scan(robot: Robot, attitude_deg: float | None = None, z_mm: float | None = None) -> Scan:
     """Return the plan at a height, by default the home position's, and the profile in the direction of home."""
     arm = ArmReach.of(robot, attitude_deg)

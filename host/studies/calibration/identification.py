@@ -23,6 +23,7 @@ import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time, in_planning_time, planning_step
 from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.link_errors import LinkErrors, check_size
 from steptwin.host.robots.reader import read_robot
@@ -149,13 +150,15 @@ class Identification:
         return self.measurements.lines[int(np.linalg.norm(self.after_mm, axis=1).argmax())]
 
 
+@in_planning_time()
 def identify_errors(chain: Chain, measurements: Measurements) -> Identification:
     """Return the parameters with which a chain fits measurements best, beginning with the chain's own errors.
 
     Raises:
         InputError: there are too few measurements, or they do not belong to this robot.
     """
-    found, told = _fitted_and_told(chain, measurements)
+    with planning_step("the calibration"):
+        found, told = _fitted_and_told(chain, measurements)
     after_mm, slopes = _residuals(found, measurements), _slopes(found, measurements)
     freedom = after_mm.size - int(told.sum())
     noise_mm = float(np.sqrt(np.sum(after_mm**2) / freedom))
@@ -218,6 +221,7 @@ def _fitted_and_told(chain: Chain, measurements: Measurements) -> tuple[Chain, B
     told = _told_apart(_slopes(chain, measurements), np.zeros(chain.errors.size, dtype=np.bool_))
     found = chain
     for fits in count(1):
+        check_planning_time()
         _check_enough(measurements, int(told.sum()))
         start = found.with_errors(np.where(told, found.errors.ravel(), chain.errors.ravel()))
         found = _fitted(start, measurements, told)
@@ -250,6 +254,7 @@ def _fitted(chain: Chain, measurements: Measurements, told: BoolArray) -> Chain:
         return chain.with_errors(errors)
 
     def residuals(values: FloatArray) -> FloatArray:
+        check_planning_time()
         return _residuals(with_values(values), measurements).ravel()
 
     def slopes(values: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from steptwin.host.studies.campaign.row import Ended
 from steptwin.host.studies.campaign.trial import Trial
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.motors import MotorVerdict
-from steptwin.host.verify import THRESHOLD_TOLERANCE_STEPS, AxisEvidence, Report
+from steptwin.host.verify import AxisEvidence, Report, threshold_tolerance_steps
 from steptwin.host.verify.report import AxisReport
 
 
@@ -108,6 +108,15 @@ def _axes(performance: Performance, of: Callable[[AxisReport], float | None]) ->
     return _least(of(axis) for axis in performance.report.axes)
 
 
+def _threshold(performance: Performance) -> float | None:
+    microsteps = {joint.name: joint.transmission.microsteps for joint in performance.trial.setup.robot.axes}
+
+    def of(axis: AxisReport) -> float:
+        return 1 - axis.threshold_error_steps_max / threshold_tolerance_steps(microsteps[axis.name])
+
+    return _axes(performance, of)
+
+
 def _step_rate(performance: Performance) -> float | None:
     limit_hz = performance.trial.setup.robot.board.driver_rate_max_hz
     return _axes(performance, lambda axis: 1 - axis.peak_rate_hz / limit_hz)
@@ -143,7 +152,7 @@ _SLIPS_DEG: Final = 180.0
 MARGINS: Final[Mapping[str, Margin]] = {
     "threshold": Margin(
         "largest error of a step's threshold, of 0.0075 steps",
-        lambda run: _axes(run, lambda axis: 1 - axis.threshold_error_steps_max / THRESHOLD_TOLERANCE_STEPS),
+        _threshold,
     ),
     "step rate": Margin("highest step rate, of the board's highest", _step_rate),
     "bus": Margin("load of the bus", _bus),

@@ -13,8 +13,9 @@ from steptwin.host.record.folder.writing import can_draw, draw_here
 from steptwin.host.record.path_error import beside_path
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.motors.after_run import RotorTrace
-from steptwin.host.verify import Comparison, Report
+from steptwin.host.verify import Comparison, Report, RotorSlip
 from steptwin.protocol.frame import Frame
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class Outcome:
             `at_s` since power-up.
         axes_per_board: number of axes on each of several boards; empty: one board had all.
         crystals_ppm: how fast each board's crystal was, in parts per million; empty: all were exact.
-        rotors: what the rotors did if the motors turned with the board; None without motors.
+        rotors: what the rotors did if the motors turned, with the board or after it; None without motors.
     """
 
     plan: Plan
@@ -81,8 +82,21 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """True if the run came to its end and every pulse is where the plan wants it."""
-        return self.fault is None and self.report.passed
+        """True if the run came to its end, every pulse is where the plan wants it, and no rotor that turned slipped."""
+        return self.fault is None and self.report.passed and not self.slips
+
+    @property
+    def slips(self) -> tuple[RotorSlip, ...]:
+        """The rotors that have slipped; none without motors."""
+        if self.rotors is None:
+            return ()
+        start_counts, lost = self.comparison.evidence.start_counts, self.rotors.lost_full_steps[-1].tolist()
+        slipped = zip(self.plan.robot.axis_names, self.rotors.first_slip_counts, lost, strict=True)
+        return tuple(
+            RotorSlip(name, (counts - start_counts) / COUNTS_PER_SECOND, steps)
+            for name, counts, steps in slipped
+            if counts is not None
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document that `steptwin run --json` prints."""
@@ -94,6 +108,9 @@ class Outcome:
             document["boards"] = list(self.axes_per_board)
         if self.operations:
             document["operations"] = list(self.operations)
+        if slips := self.slips:
+            document |= {"passed": False, "slips": [slip.to_dict() for slip in slips]}
+            document["reasons"] = [*document["reasons"], *map(str, slips)]
         if self.fault:
             document |= {"passed": False, "fault": self.fault.to_dict()}
         if self.scenario:

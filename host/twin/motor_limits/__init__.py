@@ -44,7 +44,7 @@ def motor_forecast(robot: Robot, motion: Trajectory) -> str | None:
     It is by the steady torque alone that they need at each millisecond: what swings is the business of rotors that
     turn, `run --motors` and `[limits]`. Nothing is said of a robot whose file does not describe motors and masses.
     """
-    if robot.dynamics is None or any(joint.motor is None or joint.link is None for joint in robot.joints):
+    if not robot.has_motors:
         return None
     from steptwin.host.twin.motor_limits.motor_rows import MotorLimits
 

@@ -24,6 +24,7 @@ from steptwin.emulator.motors.rotors import Drive
 from steptwin.emulator.motors.torques import carried_torque_nm, needed_torque_nm
 from steptwin.host.common.arrays import BoolArray, FloatArray
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.fastest.drives import DriveAnswer, DriveTrial, PathLoad
 from steptwin.host.planning.fastest.rows import PathRates, Rows
 from steptwin.host.planning.motions.sampled import Sampled
@@ -268,7 +269,7 @@ class MotorsOnPath:
 
 def rotor_trial(robot: Robot, motion: Sampled, s: FloatArray, load: PathLoad, average_s: float) -> DriveTrial:
     """Turn the rotors by a motion whose cubics begin and end at places `s`, with a load by place."""
-    comparison = execute(plan(robot, motion), "", fastest_kernel()).comparison
+    comparison = execute(plan(robot, motion), "", fastest_kernel(), progress=lambda _: check_planning_time()).comparison
     driving = Driving.of(robot, comparison.evidence)
     if robot.dynamics and robot.dynamics.payload_held_by:
         driving = replace(driving, payload=_payload(driving, motion, s, load))

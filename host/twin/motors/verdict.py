@@ -14,7 +14,7 @@ from steptwin.host.twin.motors.after_run import RotorTrace
 from steptwin.host.twin.motors.drives import motor_of
 from steptwin.host.twin.motors.driving import Driving
 from steptwin.host.twin.motors.torques import Torques
-from steptwin.host.verify import Comparison
+from steptwin.host.verify import Comparison, RotorSlip
 from steptwin.protocol.drivers import ChipSheet
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -169,8 +169,7 @@ class MotorVerdict:
     def reasons(self) -> tuple[str, ...]:
         """One line for each joint that lost steps."""
         return tuple(
-            f"{joint.name}: its rotor slips at {joint.first_slip_s:.3f} s and ends"
-            f" {abs(joint.lost_full_steps):g} full steps away"
+            str(RotorSlip(joint.name, joint.first_slip_s, joint.lost_full_steps))
             for joint in self.joints
             if joint.first_slip_s is not None
         )

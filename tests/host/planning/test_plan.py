@@ -15,7 +15,8 @@ from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
 
-ROBOT = load_robot("teaching-scara")
+ROBOT = replace(load_robot("teaching-scara"), dynamics=None)
+"""Without motors: they have tests of their own."""
 START = (0.0, 10.0, 0.0, 0.0)
 
 

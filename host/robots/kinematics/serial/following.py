@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.robots.kinematics.serial.levenberg import PLACE_OFF_MM, Found, NumericInverse
 from steptwin.host.robots.kinematics.serial.spherical_wrist import Solved, SphericalWrist
 from steptwin.host.robots.poses.rotations import wrapped_deg
@@ -44,6 +45,7 @@ def follow(form: SphericalWrist, poses: FloatArray, last: FloatArray) -> Followe
     name, begin = _nearest_name(form, poses[0], last), 0
     first, joints, parts, changes = name, list[FloatArray](), list[Solved](), list[tuple[int, str]]()
     while True:
+        check_planning_time()
         solved = form.solve(poses[begin:], form.signs[name], np.deg2rad(last))
         onward = _continued(solved, last)
         end, other = _first_change(form, poses[begin:], onward, last, name)
@@ -61,6 +63,7 @@ def joints_near(form: SphericalWrist, poses: FloatArray, guides: FloatArray) -> 
     rad = np.deg2rad(guides)
     joints = _turned_to(guides, np.rad2deg(form.solve(poses, form.signs_of(rad), rad).joints))
     for row in np.flatnonzero(~(np.abs(joints - guides).max(axis=1) <= _OFF_GUIDE_DEG)):
+        check_planning_time()
         solved = form.solve_all(poses[row : row + 1], rad[row])
         choices = _turned_to(guides[row], np.rad2deg(np.concatenate([each.joints for each in solved.values()])))
         off = np.nan_to_num(np.abs(choices - guides[row]).max(axis=1), nan=inf)
@@ -76,6 +79,7 @@ def find_along(numeric: NumericInverse, poses: FloatArray, near: FloatArray) -> 
     places = np.unique(np.append(np.arange(0, len(poses), _ANCHORS), len(poses) - 1))
     anchors, last = np.empty((len(places), len(near))), np.array(near[np.newaxis], dtype=np.float64)
     for row, place in enumerate(places):
+        check_planning_time()
         last = numeric.near(poses[place : place + 1], last).joints
         anchors[row] = last[0]
     starts = np.column_stack([np.interp(np.arange(len(poses)), places, column) for column in anchors.T])

@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.host.common.arrays import BoolArray, FloatArray
+from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.robots.kinematics.base import LIMIT_TOLERANCE
 from steptwin.host.robots.kinematics.serial.screws import Screws
 from steptwin.host.robots.poses import DIRECTION_TASK, POSE, POSITION, Task
@@ -86,6 +87,7 @@ class NumericInverse:
         going = np.arange(len(poses))
         scale = np.where(self.slides, self.reach_mm, np.rad2deg(1.0))[list(self.free)]
         for step in range(_STEPS + 1):
+            check_planning_time()
             errors, jacobians = self._errors(poses[going], joints[going])
             place_mm[going] = np.linalg.norm(errors[:, :3], axis=1) * self.reach_mm
             turn_deg[going] = np.rad2deg(np.linalg.norm(errors[:, 3:], axis=1))
