@@ -16,11 +16,14 @@ MS: Final = 72_000
 """Counts of the board's timer in a millisecond."""
 
 
-def drawer_pull(kernel: Kernel, *faults: BusFault, seed: int = 1, from_s: float = 0.0) -> Outcome:
-    """Run the drawer pull while the bus has these faults, from an instant since power-up on."""
+def drawer_pull(
+    kernel: Kernel, *faults: BusFault, seed: int = 1, from_s: float = 0.0, duration_s: float = 2.0
+) -> Outcome:
+    """Run the drawer pull, by default a quick one, while the bus has these faults from an instant since power-up on."""
+    options = {"duration_s": str(duration_s), "ramp_s": str(duration_s / 4)}
     robot, begin = load_robot("warehouse-scara"), AtTime(from_s, from_power_up=True)
     scenario = Scenario("bus", tuple(Fault(fault.do, begin, fault) for fault in faults), seed)
-    return execute(plan(robot, make_job(robot, "pull-line", {})), "pull-line", kernel, scenario=scenario)
+    return execute(plan(robot, make_job(robot, "pull-line", options)), "pull-line", kernel, scenario=scenario)
 
 
 def strikes(outcome: Outcome) -> int:

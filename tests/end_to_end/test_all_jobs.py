@@ -8,6 +8,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from tests.end_to_end import fingerprints
+from tests.end_to_end.marks import slow_but
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ STORED = {"warehouse-scara store": "stored_run", "teaching-scara carry": "carry_
 REPLAYED = {"warehouse-scara pull-line", "calibration-scara demo", "hybrid-arm five-points"}
 """Jobs whose replay takes little time; `python -m tests.end_to_end.fingerprints --replay` replays all."""
 
+CHEAP = [each for each in RUNS if each.command.startswith("teaching-scara carry") and "repetitions" not in each.command]
+
 
 @pytest.fixture
 def folder(expected: Expected, tmp_path: Path, request: pytest.FixtureRequest) -> Path:
@@ -93,7 +96,7 @@ def folder(expected: Expected, tmp_path: Path, request: pytest.FixtureRequest) -
     return tmp_path / "run"
 
 
-@pytest.mark.parametrize("expected", RUNS, ids=lambda expected: expected.command)
+@pytest.mark.parametrize("expected", slow_but(CHEAP, RUNS), ids=lambda expected: expected.command)
 def test_job(expected: Expected, folder: Path, tmp_path: Path) -> None:
     """The figures are those of the papers' motions, and every edge and frame is the same byte as before.
 

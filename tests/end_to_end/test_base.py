@@ -15,10 +15,10 @@ PROGRAM = """
 start = {{ {start} }}
 [[step]]
 line = {{ {goal} }}
-speed_mm_s = 80.0
+speed_mm_s = 120.0
 [[step]]
 by = {{ z = -10.0 }}
-speed_mm_s = 20.0
+speed_mm_s = 30.0
 """
 START, GOAL = (120.0, 40.0, -40.0, 10.0), (150.0, -30.0, -45.0, 25.0)
 """Tool poses from the base of the classroom robot."""
@@ -65,11 +65,12 @@ def test_a_straight_line_in_the_station_takes_the_same_steps(
     assert run(["verify", str(tmp_path / "run-1")]) == 0
 
 
+@pytest.mark.slow
 def test_a_job_moves_along_with_the_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By default the helix stands where it stood, seen from the base: unturned, it takes the very same steps."""
     file = tmp_path / "placed.toml"
     file.write_text(f"{load_robot('hybrid-arm').toml}\n[base]\nx_mm = -512.0\nz_mm = 256.0\n", encoding="utf-8")
-    short = ("helix", "-o", "turns=1", "-o", "duration_s=10", "-o", "samples=31")
+    short = ("helix", "-o", "turns=1", "-o", "duration_s=8", "-o", "samples=31")
     own, there = (run_json(capsys, "run", which, *short) for which in ("hybrid-arm", str(file)))
     assert there["passed"]
     assert [axis["pulses"] for axis in own["axes"]] == [axis["pulses"] for axis in there["axes"]]

@@ -14,6 +14,7 @@ FIELDS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([*CARRY, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -29,6 +30,7 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
         assert all(kernel[key] < other[key] for other in others)
 
 
+@pytest.mark.slow
 def test_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")  # wide enough for a motion and its method on one line
     assert run(CARRY) == 0

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.live
+
 HEAD = 'robot = "teaching-scara"\n'
 BENT = f"{HEAD}[[step]]\ngo = {{ th1 = 10.0, th2 = 40.0 }}\n"
 HOUR = "more than an hour, 3600 s"

@@ -1,14 +1,13 @@
 """docs/calibration.md: its commands, run one after the other, print what it shows; its program runs."""
 
 import re
-import runpy
 import shlex
 from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.end_to_end.pages import blocks_of, read_page
+from tests.end_to_end.pages import blocks_of, read_page, run_python
 
 PAGE = read_page("docs/calibration.md")
 BLOCKS = blocks_of(PAGE)
@@ -18,6 +17,7 @@ SESSION = "".join(text for language, text in BLOCKS if language == "console")
 COMMANDS = [command.splitlines() for command in re.split(r"^\$ ", SESSION, flags=re.MULTILINE)[1:]]
 
 
+@pytest.mark.slow
 def test_the_commands_print_what_the_page_shows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -39,6 +39,4 @@ def test_the_commands_print_what_the_page_shows(
 
 
 def test_the_program_runs(tmp_path: Path) -> None:
-    file = tmp_path / "program.py"
-    file.write_text(PROGRAM, encoding="utf-8")
-    assert runpy.run_path(str(file))["found"].rank == 8
+    assert run_python(PROGRAM, tmp_path)["found"].rank == 8

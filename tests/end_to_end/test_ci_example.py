@@ -5,7 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
+
+pytestmark = pytest.mark.live
 
 PAGE = read_page("docs/ci.md")
 EXAMPLE = ROOT / "docs" / "examples" / "ci"

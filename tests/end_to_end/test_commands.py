@@ -152,6 +152,7 @@ def test_eds(capsys: pytest.CaptureFixture[str]) -> None:
     assert "[60C1sub4]" in capsys.readouterr().out
 
 
+@pytest.mark.live
 def test_the_installed_program() -> None:
     program = Path(sys.executable).parent / "steptwin"
     shown = subprocess.run([program, "--help"], capture_output=True, text=True, check=True)
@@ -172,6 +173,7 @@ HEAVY = {"rich.markdown", "rich.syntax", "rich.traceback", "rich.pretty", "async
 """Modules of these, and of Python, that take long."""
 
 
+@pytest.mark.live
 def test_help_imports_nothing_that_is_heavy() -> None:
     """It would make every command start slowly, whatever else is installed beside this program."""
     shown = subprocess.run([sys.executable, "-c", _LOADED], capture_output=True, text=True, check=True)

@@ -34,6 +34,7 @@ def points(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 def test_a_run_and_its_folder(robot: str, points: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     report = run_json(capsys, "run", robot, points, "--out", str(out))

@@ -3,8 +3,6 @@
 import dataclasses
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +26,8 @@ from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.host.studies.papers import PAPERS, evaluated
 from steptwin.host.studies.papers.paper_page import render_page as render_paper
 from steptwin.host.studies.papers.study import Runs
-from tests.end_to_end.pages import ROOT
+from tests.end_to_end.marks import slow_but
+from tests.end_to_end.pages import ROOT, run_python
 
 TEXT = PAGE.read_text(encoding="utf-8")
 BENCHMARKS = (PAGE.parent / "benchmarks.md").read_text(encoding="utf-8")
@@ -36,14 +35,17 @@ MACHINES_PAGE = (PAGE.parent / "machines.md").read_text(encoding="utf-8")
 ROBOT_FILES = (PAGE.parent / "robot-files.md").read_text(encoding="utf-8")
 ALL_TEXT = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGE.parent.glob("*.md")))
 PICTURE_BYTES_MAX = 120_000
+CHEAP = {"teaching-scara"}
+"""Robots whose jobs take little time."""
 
 
+@pytest.mark.slow
 def test_the_page_is_up_to_date(runs: Runs) -> None:
     """If this fails, run `make docs` and review what changed."""
     assert render_robots(runs) == TEXT
 
 
-@pytest.mark.parametrize("robot", PAPERS)
+@pytest.mark.parametrize("robot", slow_but(CHEAP, PAPERS))
 def test_the_pages_of_the_papers_are_up_to_date(robot: str, runs: Runs) -> None:
     paper = evaluated(PAPERS[robot], runs)
     assert list(paper.disagreements) == []
@@ -65,6 +67,7 @@ def test_the_protocol_page_is_up_to_date() -> None:
     assert PROTOCOL_PAGE.render() == PROTOCOL_PAGE.path.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_page_of_faults_is_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     assert FAULTS_PAGE.render() == FAULTS_PAGE.path.read_text(encoding="utf-8")
@@ -82,6 +85,7 @@ def test_the_page_of_the_command_line_is_up_to_date() -> None:
     assert render_command_line() == COMMAND_LINE_PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_driver_page_is_up_to_date() -> None:
     assert DRIVER_PAGE.render() == DRIVER_PAGE.path.read_text(encoding="utf-8")
 
@@ -127,11 +131,12 @@ def test_pictures_are_small() -> None:
         assert (PAGE.parent / name).stat().st_size < bytes_max, name
 
 
-def test_python() -> None:
+def test_python(tmp_path: Path) -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```", TEXT, flags=re.MULTILINE | re.DOTALL)
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+    run_python(code, tmp_path)
 
 
+@pytest.mark.slow
 def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All commands in their order."""
     pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
@@ -152,7 +157,7 @@ def test_the_commands_for_waveforms(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "paper/tool-path.pdf" in left
 
 
-@pytest.mark.parametrize(("robot", "job"), SAMPLED)
+@pytest.mark.parametrize(("robot", "job"), slow_but([key for key in SAMPLED if key[0] in CHEAP], SAMPLED))
 def test_runs_agree_with_the_papers_samples(robot: str, job: str, runs: Runs) -> None:
     """The helix' 241 samples are too far apart to show where the sliders reverse."""
     sampled, report = SAMPLED[robot, job], runs.outcome(robot, job).report

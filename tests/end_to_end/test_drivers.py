@@ -115,6 +115,7 @@ class TestSlowBlueBoard:
 class TestThreeAmpModule:
     """DIR takes 24 us to fall, STEP hardly any time: the robots' 15 us of setup are too short for some reversals."""
 
+    @pytest.mark.slow
     def test_a_late_dir_steps_the_wrong_way(self, capsys: pytest.CaptureFixture[str]) -> None:
         document = run_json(capsys, *SPIRAL, "--driver-profile", "3a-module", exit_code=1)
         (group,) = document["violations"]
@@ -126,6 +127,7 @@ class TestThreeAmpModule:
         assert abs(wrong["th2"]["steps_end"] - right["th2"]["steps_end"]) == 2
         assert wrong["th3"] == right["th3"]
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["lab-scara", "hybrid-arm"])
     def test_passes_with_enough_setup(self, name: str, fast_kernel: Kernel) -> None:
         jobs: dict[str, tuple[str, dict[str, str]]] = {
@@ -172,8 +174,8 @@ class TestThreeAmpModule:
         self, named: str, left_out: bool, capsys: pytest.CaptureFixture[str], tmp_path: Path
     ) -> None:
         path = tmp_path / "mine.toml"
-        path.write_text(load_robot("lab-scara").toml.replace("osc_pf = 330", "osc_pf = 330\ncurrent_a = 2.0", 1))
-        assert run(["run", str(path), "spiral", "--driver-profile", named, "--json"]) == 0
+        path.write_text(load_robot("teaching-scara").toml.replace("osc_pf = 330", "osc_pf = 330\ncurrent_a = 2.0", 1))
+        assert run(["run", str(path), "carry", "--driver-profile", named, "--json"]) == 0
         warning = "--driver-profile chip-100pf: has its usual settings, not the robot's current_a"
         assert (f"steptwin: warning: {warning}\n" in capsys.readouterr().err) == left_out
 

@@ -205,6 +205,7 @@ class TestARobotOfOnesOwn:
                 | TIMING,
                 ["spiral"],
                 id="lab",
+                marks=pytest.mark.slow,
             ),
             pytest.param(
                 "warehouse-scara",
@@ -226,6 +227,7 @@ class TestARobotOfOnesOwn:
                 },
                 ["carry", "-o", "depth_mm=70"],
                 id="teaching",
+                marks=pytest.mark.slow,
             ),
             pytest.param(
                 "calibration-scara",
@@ -242,6 +244,7 @@ class TestARobotOfOnesOwn:
                 | TIMING,
                 ["five-points", "-o", "pause-s=0.1"],
                 id="hybrid",
+                marks=pytest.mark.slow,
             ),
         ],
     )

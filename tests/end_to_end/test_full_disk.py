@@ -105,7 +105,11 @@ def test_what_is_made_of_a_run(
 
 @pytest.mark.parametrize(
     ("bytes_max", "samples", "name"),
-    [(0, "1000", "workspace.json"), (4096, "1000", "cloud.csv"), (4096, "10", "workspace.png")],
+    [
+        (0, "1000", "workspace.json"),
+        (4096, "1000", "cloud.csv"),
+        pytest.param(4096, "10", "workspace.png", marks=pytest.mark.slow),
+    ],
 )
 def test_workspace(bytes_max: int, samples: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with files_up_to(bytes_max):

@@ -171,6 +171,7 @@ def test_numbers_of_the_command_line_have_one_notation(capsys: pytest.CaptureFix
     refusal(capsys, "monitor", "--node", "1_0")
 
 
+@pytest.mark.live
 def test_too_little_memory_is_one_line(folder: Path) -> None:
     """The process may take 256 MiB more than it has at its start; the ideal steps of the plan take more."""
     resource = pytest.importorskip("resource", reason="the system has no limits for processes")

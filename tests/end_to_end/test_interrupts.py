@@ -7,6 +7,8 @@ import pytest
 
 from tests.emulator.live.live_rig import TIMEOUT_S
 
+pytestmark = pytest.mark.live
+
 PROGRAM = """
 import atexit, os, signal, sys
 

@@ -17,6 +17,7 @@ def held(path: Path) -> dict[str, str]:
     return dict(read_inventory(str(path), load_robot(ROBOT)).boxes)
 
 
+@pytest.mark.slow
 def test_the_file_is_written_after_a_verified_run_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "stock.toml"
     with_file = ["--inventory", str(path), *QUICK]

@@ -56,6 +56,7 @@ def test_a_run_with_motors_ends_with_their_verdict(tmp_path: Path, capsys: pytes
     assert [joint["name"] for joint in kept["joints"]] == JOINTS
 
 
+@pytest.mark.slow
 def test_a_stored_run_tells_its_borders_and_draws_its_motors(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +81,7 @@ def test_a_stored_run_tells_its_borders_and_draws_its_motors(
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_robot_tells_which_motors_would_do(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["motors", ROBOT, "--payload", "0.5", "--current", "2"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -133,6 +135,7 @@ def test_a_robot_without_motors_is_told_what_is_missing(
     assert refusal(capsys, "run", "--robot-file", str(mine), "carry", "--motors") == said
 
 
+@pytest.mark.slow
 def test_motors_in_the_loop_tell_what_they_tell_after_the_run(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,6 +156,7 @@ def test_motors_in_the_loop_tell_what_they_tell_after_the_run(
     refusal(capsys, *words, "--motors=lop")
 
 
+@pytest.mark.slow
 def test_a_server_warns_of_homings_that_stall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The warning comes before the wrong port is refused; our own robots' files give no reason for one."""
     steep = tmp_path / "steep.toml"

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from steptwin.host.cli.app import run
-from steptwin.host.planning.jobs import job_names
 from steptwin.host.robots import load_robot, robot_names
 from steptwin.host.robots.kinematics import make_kinematics
-from tests.end_to_end.pages import ROOT
+from tests.end_to_end.marks import slow_but
 
 WIDTH = 80
 ROBOTS = [name for name in robot_names() if name not in ("parol6", "thor")]
@@ -43,7 +42,7 @@ def commands(robot: str) -> list[list[str]]:
     ]
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", slow_but(["teaching-scara", "lab-scara", "turntable"], ROBOTS))
 def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for words in commands(robot):
         wide = {word for line in printed(words, 400, monkeypatch, capsys) for word in line.split()}
@@ -53,13 +52,16 @@ def test_tables_fit(robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.
             assert "─" in line or set(line.split()) <= wide, line
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", slow_but(["teaching-scara"], ROBOTS))
 def test_the_report_of_a_run_fits(
-    robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    robot: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ) -> None:
-    """A machine without jobs runs its example."""
-    motion = next(iter(job_names(load_robot(robot))), str(ROOT / "docs" / "programs" / f"{robot}.toml"))
-    lines = printed(["run", robot, motion], WIDTH, monkeypatch, capsys)
+    """That of a stored run is the same."""
+    if robot == "teaching-scara":
+        folder = request.getfixturevalue("carry_run")
+    else:
+        folder = request.getfixturevalue("example_run")(robot) / "run"
+    lines = printed(["verify", str(folder)], WIDTH, monkeypatch, capsys)
     start = next(i for i, line in enumerate(lines) if line.startswith("axis"))
     end = next(i for i, line in enumerate(lines) if line.startswith("CLK:"))
     assert lines[:start] == ([f"drivers: {profile}"] if (profile := load_robot(robot).board.driver_profile) else [])

@@ -1,5 +1,7 @@
 """Programs as users run them: the examples of docs/programs, the blocks of docs/programs.md, inputs and time-outs."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,10 +20,10 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.input_changes import InputChange
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from tests.end_to_end.command_line import refusal, run_json
+from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
 
 EXAMPLES = {name: ROOT / "docs" / "programs" / f"{name}.toml" for name in robot_names()}
-INPUTS = {"teaching-scara": ["--input", "part_ready=on@1.5"]}
 WAITING_FOR = {"teaching-scara": "part_ready"}
 """The input for which each example waits at its start; the others wait for none."""
 VERBS = {
@@ -59,19 +61,23 @@ def waiting(tmp_path: Path) -> str:
     return str(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", robot_names())
-def test_each_robot_has_an_example(robot: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_each_robot_has_an_example(
+    robot: str, capsys: pytest.CaptureFixture[str], example_run: Callable[[str], Path]
+) -> None:
     """It shows its steps, it is right, and its run passes, also when it is verified again from its files."""
     program = str(EXAMPLES[robot])
     text = EXAMPLES[robot].read_text()
     assert [verb for verb in sorted(VERBS[robot]) if f"{verb} = " not in text] == []
     checked = run_json(capsys, "check", program)
     assert (checked["robot"], checked["findings"]) == (robot, [])
-    document = run_json(capsys, "run", robot, program, *INPUTS.get(robot, []), "--out", str(tmp_path / "out"))
+    folder = example_run(robot) / "run"
+    document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     assert document["passed"]
     waited_s = sum(wait["stood_s"] for wait in document.get("waits", []))
     assert document["duration_s"] == pytest.approx(checked["duration_s"] + waited_s)
-    assert run(["verify", str(tmp_path / "out")]) == 0
+    assert run(["verify", str(folder)]) == 0
 
 
 def test_an_output_may_be_told_the_level_that_it_has(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -86,11 +92,14 @@ def test_an_output_may_be_told_the_level_that_it_has(capsys: pytest.CaptureFixtu
     assert "\noutputs: gripper off already, gripper on 0." in capsys.readouterr().out
 
 
-COMES_S = (0.0, 0.1, 0.3, 4.0, 8.0)
+LIKE_AR4 = ("parol6", "thor")
+"""Arms of the same kind, whose examples have the same steps."""
+COMES_S = (0.0, 0.1, 0.3, 4.0)
 """When the input comes on: at once, within the 250 ms that are queued before the start, and up to seconds later."""
 
 
-@pytest.mark.parametrize("comes_s", COMES_S)
+@pytest.mark.slow
+@pytest.mark.parametrize("comes_s", COMES_S[::3])
 @pytest.mark.parametrize("robot", WAITING_FOR)
 def test_an_example_waits_for_its_input(capsys: pytest.CaptureFixture[str], robot: str, comes_s: float) -> None:
     document = run_json(capsys, "run", robot, str(EXAMPLES[robot]), "--input", f"{WAITING_FOR[robot]}=on@{comes_s}")
@@ -101,6 +110,7 @@ def test_an_example_waits_for_its_input(capsys: pytest.CaptureFixture[str], robo
     assert [wait["stood_s"] for wait in others] == pytest.approx([0.26] * len(others), abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", WAITING_FOR)
 def test_an_example_whose_input_never_comes_names_the_time_out(capsys: pytest.CaptureFixture[str], robot: str) -> None:
     assert run(["run", robot, str(EXAMPLES[robot])]) == 3
@@ -110,6 +120,7 @@ def test_an_example_whose_input_never_comes_names_the_time_out(capsys: pytest.Ca
     assert "STOPPED BY A WAIT THAT TIMED OUT" in said.out
 
 
+@pytest.mark.slow
 class TestLive:
     """The examples on a live board, as `run --connect` makes them, in virtual time."""
 
@@ -129,7 +140,7 @@ class TestLive:
         with pytest.raises(WaitTimeoutError, match=said):
             execute_live(session, example, "example", approach=True)
 
-    @pytest.mark.parametrize("robot", [name for name in robot_names() if name not in WAITING_FOR])
+    @pytest.mark.parametrize("robot", [name for name in robot_names() if name not in {*WAITING_FOR, *LIKE_AR4}])
     def test_the_others_run(self, fast_kernel: Kernel, robot: str) -> None:
         _, session, example = self.standing(robot, fast_kernel)
         assert execute_live(session, example, "example", approach=True).passed
@@ -159,7 +170,7 @@ def test_the_page_s_first_program_runs(capsys: pytest.CaptureFixture[str], tmp_p
     assert run_json(capsys, "run", "teaching-scara", str(file))["passed"]
 
 
-@pytest.mark.parametrize("block", BLOCKS[1:])
+@pytest.mark.parametrize("block", slow_but([text for text in BLOCKS[1:] if "motors" not in text], BLOCKS[1:]))
 def test_the_page_s_steps_can_be_made(block: str) -> None:
     findings = Findings()
     program = parse_program(HEAD + block, findings)

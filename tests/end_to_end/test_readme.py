@@ -3,14 +3,13 @@
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from steptwin.host.cli.app import run
-from tests.end_to_end.pages import ROOT, blocks_of, read_page
+from tests.end_to_end.marks import slow_but
+from tests.end_to_end.pages import ROOT, blocks_of, read_page, run_python
 
 README = read_page("README.md")
 PAGE = read_page("docs/commands.md")
@@ -19,9 +18,15 @@ BLOCKS = blocks_of(PAGE)
 COMMANDS = [
     line for language, block in BLOCKS if not language for line in block.splitlines() if line.startswith("steptwin ")
 ]
+DEAR = ("run ", "paper ", "bench ", "plot ", "workspace ")
+CHEAP = [
+    line
+    for line in COMMANDS
+    if not line.removeprefix("steptwin ").startswith(DEAR) or " calibration-scara demo" in line
+]
 
 
-@pytest.mark.parametrize("line", COMMANDS)
+@pytest.mark.parametrize("line", slow_but(CHEAP, COMMANDS))
 def test_command(line: str, carry_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Each exits with 0, but the run whose stream is cut with 3, and the run with slow drivers with 1."""
     (tmp_path / "docs").symlink_to(ROOT / "docs")
@@ -37,10 +42,18 @@ def test_there_are_commands() -> None:
     assert len(COMMANDS) >= 8
 
 
-@pytest.mark.parametrize("text", [README, PAGE, MOTIONS], ids=["README.md", "commands.md", "motions.md"])
-def test_python(text: str) -> None:
-    for code in [block for language, block in blocks_of(text) if language == "python"]:
-        subprocess.run([sys.executable, "-W", "error", "-c", code], check=True, cwd="/")
+PROGRAMS = dict.fromkeys(
+    block for text in (README, PAGE, MOTIONS) for language, block in blocks_of(text) if language == "python"
+)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [pytest.param(code, marks=pytest.mark.slow) if "drawer-pull" in code else code for code in PROGRAMS],
+    ids=lambda code: code.splitlines()[-2],
+)
+def test_python(code: str, tmp_path: Path) -> None:
+    run_python(code, tmp_path)
 
 
 def test_the_csv_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,6 +63,7 @@ def test_the_csv_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert "PASSED" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_it_shows_what_the_demo_prints(capsys: pytest.CaptureFixture[str]) -> None:
     """The README shows all lines but those with wall times."""
     assert run(["run", "warehouse-scara", "drawer-pull"]) == 0
@@ -67,6 +81,7 @@ def test_it_is_short_and_begins_with_a_moving_picture() -> None:
     assert (ROOT / picture).stat().st_size < 500_000
 
 
+@pytest.mark.slow
 def test_when_a_run_fails_has_each_reason_of_the_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     """A run that fails in most ways at once, and the reasons that it has not, as the verifier words them."""
     _, section = PAGE.split("\n## When a run fails\n")

@@ -15,6 +15,8 @@ from tests.host.panel.page.browser import AXE, CHROMIUM, DRIVER, open_browser
 pytest.importorskip("sphinx", reason="sphinx is not installed: the site is not built")
 pytest.importorskip("furo", reason="furo is not installed: the site is not built")
 
+pytestmark = pytest.mark.live
+
 LOOKED_AT = ["docs/index", "docs/gallery", "docs/command-line", "docs/site/python", "docs/tutorial", "docs/driver"]
 """One page of each kind."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.host.verify import AS_PLANNED, Evidence, Expectation, Report, RunInfo, verify
+from tests.end_to_end.marks import slow_but
 
 ROBOT = load_robot("warehouse-scara")
 Change = tuple[float, int]
@@ -56,22 +58,33 @@ def judged(board: EmbeddedBoard, made: Plan, evidence: Evidence | None = None) -
     return verify(Expectation.of(made.robot, made.trajectory), evidence or board.evidence(), facts)
 
 
-@pytest.fixture(scope="module")
-def pull() -> Plan:
-    return plan(ROBOT, make_job(ROBOT, "pull-line", {}))
+@cache
+def pulled(duration_s: float) -> Plan:
+    return plan(ROBOT, make_job(ROBOT, "pull-line", {"duration_s": str(duration_s), "ramp_s": str(duration_s / 5)}))
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("duration_s", "changes"),
     [
-        [(2.0, 50)],
-        [(2.0, 150)],
-        [(0.0, 10), (0.4, 150), (4.0, 40), (5.0, 0), (5.5, 120), (8.0, 0), (9.0, 10), (9.3, 100)],
-        [(3.0, 20), (3.0, 150), (3.01, 0), (3.02, 90)],
+        pytest.param(2.0, [(0.8, 50)], id="a short one"),
+        pytest.param(10.0, [(2.0, 50)], id="slower", marks=pytest.mark.slow),
+        pytest.param(10.0, [(2.0, 150)], id="faster", marks=pytest.mark.slow),
+        pytest.param(
+            10.0,
+            [(0.0, 10), (0.4, 150), (4.0, 40), (5.0, 0), (5.5, 120), (8.0, 0), (9.0, 10), (9.3, 100)],
+            id="with pauses",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            10.0,
+            [(3.0, 20), (3.0, 150), (3.01, 0), (3.02, 90)],
+            id="at once one after the other",
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["slower", "faster", "with pauses", "at once one after the other"],
 )
-def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, pull: Plan, changes: list[Change]) -> None:
+def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, duration_s: float, changes: list[Change]) -> None:
+    pull = pulled(duration_s)
     board, took_s = executed(fast_kernel, pull, changes)
     report = judged(board, pull)
     assert report.passed, report.reasons
@@ -90,9 +103,10 @@ def test_the_verdict_is_by_the_motions_own_time(fast_kernel: Kernel, pull: Plan,
         assert took_s == pytest.approx(changes[0][0] + rest_s * 100 / changes[0][1], abs=0.5)
 
 
-def test_a_speed_that_is_not_the_recorded_one_fails(fast_kernel: Kernel, pull: Plan) -> None:
+def test_a_speed_that_is_not_the_recorded_one_fails(fast_kernel: Kernel) -> None:
     """One percent off is seen: the verdict takes the record's word for the rates, not for the positions."""
-    board, _ = executed(fast_kernel, pull, [(2.0, 50)])
+    pull = pulled(2.0)
+    board, _ = executed(fast_kernel, pull, [(0.8, 50)])
     evidence = board.evidence()
     axes = tuple(
         replace(
@@ -103,6 +117,7 @@ def test_a_speed_that_is_not_the_recorded_one_fails(fast_kernel: Kernel, pull: P
     assert not judged(board, pull, replace(evidence, axes=axes)).passed
 
 
+@pytest.mark.slow
 def test_outputs_go_by_the_trajectory_at_any_speed(fast_kernel: Kernel) -> None:
     """The pauses of `store` for the magnet and the lock last 0.3 s of the motion's own time."""
     made = plan(ROBOT, make_job(ROBOT, "store", {"pull_s": "2"}), 40)
@@ -115,14 +130,15 @@ def test_outputs_go_by_the_trajectory_at_any_speed(fast_kernel: Kernel) -> None:
         assert 0 <= output.changed_s - output.from_s < 0.06
 
 
-def test_without_a_change_nothing_is_said(fast_kernel: Kernel, pull: Plan) -> None:
+def test_without_a_change_nothing_is_said(fast_kernel: Kernel) -> None:
+    pull = pulled(2.0)
     board, _ = executed(fast_kernel, pull, [])
     report = judged(board, pull)
     assert report.passed
     assert (report.speeds, "speeds" in report.to_dict()) == ((), False)
 
 
-@pytest.mark.parametrize("percent", [101, 110, 123, 137, 150])
+@pytest.mark.parametrize("percent", slow_but([150], [101, 110, 123, 137, 150]))
 def test_at_the_highest_speed_the_driver_is_at_its_limit_and_not_beyond(fast_kernel: Kernel, percent: int) -> None:
     """Motors that could do anything: the driver's step rate alone limits a lift that leaves so many percent to it.
 

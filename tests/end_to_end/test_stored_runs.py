@@ -190,6 +190,7 @@ class TestPlot:
     def _matplotlib(self) -> None:
         pytest.importorskip("matplotlib", reason="the extra `plot` (matplotlib) is not installed")
 
+    @pytest.mark.slow
     def test_chosen_pictures(self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         capsys.readouterr()
         words = ["--what", "edges, jitter", "--format", "svg", "--at", "0.5", "--span", "0.004"]
@@ -199,6 +200,7 @@ class TestPlot:
         for path in paths:
             assert path.read_text().startswith("<?xml")
 
+    @pytest.mark.slow
     def test_a_live_boards_folder_takes_the_plan_of_another(
         self, carry_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:

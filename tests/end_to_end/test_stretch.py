@@ -44,6 +44,7 @@ def test_what_a_refusal_names_passes_and_less_does_not(motion: str, capsys: pyte
     assert run_json(capsys, "run", ROBOT, motion, "--stretch", "auto")["axes"] == document["axes"]
 
 
+@pytest.mark.slow
 def test_speed_is_the_other_way_round(motion: str, capsys: pytest.CaptureFixture[str]) -> None:
     percent = 50 / told_stretch(refusal(capsys, "run", ROBOT, motion))
     slow = run_json(capsys, "run", ROBOT, motion, "--speed", f"{percent:.9f}")

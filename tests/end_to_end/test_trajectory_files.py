@@ -124,6 +124,7 @@ def test_options_are_named_in_errors(capsys: pytest.CaptureFixture[str], tmp_pat
     )
 
 
+@pytest.mark.slow
 def test_the_laboratory_spiral_at_the_speeds_of_its_paper(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """377 points in 2.173 s, for the first whole millisecond after th3 has its 130 deg/s: H. Wang et al., Table 1.
 

@@ -63,6 +63,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         assert words in shown
 
 
+@pytest.mark.slow
 def test_the_table_says_where_the_slides_stand_and_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["workspace", "warehouse-scara", "--samples", "1000", "--phi", "0", "--z", "500"]) == 0
     plan, *_ = (line for line in capsys.readouterr().out.splitlines() if line.startswith("plan"))
@@ -71,6 +72,7 @@ def test_the_table_says_where_the_slides_stand_and_what_is_out_of_reach(capsys: 
     assert "attitude 0 deg, sx = 0 mm, sz = 0 mm" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     folder = tmp_path / "made" / "here"

@@ -67,8 +67,18 @@ def _each_alone(robot: Robot) -> bool:
     return robot.axes == robot.joints and not any(map(robot.coupling.couples, range(len(robot.joints))))
 
 
-@pytest.mark.parametrize("together", [False, True])
-@pytest.mark.parametrize("name", [name for name in robot_names() if _each_alone(load_robot(name))])
+EACH_ALONE = [name for name in robot_names() if _each_alone(load_robot(name))]
+CHEAP = ("teaching-scara", "calibration-scara")
+
+
+@pytest.mark.parametrize(
+    ("name", "together"),
+    [
+        ("teaching-scara", False),
+        pytest.param("warehouse-scara", False, marks=pytest.mark.slow),
+        *(pytest.param(name, True, marks=() if name in CHEAP else pytest.mark.slow) for name in EACH_ALONE),
+    ],
+)
 def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool) -> None:
     """After homing, the firmware's position is exact to the step."""
     robot = load_robot(name)
@@ -80,6 +90,7 @@ def test_every_robot_by_its_file(fast_kernel: Kernel, name: str, together: bool)
     assert [axis.state() for axis in machine.axes] == [State.OPERATION_ENABLED] * len(robot.joints)
 
 
+@pytest.mark.slow
 @settings(max_examples=5)
 @given(data=st.data())
 def test_from_anywhere(fast_kernel: Kernel, data: st.DataObject) -> None:
@@ -183,6 +194,7 @@ class TestFailures:
         with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "sx", "th1"), interfere, together=True)
 
+    @pytest.mark.slow
     @on_sources_only
     def test_a_homing_that_neither_ends_nor_fails(self, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
         board, machine = machine_of(WAREHOUSE, list(WAREHOUSE.home), fast_kernel)

@@ -24,6 +24,7 @@ def test_the_methods_and_sides_of_the_file() -> None:
     assert sides == [(None, at) if at > 0 else (at, None) for at in EDGES_DEG]
 
 
+@pytest.mark.slow
 def test_one_after_the_other_each_to_its_side(fast_kernel: Kernel) -> None:
     """After each search its joint stands within half a degree of its switch, and the later ones where they stood."""
     board, machine = machine_of(AR4, list(AR4.home), fast_kernel)
@@ -51,6 +52,7 @@ def test_the_parol6s_switches_are_those_of_its_firmware() -> None:
         assert at == pytest.approx(0.05625 * steps / joint.transmission.ratio, abs=6e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [(90, -90, 180, 0, 0, 180), (-100, -20, 280, -100, 80, 10)])
 def test_the_parol6_finds_its_switches(fast_kernel: Kernel, start: tuple[float, ...]) -> None:
     """From stand-by, and from where J1 and J6 stand within their switches and leave them first."""
@@ -65,6 +67,7 @@ def test_the_parol6_finds_its_switches(fast_kernel: Kernel, start: tuple[float, 
 THOR = load_robot("thor")
 
 
+@pytest.mark.slow
 def test_thor_homes_its_coupled_wrist_and_both_shoulder_motors(fast_kernel: Kernel) -> None:
     """From where it stands askew: all seven axes end where they say that they are, to a step."""
     board = BoardUnderTest(THOR, stand_at=[20.0, -10.0, -70.0, 15.0, -30.0, -25.0], kernel=fast_kernel)

@@ -14,6 +14,8 @@ from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig, await_true
 from tests.host.client.machines import STEP
 from tests.host.client.other_masters import Node402, node402
 
+pytestmark = pytest.mark.live
+
 NODE = 0x11
 
 MakeNetwork = Callable[[], canopen.Network]

@@ -39,6 +39,7 @@ def link(fast_kernel: Kernel) -> TwoBoards:
     return TwoBoards(fast_kernel)
 
 
+@pytest.mark.slow
 def test_it_starts_halts_and_ends_together(link: TwoBoards) -> None:
     """Each board ramps down by itself, here in the same time, because the same axis moves on both."""
     machine = Machine(link, tuple(f"axis {i}" for i in range(2 * AXES)))

@@ -16,7 +16,8 @@ from steptwin.host.client.shared_node import OpenRequests, Whose
 from steptwin.protocol.dictionary import ObjectDictionary
 from steptwin.protocol.sdo_server import SdoServer
 
-ORDERS = 1500
+ORDERS = [range(150), pytest.param(range(150, 1500), marks=pytest.mark.slow)]
+"""Seeds of the orders in which frames come."""
 TOKENS = (0x1111_1111, 0x2222_2222)
 CLAIM, CHARGE = bytes.fromhex("23172001"), bytes.fromhex("4017200100000000")
 """The head of a claim of an axis (2017h:01), and the request for the token in charge."""
@@ -131,30 +132,33 @@ def read_version() -> Step:
             return text
 
 
-def test_of_two_claims_one_succeeds_in_any_order() -> None:
+@pytest.mark.parametrize("orders", ORDERS, ids=len)
+def test_of_two_claims_one_succeeds_in_any_order(orders: range) -> None:
     ended: Counter[object] = Counter()
     doubts = 0
-    for seed in range(ORDERS):
+    for seed in orders:
         programs = run([claim(token) for token in TOKENS], random.Random(seed))
         assert [program.strays for program in programs] == [0, 0]
         ended.update([frozenset(program.result for program in programs)])
         doubts += sum(program.doubts for program in programs)
-    assert ended == {frozenset({(True, True), (False, False)}): ORDERS}
-    assert doubts > ORDERS / 10
+    assert ended == {frozenset({(True, True), (False, False)}): len(orders)}
+    assert doubts > len(orders) / 10
 
 
-def test_without_the_requests_of_others_answers_are_taken_for_ones_own() -> None:
+@pytest.mark.parametrize("orders", ORDERS, ids=len)
+def test_without_the_requests_of_others_answers_are_taken_for_ones_own(orders: range) -> None:
     """This is why programs overhear them: the same orders with deaf programs."""
     deaf = [
         program
-        for seed in range(ORDERS)
+        for seed in orders
         for program in run([claim(token) for token in TOKENS], random.Random(seed), hears_requests=False)
     ]
-    assert sum(program.strays for program in deaf) > ORDERS / 10
+    assert sum(program.strays for program in deaf) > len(orders) / 10
 
 
-def test_strings_come_whole() -> None:
-    for seed in range(ORDERS):
+@pytest.mark.parametrize("orders", ORDERS, ids=len)
+def test_strings_come_whole(orders: range) -> None:
+    for seed in orders:
         programs = run([read_version(), claim(TOKENS[1])], random.Random(seed))
         assert [program.result for program in programs] == [VERSION, (True, True)]
 

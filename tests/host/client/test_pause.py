@@ -47,7 +47,7 @@ def test_it_rests_and_goes_on_to_its_end(board: EmbeddedBoard, machine: Machine)
     assert run.halted
     assert board.now_s() - asked_s == pytest.approx(0.42, abs=0.02)
     rest_units = machine.positions_units()
-    machine.wait(60.0)
+    machine.wait(10.0)
     assert machine.positions_units() == rest_units
     resume_trajectory(machine)
     assert not run.halted
@@ -110,7 +110,7 @@ def test_another_host_may_do_it(board: EmbeddedBoard, machine: Machine, monkeypa
     begin = len(board.bus_log)
     assert pause_trajectory(other)
     assert run.halted
-    machine.wait(60.0)
+    machine.wait(10.0)
     assert not run.ended
     resume_trajectory(other)
     machine.wait(2.0)
@@ -134,7 +134,7 @@ def test_the_halt_bit_of_one_axis_is_enough(machine: Machine) -> None:
     """One axis' halt bit halts the group, and `resume_trajectory` clears it."""
     run = machine.start(StreamedMotion(travelling(101), [0] * AXES))
     machine.axes[TH2].write(od.CONTROLWORD, RUN | Control.HALT)
-    machine.wait(30.0)
+    machine.wait(10.0)
     assert run.halted
     resume_trajectory(machine)
     machine.wait(3.0)
@@ -162,7 +162,7 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
     assert pause_trajectory(machine)
     assert board.now_s() - asked_s == pytest.approx(16.33, abs=0.02)
     resume_trajectory(machine)
-    machine.wait(30.0)
+    machine.wait(10.0)
     assert run.ended
 
 

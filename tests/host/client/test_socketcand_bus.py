@@ -20,6 +20,8 @@ from tests.emulator.live.live_rig import TIMEOUT_S, LiveRig
 from tests.end_to_end.served import in_real_time
 from tests.messages import refusing
 
+pytestmark = pytest.mark.live
+
 Script = Callable[[socket.socket], object]
 LOOPBACK = "127.0.0.1"
 

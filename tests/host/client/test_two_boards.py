@@ -62,6 +62,7 @@ def distance(node: Node402) -> int:
     return (-1 if node.id % 2 else 1) * 125 * (node.id - NODES[0] + 1)
 
 
+@pytest.mark.slow
 def test_all_axes_are_enabled_and_homed_where_they_stand(simulation: Simulation, nodes: list[Node402]) -> None:
     for node in nodes:
         node.write(od.HOMING_METHOD, HOME_HERE)
@@ -74,6 +75,7 @@ def test_all_axes_are_enabled_and_homed_where_they_stand(simulation: Simulation,
     assert driver_positions(simulation) == [0] * len(NODES)
 
 
+@pytest.mark.slow
 def test_all_axes_change_modes(nodes: list[Node402]) -> None:
     for mode in ("PROFILED POSITION", "HOMING", "INTERPOLATED POSITION", "PROFILED VELOCITY", "PROFILED POSITION"):
         for node in nodes:
@@ -82,6 +84,7 @@ def test_all_axes_change_modes(nodes: list[Node402]) -> None:
     assert {node.state for node in nodes} == {"OPERATION ENABLED"}
 
 
+@pytest.mark.slow
 def test_all_axes_move_by_profile_position(simulation: Simulation, nodes: list[Node402]) -> None:
     for node in nodes:
         node.op_mode = "PROFILED POSITION"
@@ -94,6 +97,7 @@ def test_all_axes_move_by_profile_position(simulation: Simulation, nodes: list[N
     assert driver_positions(simulation) == [distance(node) for node in nodes]
 
 
+@pytest.mark.slow
 def test_all_axes_move_by_profile_velocity(simulation: Simulation, nodes: list[Node402]) -> None:
     for node in nodes:
         node.op_mode = "PROFILED VELOCITY"

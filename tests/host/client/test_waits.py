@@ -123,18 +123,18 @@ def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine
 
 
 @pytest.mark.parametrize("begins_s", [0.0, 0.1, 0.24, 0.26])
-@pytest.mark.parametrize("on_after_s", [0.0, 0.2, 4.0, None])
+@pytest.mark.parametrize("on_after_s", [0.0, 0.2, 1.0, None])
 def test_an_early_wait_holds_as_long_as_it_must(
     board: EmbeddedBoard, machine: Machine, begins_s: float, on_after_s: float | None
 ) -> None:
     """Also one that begins before the start's own records cover 250 ms; None: the input never comes on."""
     records = joined(still(round(100 * begins_s), 10), travelling(20))
-    run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=5.0),)))
+    run = machine.start(StreamedMotion(records, [0] * AXES, (), (wait(begins_s, timeout_s=1.5),)))
     if on_after_s is None:
         with refusing(WaitTimeoutError):
-            machine.wait(7.0)
+            machine.wait(2.5)
         assert machine.positions_units() == [0] * AXES
-        assert 5.0 <= machine.holds_ms[0] / 1000 <= 5.28
+        assert 1.5 <= machine.holds_ms[0] / 1000 <= 1.78
     else:
         go_on_until(machine, board, begins_s + on_after_s, poll_s=0.01)  # as often as `Machine.run` looks
         set_part(board, on=True)
@@ -146,17 +146,17 @@ def test_an_early_wait_holds_as_long_as_it_must(
 
 
 def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) -> None:
-    """Waits 10 ms apart, each of which lasts a second."""
+    """Waits 10 ms apart, each of which lasts most of a second."""
     records = joined(still(2, 10), travelling(20))
     waits = (wait(0.0), wait(0.01, on=False), wait(0.02))
     run = machine.start(StreamedMotion(records, [0] * AXES, (), waits))
-    for on_s, on in ((1.5, True), (3.0, False), (4.5, True)):
+    for on_s, on in ((0.8, True), (1.6, False), (2.4, True)):
         go_on_until(machine, board, on_s)
         assert not run.ended
         set_part(board, on=on)
     machine.wait(1.5)
     assert run.ended
-    assert [held_ms / 1000 for held_ms in machine.holds_ms] == pytest.approx([1.75, 1.49, 1.49], abs=0.04)
+    assert [held_ms / 1000 for held_ms in machine.holds_ms] == pytest.approx([1.05, 0.79, 0.79], abs=0.04)
 
 
 @on_sources_only
@@ -174,9 +174,9 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
 
 
-@pytest.mark.parametrize(("on_after_s", "passes"), [(2.9, True), (3.1, False)])
+@pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), (1.1, False)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
-    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=3.0),)))
+    run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     go_on_until(machine, board, 0.4 + on_after_s)
     set_part(board, on=True)
     if passes:
@@ -189,7 +189,7 @@ def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_a
     assert run.ended
     assert machine.positions_units()[TH1] == DONE_UNITS[TH1] // 2
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
-    assert 3000 <= machine.holds_ms[0] <= 3000 + LEAD_MS + 2 * HOLD_MS
+    assert 1000 <= machine.holds_ms[0] <= 1000 + LEAD_MS + 2 * HOLD_MS
 
 
 def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
@@ -220,6 +220,7 @@ def test_a_host_may_be_late_by_the_lead(board: EmbeddedBoard, machine: Machine, 
     assert machine.positions_units()[TH1] == DONE_UNITS[TH1] // 2
 
 
+@pytest.mark.slow
 def test_a_long_wait_passes_every_sequence_number(board: EmbeddedBoard, machine: Machine) -> None:
     """Four seconds are some 360 records of standstill."""
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=60.0),)))

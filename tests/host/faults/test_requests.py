@@ -495,6 +495,7 @@ VALUES = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(KEYS | st.just("stuck") | st.text(), VALUES, max_size=5), st.sampled_from([*REQUESTS]))
 @example({"joint": "th4", "switch": "\ud800", "stuck": "free"}, "switch")
 def test_any_object_is_an_operation_or_refused(request_: dict[str, Any], do: str) -> None:

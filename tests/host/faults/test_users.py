@@ -34,6 +34,7 @@ def written(folder: Path, *faults: str) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 def test_verify_says_which_faults_a_run_had(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What is wrong with a run may have been meant."""
     out = str(tmp_path / "out")
@@ -165,6 +166,7 @@ def test_a_board_for_tests_plays_a_scenario(tmp_path: Path, fast_kernel: Kernel)
         )
 
 
+@pytest.mark.slow
 def test_the_same_scenario_gives_the_same_bytes(fast_kernel: Kernel) -> None:
     text = """
         seed = 11

@@ -42,6 +42,7 @@ def known(session: Session) -> list[bool]:
     return [axis.position_known for axis in read_status(session).axes]
 
 
+@pytest.mark.slow
 @given(x_mm=st.floats(SWITCH_MM - 1, 15.0), y_mm=st.floats(SWITCH_MM - 1, 15.0))
 @settings(max_examples=12, deadline=None)
 def test_both_joints_are_found_to_a_step_from_anywhere(fast_kernel: Kernel, x_mm: float, y_mm: float) -> None:
@@ -54,6 +55,7 @@ def test_both_joints_are_found_to_a_step_from_anywhere(fast_kernel: Kernel, x_mm
     assert known(session) == [True, True]
 
 
+@pytest.mark.slow
 def test_unequal_belts(fast_kernel: Kernel) -> None:
     """An axis step is less of a joint's way here, and what X misses at Y comes on top."""
     board, session = machine(fast_kernel, [6.3, 9.1], HALF_BELT)
@@ -81,6 +83,7 @@ def test_the_other_joint_stands_still(fast_kernel: Kernel) -> None:
     assert known(session) == [True, True]
 
 
+@pytest.mark.slow
 def test_the_objects_hold_for_one_homing(fast_kernel: Kernel) -> None:
     _, session = machine(fast_kernel, [5.0, 10.0])
     home_robot(session)

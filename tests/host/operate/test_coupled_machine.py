@@ -175,7 +175,7 @@ def test_the_fastest_jog() -> None:
         ("d3 = { th4 = 0.01 }\nth2 = { th1 = -0.5, th2 = 1.2 }", HERE),
     ],
 )
-@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("together", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_homing_finds_the_joints(coupling: str, stand: list[float], together: bool, fast_kernel: Kernel) -> None:
     """Every edge is at a joint position; the host must know where the other joints stand when it is met."""
     robot = coupled_robot(coupling)

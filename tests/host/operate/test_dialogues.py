@@ -21,6 +21,7 @@ from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Mode, Status
+from tests.end_to_end.marks import slow_but
 
 ROBOT = load_robot("lab-scara")
 HOME = list(ROBOT.home)
@@ -67,7 +68,7 @@ def dialogues(monkeypatch: pytest.MonkeyPatch) -> Counter[tuple[str, str, int]]:
     return made
 
 
-@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize("action", slow_but([name for name in ACTIONS if name not in ("run", "home")], ACTIONS))
 def test_what_an_action_asks_and_tells(action: str, session: Session, dialogues: Counter[tuple[str, str, int]]) -> None:
     """It claims each axis once."""
     do, count = ACTIONS[action]

@@ -14,6 +14,7 @@ from tests.messages import refusing
 HOME_TEXT = " ".join(map(str, HOME))
 
 
+@pytest.mark.slow
 def test_homing_ends_at_home(steptwin: CommandLine, board: EmbeddedBoard) -> None:
     document = steptwin.json("home warehouse-scara --together")
     assert all(axis["position_known"] for axis in document["axes"])

@@ -117,6 +117,7 @@ def test_a_condition_ends_a_jog(board: EmbeddedBoard, session: Session) -> None:
     assert (stood.start, board.driver_positions()) == (stood.end, before)
 
 
+@pytest.mark.slow
 def test_a_jog_of_the_tool_ends_on_its_line(board: EmbeddedBoard, session: Session) -> None:
     """By a condition, which leaves nothing that could go on; and where the reach ends."""
     jogged = jog_tool(session, "y", -20.0, None, until=after(101))
@@ -166,6 +167,7 @@ def test_speeds_have_limits() -> None:
         check_jog(ROBOT, "sy", 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_slowest_jog_moves(session: Session, sign: int) -> None:
     """16 units/s are a step of 1024 units in 65.5 s, as the firmware rounds them; 15 would be none at all."""

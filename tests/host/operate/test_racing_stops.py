@@ -59,10 +59,11 @@ def requests_of_a_reset(session: Session) -> int:
     return len(made)
 
 
-def test_an_emergency_stop_amid_a_reset_stays(session: Session, other: Session) -> None:
+@pytest.mark.parametrize("numbers", [slice(None, None, 7), pytest.param(slice(None), marks=pytest.mark.slow)], ids=str)
+def test_an_emergency_stop_amid_a_reset_stays(session: Session, other: Session, numbers: slice) -> None:
     count = requests_of_a_reset(session)
     assert count > 50
-    for number in range(1, count + 1):
+    for number in range(1, count + 1)[numbers]:
         emergency_stop(other)
         session.link.wait(0.01)
         with before_request(number, session, lambda: emergency_stop(other)), suppress(DeviceFaultError):
@@ -70,6 +71,7 @@ def test_an_emergency_stop_amid_a_reset_stays(session: Session, other: Session) 
         assert states(other) == [State.FAULT] * 6, f"request {number} of {count}"
 
 
+@pytest.mark.slow
 def test_a_reset_amid_an_emergency_stop_does_not_end_it(session: Session, other: Session) -> None:
     def release() -> None:
         with suppress(StepTwinError):
@@ -109,11 +111,12 @@ ACTIONS: dict[str, Callable[[Session], object]] = {
 }
 
 
+@pytest.mark.parametrize("every", [31, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("action", ACTIONS)
 def test_what_was_asked_for_before_a_stop_and_its_reset_never_moves(
-    action: str, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
+    action: str, every: int, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before every third request that leads up to the motion; later the drives, which are off, do not move."""
+    """Before every third request that leads up to the motion, or fewer; later the drives, which are off, do not move."""
     board = board_at(HOME, fast_kernel)
     session = preset(board, HOME)
     other = Session(Neighbour(board, monkeypatch), ROBOT)
@@ -132,9 +135,9 @@ def test_what_was_asked_for_before_a_stop_and_its_reset_never_moves(
         moved.append(board.driver_positions() != standing)
         stop_and_reset()
 
-    number = -2
+    number = 1 - every
     while True:
-        number += 3
+        number += every
         moved.clear()
         with before_request(number, session, strike), suppress(DeviceFaultError), session.one_action():
             ACTIONS[action](session)

@@ -61,6 +61,7 @@ def test_a_stop_holds_and_an_emergency_stop_lets_go(steptwin: CommandLine, sessi
     move(session, GOAL)
 
 
+@pytest.mark.slow
 def test_an_emergency_stop_lasts_until_the_reset(steptwin: CommandLine, session: Session) -> None:
     """Also when the drives were off or in fault before, and whichever command tries."""
     session.machine.disable()

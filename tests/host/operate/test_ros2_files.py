@@ -97,6 +97,7 @@ class Motor:
             self.until(0x6F, state, 20)
 
 
+@pytest.mark.slow
 def test_the_drivers_cycle_enables_homes_and_moves_an_axis(fast_kernel: Kernel, configured: Path) -> None:
     board = BoardUnderTest(ROBOT, kernel=fast_kernel, stand_at={"th1": 10.0})
     motor = Motor(board, configured)

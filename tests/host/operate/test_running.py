@@ -139,6 +139,7 @@ def there_and_back(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return plan(ROBOT, read_trajectory(str(file), ROBOT))
 
 
+@pytest.mark.slow
 def test_repetitions(session: Session, there_and_back: Plan) -> None:
     begun_s: list[float] = []
     outcome = execute_live(
@@ -195,6 +196,7 @@ def test_a_plan_that_ends_elsewhere_is_not_repeated(pull: Plan) -> None:
         check_repeatable(pull, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("session")
 def test_the_command(steptwin: CommandLine) -> None:
     document = steptwin.json("run warehouse-scara pull-line --approach")
@@ -243,6 +245,7 @@ def test_a_stretched_file_or_program(suffix: str, board: EmbeddedBoard, steptwin
     assert steptwin.run(f"run warehouse-scara {file} --speed 50")[0] == 2
 
 
+@pytest.mark.slow
 def test_pause_and_resume_by_another_program(
     board: EmbeddedBoard, session: Session, steptwin: CommandLine, pull: Plan
 ) -> None:

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.operate.setting_up import axis_settings
-from steptwin.host.planning.jobs import make_job
+from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.robot import Robot
@@ -54,8 +55,11 @@ def test_a_time_by_hand_is_rounded_up(enable_ns: int, us: int) -> None:
     assert settling_us(with_drivers("generic", replace(FIGURES, wake_ns=enable_ns))) == us
 
 
-def spiral(robot: Robot, kernel: Kernel, drivers: str | None = None) -> Outcome:
-    return execute(plan(robot, make_job(robot, "spiral", {})), "spiral", kernel, driver_profile=drivers)
+def turned(robot: Robot, kernel: Kernel, drivers: str | None = None) -> Outcome:
+    """Turn the upper arm a little as soon as the drives are on."""
+    moves = Composer(robot, np.array(robot.home))
+    moves.go_some({"th2": robot.home[1] + 2.0})
+    return execute(plan(robot, moves.sequence()), "turn", kernel, driver_profile=drivers)
 
 
 SLOW_NS = 3_000_000_000
@@ -65,7 +69,7 @@ SLOW_NS = 3_000_000_000
 @pytest.mark.parametrize("name", ["dm542t", "generic"])
 def test_a_run_waits_for_the_drivers_that_its_file_names(name: str, fast_kernel: Kernel) -> None:
     figures = replace(FIGURES, enable_ns=SLOW_NS) if name == "generic" else None
-    outcome = spiral(with_drivers(name, figures), fast_kernel)
+    outcome = turned(with_drivers(name, figures), fast_kernel)
     assert outcome.report.passed, outcome.report.reasons
 
 
@@ -75,8 +79,8 @@ def test_drivers_that_are_slower_than_the_file_says_lose_steps(
     """A host that does not tell the firmware of the time: the driver's own limit is broken, and the run says so."""
     figures = replace(FIGURES, enable_ns=SLOW_NS)
     told = with_drivers("generic", figures)
-    assert spiral(told, fast_kernel).report.passed
+    assert turned(told, fast_kernel).report.passed
     monkeypatch.setattr("steptwin.host.operate.setting_up._FRAME_NS", SLOW_NS)
-    outcome = spiral(told, fast_kernel)
+    outcome = turned(told, fast_kernel)
     assert not outcome.report.passed
     assert {group.rule for group in outcome.report.violations} == {"enable_setup"}

@@ -105,6 +105,7 @@ def test_steps_have_bounds() -> None:
             check_step_speed(percent)
 
 
+@pytest.mark.slow
 def test_the_smallest_steps_add_up(session: Session) -> None:
     """1.22071e-05 mm are a wire unit, a 1024th of the slide's 16th of a full step; less would never move it."""
     standing = session.demanded_units()[SX]
@@ -211,6 +212,7 @@ def test_the_tool_by_the_command(steptwin: CommandLine) -> None:
     assert "tool: x " in out
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("session")
 def test_the_tool_at_a_speed_by_the_command(steptwin: CommandLine) -> None:
     """At home the warehouse's tool points along the world's x, z is its own z: along y both frames differ by a turn."""

@@ -47,6 +47,7 @@ PLACES = [
 ]
 
 
+@pytest.mark.slow
 @given(VALUES)
 def test_any_message_is_understood_or_refused(value: Any) -> None:
     for text in (json.dumps(value), str(value), repr(value).encode()):
@@ -54,6 +55,7 @@ def test_any_message_is_understood_or_refused(value: Any) -> None:
             NAMES.heard(text)
 
 
+@pytest.mark.slow
 @given(st.sampled_from(PLACES), VALUES)
 def test_a_goal_with_anything_in_a_place_is_accepted_or_refused(place: tuple[Any, ...], value: Any) -> None:
     args = json.loads(json.dumps(FORTH))
@@ -65,6 +67,7 @@ def test_a_goal_with_anything_in_a_place_is_accepted_or_refused(place: tuple[Any
         assert follow_goal(ROBOT, args, HOME).plan.start_joints == pytest.approx(HOME)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(0.0, 3.0), st.sampled_from(["goal", "cancel"]), st.integers(0, 2)), max_size=6))
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 def test_each_goal_has_one_result_and_the_machine_rests(
@@ -75,7 +78,7 @@ def test_each_goal_has_one_result_and_the_machine_rests(
         (at_s, goal(FORTH, f"g{number}.{name}") if what == "goal" else cancel(f"g{number - 1}.{name}"))
         for number, (at_s, what, name) in enumerate(sorted(said))
     ]
-    stub, _ = served(session, *script, (12.0, END))
+    stub, _ = served(session, *script, (6.0, END))
     sent = [message["id"] for _, message in script if message["op"] == "send_action_goal"]
     results = stub.results()
     assert sorted(name for name, *_ in results) == sorted(sent)

@@ -1,14 +1,11 @@
-"""A served board and a desk in this process: what a page asks for, without a page."""
+"""A board and a desk in this process: what a page asks for, without a page."""
 
-import functools
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import ParamSpec
+from collections.abc import Callable
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.machine import EmergencyStop
 from steptwin.host.client.links.bus_link import Connection
 from steptwin.host.panel.desk.commands import DeclareHere, MoveJoints, ResetFaults
@@ -17,11 +14,11 @@ from steptwin.host.panel.desk.jogs import BEAT_S, Jog
 from steptwin.host.panel.desk.requests import Command
 from steptwin.host.panel.desk.words import RefusedError
 from steptwin.host.robots import load_robot
+from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live.live_rig import await_true
-from tests.end_to_end.served import explain, in_real_time
 
-_P = ParamSpec("_P")
+_Board = TypeVar("_Board", ServedBoard, EmbeddedBoard)
 
 ROBOT = load_robot("calibration-scara")
 TH1, TH2 = "th1", "th2"
@@ -45,10 +42,10 @@ def counts(desk: Desk) -> bool:
     return True
 
 
-class Rig:
+class Rig(Generic[_Board]):
     """A desk with an operator, Ann, on a machine that knows its position."""
 
-    def __init__(self, served: ServedBoard, desk: Desk) -> None:
+    def __init__(self, served: _Board, desk: Desk) -> None:
         self.served = served
         self.desk = desk
         self._press = 0
@@ -61,23 +58,30 @@ class Rig:
         desk.operators.take(ANN, "Ann", over=True)
         if desk.snapshot.emergency_stopped or any(joint.error for joint in desk.snapshot.joints):
             self.do(ResetFaults())
-            await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
+            self.await_true(lambda: not desk.snapshot.emergency_stopped, "reset")
         if desk.snapshot.homed:  # declared anew, the machine would wander off to its limit switches
             self.do(MoveJoints(dict(zip(ROBOT.joint_names, HERE, strict=True))))
-            await_true(lambda: np.allclose(self.positions(), HERE, atol=0.02), "reports of the move's end")
-            await_true(self.stands, "standstill")
+            self.await_true(lambda: np.allclose(self.positions(), HERE, atol=0.02), "reports of the move's end")
+            self.await_true(self.stands, "standstill")
         else:
             self.do(DeclareHere(HERE))
-            await_true(lambda: desk.snapshot.homed, "homed")
+            self.await_true(lambda: desk.snapshot.homed, "homed")
 
-    def late_ms(self) -> float:
-        """Return for how long at most this computer has held up the board or the desk."""
-        live = self.served.board.live
-        return max(live.ticks.max_ns / 1e6, live.frames.max_ns / 1e6, live.stalls.longest_ns / 1e6)
+    def now_s(self) -> float:
+        """Return the seconds on the clock by which the desk measures."""
+        return time.monotonic()
+
+    def await_true(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait until a condition holds."""
+        await_true(condition, what)
+
+    def pass_time(self, dt_s: float) -> None:
+        """Let time pass."""
+        time.sleep(dt_s)
 
     def idle(self) -> None:
         """Wait until the desk is connected and has nothing to do."""
-        await_true(lambda: self.desk.snapshot.connected and self.desk.snapshot.activity is None, "idle")
+        self.await_true(lambda: self.desk.snapshot.connected and self.desk.snapshot.activity is None, "idle")
 
     def do(self, command: Command) -> None:
         """Ask for a command, as Ann, and wait for its end; it must not fail."""
@@ -94,7 +98,7 @@ class Rig:
 
     def fresh(self) -> None:
         """Wait for a snapshot from after the last stop, reset or change of the operator."""
-        await_true(lambda: counts(self.desk), "a snapshot that counts")
+        self.await_true(lambda: counts(self.desk), "a snapshot that counts")
 
     def pressed(self, jog: Jog) -> int:
         """Press a button, as Ann, and hold it until a joint has moved visibly; return the number of the press."""
@@ -115,10 +119,10 @@ class Rig:
 
     def hold(self, jog: Jog, until: Callable[[], bool], most_s: float = 60.0) -> None:
         """Hold the button that was pressed last until a condition, or for a time."""
-        end_s = time.monotonic() + most_s
-        while not until() and time.monotonic() < end_s:
+        end_s = self.now_s() + most_s
+        while not until() and self.now_s() < end_s:
             self.desk.beat(ANN, self._press, jog, self.desk.snapshot.number)
-            time.sleep(BEAT_S / 2)
+            self.pass_time(BEAT_S / 2)
 
     def stands(self) -> bool:
         """Return whether every joint stands, by the last reports."""
@@ -145,33 +149,3 @@ class Rig:
     def told(self) -> list[str]:
         """Return the texts of all events."""
         return [event.text for event in self.desk.events.since()]
-
-
-@contextmanager
-def rig(kernel: Kernel) -> Iterator[Rig]:
-    """Serve a board and open a desk at it while the block runs."""
-    with ServedBoard(ROBOT, port=0, kernel=kernel, stand_at=list(HERE)) as served:
-        desk = Desk(connection(served.port), ROBOT)
-        try:
-            made = Rig(served, desk)
-            await_true(lambda: desk.snapshot.connected, "connected")
-            yield made
-        finally:
-            desk.close()
-
-
-def in_time(test: Callable[_P, None]) -> Callable[_P, None]:
-    """Repeat a test that has the Rig as `shared` and fails while this computer is too slow for real time."""
-
-    @functools.wraps(test)
-    def explained(*args: _P.args, **kwargs: _P.kwargs) -> None:
-        shared = kwargs["shared"]
-        assert isinstance(shared, Rig)
-        try:
-            shared.ready()
-            test(*args, **kwargs)
-        except Exception as error:
-            explain(error, shared.late_ms())
-            raise
-
-    return in_real_time(explained)

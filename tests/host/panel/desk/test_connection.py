@@ -3,6 +3,8 @@
 import time
 from threading import Event
 
+import pytest
+
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.panel.desk.commands import DeclareHere, Enable, ResetFaults, StepJoint
 from steptwin.host.panel.desk.desk import Desk
@@ -77,6 +79,7 @@ def _await_grey(desk: Desk, why: str) -> None:
     assert desk.snapshot.joints  # as last known
 
 
+@pytest.mark.live
 def test_a_lost_machine_shows_at_once_and_comes_back_by_itself(fast_kernel: Kernel) -> None:
     """Held up, then gone and switched on again; an emergency stop meanwhile is made when it is back."""
     _lost_and_found(fast_kernel)
