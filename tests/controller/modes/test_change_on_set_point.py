@@ -372,7 +372,7 @@ def test_for_any_set_points_it_ends_at_the_last_target(
 
 @pytest.mark.slow
 @given(
-    ways=st.lists(st.integers(1, 400_000), min_size=2, max_size=6),
+    ways=st.lists(st.integers(1, 100_000), min_size=2, max_size=6),
     velocity=st.sampled_from([10**5, 10**6, 10**7]),
     deceleration=st.sampled_from([10**7, 10**8, 10**9]),
     halt_ms=st.one_of(st.none(), st.integers(0, 400)),
@@ -417,6 +417,6 @@ def test_in_one_direction_no_target_given_is_ever_exceeded(
 def test_a_row_of_targets_is_never_exceeded(fast_kernel: Kernel, halt_ms: int | None, profile_type: int) -> None:
     one_example(
         test_in_one_direction_no_target_given_is_ever_exceeded,
-        fast_kernel, ways=[400_000, 1, 90_000], velocity=10**6, deceleration=10**7, halt_ms=halt_ms,
+        fast_kernel, ways=[100_000, 1, 90_000], velocity=10**6, deceleration=10**7, halt_ms=halt_ms,
         profile_type=profile_type, sign=-1,
     )  # fmt: skip

@@ -332,9 +332,15 @@ def stream(pulses: list[tuple[int, int]], turns: list[int], changes: Sequence[Le
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", MODULES)
 @given(pulses=PULSES, turns=TURNS, changes=CHANGES, cuts=st.lists(st.integers(0, 600_000), max_size=6))
 def test_pieces_make_no_difference(
+    pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
+) -> None:
+    for module in MODULES:
+        makes_no_difference(module, pulses, turns, changes, cuts)
+
+
+def makes_no_difference(
     module: Module, pulses: list[tuple[int, int]], turns: list[int], changes: list[LevelChange], cuts: list[int]
 ) -> None:
     whole = stream(pulses, turns, changes)
@@ -414,9 +420,8 @@ def drawn(seed: int) -> tuple[list[tuple[int, int]], list[int], list[LevelChange
     return pulses, turns, changes, [draw.randint(0, 600_000) for _ in range(6)]
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_pieces_of_one_stream_make_no_difference(module: Module) -> None:
-    one_example(test_pieces_make_no_difference, module, *drawn(1))
+def test_pieces_of_one_stream_make_no_difference() -> None:
+    one_example(test_pieces_make_no_difference, *drawn(1))
     pulses, turns, *_ = drawn(2)
     one_example(
         test_against_couplers_stepped_edge_by_edge, Coupler(9_000, 60_000), Coupler(5_000, 2_000), pulses, turns
