@@ -48,6 +48,7 @@ def test_a_ball_screw_spline_couples_mm_to_degrees() -> None:
 elements = st.floats(-2.0, 2.0)
 
 
+@pytest.mark.slow
 @given(st.lists(elements, min_size=6, max_size=6), st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3))
 def test_both_ways(beside: list[float], joints: list[float]) -> None:
     """A matrix with 5 on its diagonal, which is more than the sum beside it, has an inverse."""

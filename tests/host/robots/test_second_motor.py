@@ -57,6 +57,7 @@ def test_both_ends_at_one_place_change_no_bit() -> None:
     assert not coupling.skews(coupling.to_axes(q)).any()
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6), st.lists(st.integers(0, 2), max_size=3, unique=True))
 def test_joints_are_the_least_squares_solution(beside: list[float], seconds: list[int]) -> None:
     """numpy's pseudo-inverse, by singular values, is the oracle; joints that depend on each other included."""

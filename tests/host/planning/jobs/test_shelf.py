@@ -67,6 +67,7 @@ def test_storing_begins_above_the_box_and_fetching_ends_there() -> None:
     assert end == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_slides_and_arm_never_move_together_at_the_shelf() -> None:
     """The slides move before the arm, as in the paper."""
     apart = {"pick_up": "pick-up", "output": "output"}

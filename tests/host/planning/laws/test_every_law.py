@@ -21,6 +21,7 @@ def test_it_goes_from_rest_to_rest_over_the_whole_distance(law: Law) -> None:
     assert np.abs(law.velocity(ends_s)).tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 @given(laws())
 def test_velocity_and_acceleration_are_the_derivatives(law: Law) -> None:
     """Their integrals between instants without a breakpoint in between equal the differences, up to rounding."""

@@ -60,6 +60,7 @@ def test_polynomials_just_keep_their_limits(
     )
 
 
+@pytest.mark.slow
 @given(DISTANCES, LIMITS, LIMITS, LIMITS)
 def test_the_s_curve_keeps_its_limits(distance: float, speed: float, acceleration: float, jerk: float) -> None:
     law = SCurve.fastest(distance, speed, acceleration, jerk)

@@ -1,5 +1,6 @@
 """The arm in space: what is drawn stands where the DH product puts it, whatever the robot, and always alike."""
 
+from functools import cache
 from io import BytesIO
 from typing import Any
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 
 mpl = pytest.importorskip("matplotlib")
+
+from matplotlib.figure import Figure  # noqa: E402
 
 from steptwin.host.record.plots.in_space import (  # noqa: E402
     HAND,
@@ -17,6 +20,12 @@ from steptwin.host.record.plots.in_space import (  # noqa: E402
 )
 from steptwin.host.robots import load_robot, robot_names  # noqa: E402
 from steptwin.host.robots.kinematics import make_kinematics  # noqa: E402
+
+
+@cache
+def arm_in_space(name: str) -> Figure:
+    """Return the picture of an arm for tests that only look at it."""
+    return draw_arm_in_space(load_robot(name))
 
 
 def position(name: str) -> tuple[float, ...]:
@@ -65,7 +74,7 @@ def test_frames_stand_on_the_product_of_the_links(name: str) -> None:
 @pytest.mark.parametrize("name", robot_names())
 def test_the_arm_is_in_view_with_equal_scales(name: str) -> None:
     robot = load_robot(name)
-    axes: Any = draw_arm_in_space(robot).axes[0]
+    axes: Any = arm_in_space(name).axes[0]
     tool_mm = make_kinematics(robot).forward(np.array([robot.home]))[0, :3]
     spans = []
     shown_mm = tool_mm if tool_mm.size else np.zeros(3)  # of a machine without a tool, the foot of its first joint
@@ -113,7 +122,7 @@ def test_lengths_of_the_table_carry_the_names_of_the_robot_file(
 @pytest.mark.parametrize("name", robot_names())
 def test_arrows_are_as_long_as_they_say_and_joints_are_named(name: str) -> None:
     robot = load_robot(name)
-    axes: Any = draw_arm_in_space(robot).axes[0]
+    axes: Any = arm_in_space(name).axes[0]
     said = [text.get_text() for text in axes.texts]
     stated_mm = [float(text.split()[2]) for text in said if text.endswith(" mm")]
     hand = [arrow for arrow in axes.collections if mpl.colors.same_color(arrow.get_color(), HAND)]
@@ -128,7 +137,7 @@ def test_arrows_are_as_long_as_they_say_and_joints_are_named(name: str) -> None:
 @pytest.mark.parametrize("name", ["ar4-mk3", "parol6"])
 def test_no_name_of_a_joint_lies_on_another(name: str) -> None:
     """In the picture, at the size in which it is written, also where axes meet in the wrist."""
-    figure = draw_arm_in_space(load_robot(name))
+    figure = arm_in_space(name)
     figure.savefig(BytesIO(), format="png")
     axes: Any = figure.axes[0]
     places = [text.get_window_extent() for text in axes.texts]
