@@ -116,7 +116,7 @@ ACTIONS: dict[str, Callable[[Session], object]] = {
 def test_what_was_asked_for_before_a_stop_and_its_reset_never_moves(
     action: str, every: int, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before every third request that leads up to the motion, or fewer; later the drives, which are off, do not move."""
+    """Before every third request that leads up to the motion; later the drives, which are off, do not move."""
     board = board_at(HOME, fast_kernel)
     session = preset(board, HOME)
     other = Session(Neighbour(board, monkeypatch), ROBOT)

@@ -218,6 +218,7 @@ class TestReport:
         board = replace(LAB.board, driver_profile=MODULE, osc_pf=None, dirsetup_ns=24_000)
         return replace(LAB, board=board)
 
+    @pytest.mark.slow
     def test_names_the_mode_and_gives_the_true_positions(
         self, robot: Robot, fast_kernel: Kernel, tmp_path: Path
     ) -> None:

@@ -84,7 +84,7 @@ def test_against_the_plan_without_the_standstills_it_fails(outcome: Outcome) -> 
     assert not report.passed
 
 
-@pytest.mark.parametrize("factor", [1.0, 2.345])
+@pytest.mark.parametrize("factor", [1.0, pytest.param(2.345, marks=pytest.mark.slow)])
 def test_a_stretched_motion_waits_too(fast_kernel: Kernel, factor: float) -> None:
     slow = execute(plan_stretched(ROBOT, MOTION, factor), "waits", fast_kernel, inputs=[COMES, GOES])
     assert slow.passed, slow.report.reasons
@@ -97,6 +97,7 @@ def test_an_input_that_is_on_from_the_start(fast_kernel: Kernel) -> None:
     assert outcome.waits[0].stood_s <= (LEAD_MS + 2 * HOLD_MS) / 1000
 
 
+@pytest.mark.slow
 def test_a_time_out_ends_the_run_at_rest(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -131,10 +132,12 @@ def test_a_plan_is_cut_only_where_it_stands_at_a_point() -> None:
             PLAN.until(end_ms)
 
 
+@pytest.mark.slow
 def test_runs_are_deterministic(fast_kernel: Kernel, outcome: Outcome) -> None:
     assert execute(PLAN, "waits", fast_kernel, inputs=[GOES, COMES]).bus_log == outcome.bus_log
 
 
+@pytest.mark.slow
 def test_a_cut_stream_keeps_the_waits_before_the_cut(fast_kernel: Kernel) -> None:
     outcome = execute(PLAN, "waits", fast_kernel, inputs=[COMES, GOES], cut_stream_s=MOTION.waits[1].at_s + 0.3)
     assert len(outcome.waits) == 2

@@ -106,6 +106,7 @@ def test_without_a_motion_there_is_nothing_to_judge(
     assert "no pin has changed since power-up" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_pictures_are_of_what_is_there(fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     verdict_after(fast_kernel, tmp_path, 130)

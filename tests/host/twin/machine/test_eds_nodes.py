@@ -67,6 +67,7 @@ def test_what_is_wrong_in_it_is_told_in_a_line(tmp_path: Path, old: str, new: st
     assert len(str(caught.value).splitlines()) == 1
 
 
+@pytest.mark.slow
 @given(st.integers(0, len(TEXT) - 1), st.integers(0, 40), st.text(st.characters(codec="utf-8"), max_size=12))
 @settings(deadline=None)
 def test_a_damaged_file_is_read_or_refused(

@@ -117,6 +117,7 @@ def test_the_sensors_are_digital_inputs_on_the_bus(waited: Outcome) -> None:
     assert lock < at_end[0][0] < take < at_end[1][0] < unlock
 
 
+@pytest.mark.slow
 def test_without_waits_the_bus_and_the_edges_stay_as_they_are(fast_kernel: Kernel) -> None:
     """A motion that does not look at the sensors leaves them unplugged: the shelf only watches."""
     motion = at_drawer(waiting=False)
@@ -133,6 +134,7 @@ def test_without_waits_the_bus_and_the_edges_stay_as_they_are(fast_kernel: Kerne
     ]
 
 
+@pytest.mark.slow
 def test_a_wait_for_a_drawer_that_is_locked_ends_the_motion(fast_kernel: Kernel) -> None:
     outcome = execute(at_drawer(waiting=True), "waits", fast_kernel, locked_drawers=["A1"])
     assert not outcome.passed
@@ -154,6 +156,7 @@ def test_places_that_the_shelf_does_not_have(fast_kernel: Kernel, stock: dict[st
         execute(at_drawer(waiting=False), "quick", fast_kernel, stock=stock, locked_drawers=locked)
 
 
+@pytest.mark.slow
 def test_a_live_board_has_the_same_shelf(waited: Outcome, fast_kernel: Kernel) -> None:
     """The host's frames of the run in virtual time, sent to a live board at their instants, do the same there."""
     board = LiveBoard(
@@ -180,6 +183,7 @@ FROM_BOARDS = {cob + node for cob in (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 
 """COB-IDs of the boards' own frames."""
 
 
+@pytest.mark.slow
 def test_every_slot_is_stored_and_fetched_in_one_run(fast_kernel: Kernel) -> None:
     """Points every 40 ms are enough for these slow motions, and make the run cheaper."""
     errand, options = Errand.alone(job_carries(ROBOT, "every-slot", {}), "screws"), {"pull_s": "1", "approach_mm": "10"}
@@ -199,10 +203,11 @@ def test_every_slot_is_stored_and_fetched_in_one_run(fast_kernel: Kernel) -> Non
 class TestDrawerPull:
     """The paper's experiment, section 3: the drawer is pulled 180 mm out, and stays so."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("options", "slot", "open_mm", "cells"),
-        [({}, "A1", 180.0, 3), ({"compartments": "2", "slot": "B2"}, "B2", 120.0, 2),
-         ({"compartments": "1", "elbow": "left", "sensors": "wait"}, "A1", 60.0, 1)],
+        [({"pull_s": "2"}, "A1", 180.0, 3), ({"pull_s": "2", "compartments": "2", "slot": "B2"}, "B2", 120.0, 2),
+         ({"pull_s": "2", "compartments": "1", "elbow": "left", "sensors": "wait"}, "A1", 60.0, 1)],
     )  # fmt: skip
     def test_it_passes(
         self, options: dict[str, str], slot: str, open_mm: float, cells: int, fast_kernel: Kernel, tmp_path: Path
@@ -220,11 +225,13 @@ class TestDrawerPull:
         assert stored.comparison.expected.stock == PlannedStock(leaves_open=(slot,))
         assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
 
+    @pytest.mark.slow
     def test_a_locked_drawer_fails_it(self, fast_kernel: Kernel) -> None:
-        motion = plan(ROBOT, make_job(ROBOT, "drawer-pull", {}))
+        motion = plan(ROBOT, make_job(ROBOT, "drawer-pull", {"pull_s": "2"}))
         outcome = execute(motion, "drawer-pull", fast_kernel, locked_drawers=("A1",))
         assert "shelf: A1: the drawer is shut at the end (planned open)" in outcome.report.reasons
 
+    @pytest.mark.slow
     def test_a_program_says_which_drawers_stay_open(self, fast_kernel: Kernel) -> None:
         """The same by hand: without `leaves_open` the open drawer fails the run; a drawer that is not there is told."""
         text = """
@@ -235,7 +242,7 @@ class TestDrawerPull:
         on = true
         [[step]]
         by = {{ y = -180 }}
-        speed_mm_s = 20
+        speed_mm_s = 90
         """
         for line, reasons in (
             ('leaves_open = ["A1"]', []),
@@ -270,6 +277,7 @@ class TestPart:
         errand = Errand.alone(job_carries(robot, "carry", options), "gear")
         return execute(plan(robot, make_job(robot, "carry", options)), "carry", kernel, errand=errand, **machine)
 
+    @pytest.mark.slow
     def test_it_is_carried(self, fast_kernel: Kernel, tmp_path: Path) -> None:
         outcome = self.carried(fast_kernel)
         assert outcome.passed, outcome.report.reasons
@@ -289,6 +297,7 @@ class TestPart:
         assert stored.comparison.expected.stock == PlannedStock(cleared={"qb": 2})
         assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
 
+    @pytest.mark.slow
     def test_without_a_part_or_with_one_in_its_place_the_run_fails(self, fast_kernel: Kernel) -> None:
         outcome = self.carried(fast_kernel, {"depth_mm": "20"}, feeds=False, stock={})
         assert list(outcome.report.reasons) == ["shelf: qb: boxes put down: 0 (planned 1)"]

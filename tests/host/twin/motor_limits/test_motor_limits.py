@@ -33,9 +33,6 @@ b = {{ d1 = 100.0, th2 = 40.0, th3 = -20.0, th4 = 90.0 }}
 [[step]]
 go = "b"
 speed_percent = 100.0
-[[step]]
-go = "a"
-speed_percent = 100.0
 """
 LIMITS = '[limits]\nfrom = "motors"\nleft_percent = {left}'
 
@@ -56,6 +53,7 @@ def path_there() -> PiecewisePath:
     return flowing(ROBOT, [JointLeg(ROBOT, A, B, Pace())], []).path
 
 
+@pytest.mark.slow
 def test_the_static_margin_is_what_is_asked_for(thirty: CompiledProgram) -> None:
     answers = [row.drives for row in thirty.steps]
     assert all(answers)
@@ -68,6 +66,7 @@ def test_the_static_margin_is_what_is_asked_for(thirty: CompiledProgram) -> None
         assert answer.average_s == pytest.approx(0.40, abs=0.02)  # 1.5 periods of the arm's slowest swing
 
 
+@pytest.mark.slow
 def test_a_run_with_motors_keeps_step_and_one_by_the_joints_alone_does_not(thirty: CompiledProgram) -> None:
     ends = []
     for program in (thirty, compiled("")):
@@ -77,6 +76,7 @@ def test_a_run_with_motors_keeps_step_and_one_by_the_joints_alone_does_not(thirt
     assert ends == [True, False]
 
 
+@pytest.mark.slow
 def test_less_torque_left_is_faster_and_more_is_slower(thirty: CompiledProgram) -> None:
     slow = compiled(LIMITS.format(left=60))
     assert slow.trajectory.duration_s > 1.2 * thirty.trajectory.duration_s
@@ -84,6 +84,7 @@ def test_less_torque_left_is_faster_and_more_is_slower(thirty: CompiledProgram) 
     assert slow.steps[0].drives.left_percent >= 59.0
 
 
+@pytest.mark.slow
 def test_too_short_an_average_is_refused_by_the_rotors(monkeypatch: pytest.MonkeyPatch) -> None:
     """At 30 % and averaged over 0.05 s the torques suffice, and the arm swings until a rotor slips."""
     path = path_there()
@@ -101,6 +102,7 @@ def test_too_short_an_average_is_refused_by_the_rotors(monkeypatch: pytest.Monke
     assert "the last of 7 that were tried: the motors do not keep step" in text
 
 
+@pytest.mark.slow
 def test_the_spiral_in_less_than_4_seconds_and_not_faster() -> None:
     """The paper's spiral took 18.8 s: 3.9 s are promised, and at 0.769 of the time its rotors slip."""
     motion = make_job(ROBOT, "spiral", {"law": "fastest"}, drives=motor_limits(ROBOT, 30.0))
@@ -177,6 +179,7 @@ def test_the_payload_counts_from_where_it_hangs() -> None:
 class TestForecast:
     """What a new user is told before a program runs."""
 
+    @pytest.mark.slow
     def test_three_answers(self, thirty: CompiledProgram) -> None:
         fast = motor_forecast(ROBOT, compiled("").trajectory)
         assert fast is not None

@@ -328,6 +328,7 @@ def driven_into_its_stop(
     return ours, after, master.position(), board.rotor_joints()["th1"], board.slipped()["th1"]
 
 
+@pytest.mark.slow
 def test_a_motor_driven_into_its_stop_slips_and_never_goes_beyond(
     fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ UNTIL_S = 7.0
 """The box is taken at 1.25 s and lifted until 6.6 s: what follows is left out."""
 
 
+@pytest.mark.slow
 def test_the_first_slip_of_the_store_moves_earlier_with_the_payload() -> None:
     pytest.importorskip("numba")
     robot = load_robot("warehouse-scara")

@@ -7,6 +7,7 @@ from math import inf
 from steptwin.controller.motion.backend import Kernel
 from steptwin.emulator.faults.harm import Operation
 from steptwin.host.client.axis import AxisClient
+from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.session import Session
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
@@ -21,6 +22,8 @@ from steptwin.protocol.timer import COUNTS_PER_US
 COUNTS_PER_S = 72_000_000
 CLOCK_US = 1_764_000_000_000_000
 """What the computer's clock says at power-up, as in 2025."""
+NEAR = [-128.0, -148.0, 1.0, -358.0]
+"""Where the teaching robot stands 7 units or less from the switches by which its axes are homed."""
 Heard = list[tuple[int, Frame]]
 """Frames with their stamps in microseconds by the computer's clock."""
 
@@ -63,6 +66,13 @@ class Real:
             last_us = max(us, last_us + 1)
             stamped.append((last_us, frame))
         return stamped
+
+
+def homed(robot: Robot, kernel: Kernel, stand_at: Sequence[float]) -> Real:
+    """Return a machine that has homed all its axes at once, and stays at its switches."""
+    real = Real(robot, kernel, stand_at)
+    home_robot(real.session, together=True, stay=True)
+    return real
 
 
 def shadowed(

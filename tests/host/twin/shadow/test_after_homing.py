@@ -111,17 +111,24 @@ def test_the_next_motion_begins_when_it_is_commanded(hurried: HurriedHost, late_
     assert shadow.caught_up_s == pytest.approx(late_us * 1e-6, abs=0.002)
 
 
+@pytest.fixture(scope="module")
+def streamed(fast_kernel: Kernel) -> HurriedHost:
+    host = HurriedHost(fast_kernel)
+    host.run(Mode.INTERPOLATED_POSITION)
+    return host
+
+
 @pytest.mark.parametrize("later_ms", [0.5, 2.5, 8.5, 12.0])
-def test_a_motion_by_ways_from_where_the_homing_ended(later_ms: float, fast_kernel: Kernel) -> None:
+def test_a_motion_by_ways_from_where_the_homing_ended(
+    later_ms: float, streamed: HurriedHost, fast_kernel: Kernel
+) -> None:
     """PVT records are ways: what a step more or less at the end of the homing makes is no fault at their end.
 
     The twin stood so much farther from or nearer to its switch, by the time of its search.
     """
-    host = HurriedHost(fast_kernel)
-    host.run(Mode.INTERPOLATED_POSITION)
     stand_at = list(ROBOT.home)
     stand_at[AXIS] -= later_ms / 1000 * SEARCH_UNITS_PER_S / float(ROBOT.wire_units_per_unit[AXIS])
-    told, _ = shadowed(ROBOT, host.real.heard(), fast_kernel, stand_at)
+    told, _ = shadowed(ROBOT, streamed.real.heard(), fast_kernel, stand_at)
     assert told == []
 
 

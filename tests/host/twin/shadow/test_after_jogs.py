@@ -3,7 +3,6 @@
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
-from steptwin.host.operate.homing import home_robot
 from steptwin.host.operate.jogging import jog
 from steptwin.host.operate.moving import move
 from steptwin.host.robots import load_robot
@@ -12,11 +11,13 @@ from steptwin.host.twin.shadow.axes import ComparedAxis, DriveReport, TwinAxis
 from steptwin.protocol.cia402 import Mode, Status
 from steptwin.protocol.frame import COB_TPDO
 from steptwin.protocol.timer import COUNTS_PER_MS
-from tests.host.twin.shadow.machines import Real, shadowed
+from tests.host.twin.shadow.machines import NEAR, Real, homed, shadowed
 from tests.host.twin.shadow.test_shadow import changed, moved
 
 ROBOT = load_robot("teaching-scara")
 TH1_NODE = 0x10
+BEGIN = [-113.0, -145.0, 3.0, -350.0]
+"""Near the switches by which the axes are homed; th1 has way to both sides."""
 PAUSES_S = (0.0, 0.06, 0.12, 0.2)
 RAMP_S = 0.126
 """Time in which th1 reaches its highest speed."""
@@ -25,85 +26,92 @@ RAMP_S = 0.126
 @pytest.fixture(scope="module")
 def hurried(fast_kernel: Kernel) -> Real:
     """A machine whose th1 is jogged for less than its ramp takes, then moved or jogged again with hardly a pause."""
-    real = Real(ROBOT, fast_kernel)
-    home_robot(real.session)
+    real = homed(ROBOT, fast_kernel, NEAR)
+    move(real.session, BEGIN)
     for i in range(17):
         speed = (1 - 2 * (i % 2)) * 0.97 * ROBOT.joints[0].speed_max
         jog(real.session, "th1", speed, 0.6 * RAMP_S + 0.0013 * i)
         real.board.wait(PAUSES_S[i % 4])
         if i % 3:
-            goal = [(12.0, -12.0)[i // 2 % 2], 5.0 * (i % 3), 0.0, 0.0]
+            goal = [(-101.0, -125.0)[i // 2 % 2], -145.0 + 5.0 * (i % 3), *BEGIN[2:]]
             move(real.session, goal, speed_percent=(100.0, 15.0)[i % 2])
     real.board.wait(0.6)
     return real
 
 
-@pytest.mark.parametrize("jitter_us", [0, 300, 1500])
-@pytest.mark.parametrize("seed", range(3))
+JITTERS = [(0, 0), (300, 0), *((1500, seed) for seed in range(3))]
+"""Longest lateness of a stamp in us, and seed; without lateness nothing is drawn."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("jitter_us", "seed"), JITTERS)
 def test_no_false_alarm(hurried: Real, jitter_us: int, seed: int, fast_kernel: Kernel) -> None:
-    told, _ = shadowed(ROBOT, hurried.heard(jitter_us=jitter_us, seed=seed), fast_kernel)
+    told, _ = shadowed(ROBOT, hurried.heard(jitter_us=jitter_us, seed=seed), fast_kernel, NEAR)
     assert told == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [2, -2])
 def test_a_step_too_many_at_the_end_is_told(hurried: Real, steps: int, fast_kernel: Kernel) -> None:
     """Also where the last jog was not seen at rest before the way to the target."""
     heard = hurried.heard()
     cob_id = COB_TPDO[0] + TH1_NODE
     last = sum(frame.cob_id == cob_id for _, frame in heard)
-    told, _ = shadowed(ROBOT, changed(heard, cob_id, moved(steps * 1024), last - 3, last), fast_kernel)
+    told, _ = shadowed(ROBOT, changed(heard, cob_id, moved(steps * 1024), last - 3, last), fast_kernel, NEAR)
     assert [(each.axis, each.kind, each.error_steps) for each in told] == [("th1", DiscrepancyKind.REST, float(steps))]
 
 
 @pytest.fixture(scope="module")
 def stepped(fast_kernel: Kernel) -> Real:
     """A machine whose th1 makes relative moves right after jogs, and then an absolute one."""
-    real = Real(ROBOT, fast_kernel)
-    home_robot(real.session)
+    real = homed(ROBOT, fast_kernel, NEAR)
+    move(real.session, BEGIN)
     for i in range(15):
         jog(real.session, "th1", (1 - 2 * (i % 2)) * 0.97 * ROBOT.joints[0].speed_max, 0.6 * RAMP_S + 0.0013 * i)
         real.board.wait(PAUSES_S[i % 4])
         for sign in (1, -1) if i % 3 else ():
             real.go_relative(real.session.machine.axes[0], sign * 60_000)
             real.board.wait(PAUSES_S[(i + 1) % 4])
-    move(real.session, [3.0, 0.0, 0.0, 0.0])
+    move(real.session, [-110.0, *BEGIN[1:]])
     real.board.wait(0.6)
     return real
 
 
-@pytest.mark.parametrize("jitter_us", [0, 300, 1500])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
+@pytest.mark.parametrize(("jitter_us", "seed"), JITTERS)
 def test_no_false_alarm_by_relative_moves(stepped: Real, jitter_us: int, seed: int, fast_kernel: Kernel) -> None:
     """They keep what a jog has left, whether or not anybody has seen its rest; the target at the end does not."""
-    told, _ = shadowed(ROBOT, stepped.heard(jitter_us=jitter_us, seed=seed), fast_kernel)
+    told, _ = shadowed(ROBOT, stepped.heard(jitter_us=jitter_us, seed=seed), fast_kernel, NEAR)
     assert told == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [2, -2])
 def test_a_step_too_many_after_the_absolute_move_is_told(stepped: Real, steps: int, fast_kernel: Kernel) -> None:
     heard = stepped.heard(jitter_us=300)
     cob_id = COB_TPDO[0] + TH1_NODE
     last = sum(frame.cob_id == cob_id for _, frame in heard)
-    told, _ = shadowed(ROBOT, changed(heard, cob_id, moved(steps * 1024), last - 3, last), fast_kernel)
+    told, _ = shadowed(ROBOT, changed(heard, cob_id, moved(steps * 1024), last - 3, last), fast_kernel, NEAR)
     assert [(each.axis, each.kind, each.error_steps) for each in told] == [("th1", DiscrepancyKind.REST, float(steps))]
 
 
 @pytest.fixture(scope="module")
 def creeping(fast_kernel: Kernel) -> Real:
     """A machine whose th1 goes on so slowly after each jog that the ways to the target differ by more than 350 ms."""
-    real = Real(ROBOT, fast_kernel)
-    home_robot(real.session)
+    real = homed(ROBOT, fast_kernel, NEAR)
+    move(real.session, BEGIN)
     for i in range(8):
         sign = 1 - 2 * (i % 2)
         jogged = jog(real.session, "th1", sign * 0.97 * ROBOT.joints[0].speed_max, 0.6 * RAMP_S + 0.0013 * i)
-        move(real.session, [jogged.end + 1.5 * sign, 0.0, 0.0, 0.0], speed_percent=1)
+        move(real.session, [jogged.end + 1.5 * sign, *BEGIN[1:]], speed_percent=1)
     real.board.wait(0.6)
     return real
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_twin_misses_no_heartbeat_while_it_comes_to_rest(creeping: Real, seed: int, fast_kernel: Kernel) -> None:
-    told, _ = shadowed(ROBOT, creeping.heard(jitter_us=1500, seed=seed), fast_kernel)
+    told, _ = shadowed(ROBOT, creeping.heard(jitter_us=1500, seed=seed), fast_kernel, NEAR)
     assert told == []
 
 

@@ -208,6 +208,7 @@ FRAMES = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(heard=st.lists(st.one_of(st.none(), FRAMES), max_size=60), step_s=st.floats(0.001, 0.4))
 def test_nothing_but_uploads_whatever_is_heard(heard: list[Frame | None], step_s: float) -> None:
