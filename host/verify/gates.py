@@ -18,8 +18,13 @@ cubics and chords.
 POSITION_ERROR_LIMIT_STEPS: Final = THRESHOLD_STEPS + THRESHOLD_TOLERANCE_STEPS
 """0.57: a perfect counter is up to H = 0.5625 step away when it steps; the tolerance is the rest."""
 
-TOLERANCE_STEPS: Final = 1.0
-"""Usual distance that is asked of another controller: counters that step at whole steps are up to 1 step away."""
+TOLERANCE_STEPS: Final = 1.5
+"""Usual distance asked of another controller: one that steps at whole steps is up to 1 away, and its count at the start
+may be rounded the other way.
+"""
+
+SEGMENTS_TOLERANCE_STEPS: Final = 2.0
+"""Distance up to which controllers come that move in segments of a rate, such as grbl."""
 
 
 @dataclass(frozen=True, slots=True)

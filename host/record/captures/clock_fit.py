@@ -24,6 +24,7 @@ from steptwin.host.record.captures.clock_line import (
     SeenSteps,
     fitted,
     paired_until,
+    residual_steps,
     with_late,
 )
 from steptwin.host.record.captures.clock_search import alignments, apart_steps, coarse_offset
@@ -33,8 +34,13 @@ from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _AS_MUCH: Final = 0.2
 """Difference in likeness up to which an axis moves as a plan says."""
-_PAIRINGS: Final = 40
-"""Times that a part of the motion is paired and fitted until both settle."""
+_NEAR_STEPS: Final = 0.3
+_AS_NEAR: Final = 0.97
+"""Part of the most pairs near a line that another line must have near it to be taken for it."""
+_SAME_SPREAD_STEPS: Final = 1e-3
+_PAIRINGS_OF_PART: Final = 3
+_PAIRINGS: Final = 20
+"""Times that a part of the motion, and at last all of it, is paired and fitted until both settle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +90,7 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
     turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
     pairs = [(ideal[i], turned[i]) for i in moving]
     found = [_fitted(pairs, line, until_s) for line, until_s in alignments(pairs, coarse_s)]
-    line, errors, count, _ = min(found, key=attrgetter("apart_steps"))
+    line, errors, count = _best(found)
     return ClockFit(line.offset_s, line.ratio, *errors, count, inverted, _swapped(likeness, moving))
 
 
@@ -108,12 +114,35 @@ def _swapped(likeness: FloatArray, moving: Sequence[int]) -> tuple[tuple[int, in
     return tuple((i, j) for i in astray for j in astray if i < j and alike[i, j] and alike[j, i])
 
 
+def _best(found: "Sequence[_Found]") -> tuple[ClockLine, tuple[float, float], int]:
+    """Return the best line, its errors and the number of its pairs.
+
+    Steps lost put counts off for good, but leave the pairs near; a rough controller leaves few of them near any line.
+    """
+    most = max(each.near for each in found)
+    near = [each for each in found if each.near >= _AS_NEAR * most]
+    least = min(each.spread_steps for each in near) + _SAME_SPREAD_STEPS
+    best = min((each for each in near if each.spread_steps < 2.0 * least), key=attrgetter("apart_steps"))
+    return best.line, best.errors, best.pairs
+
+
 class _Found(NamedTuple):
-    """A line, the errors of its offset and ratio, the number of pairs, and how far the counts are off on it."""
+    """A line, and what speaks for it.
+
+    Attributes:
+        line: the line.
+        errors: of its offset and ratio.
+        pairs: number of pairs.
+        near: how many of them are near the line.
+        spread_steps: how far off it they usually are.
+        apart_steps: how far the counts are off on it, added over some steps.
+    """
 
     line: ClockLine
     errors: tuple[float, float]
     pairs: int
+    near: int
+    spread_steps: float
     apart_steps: float
 
 
@@ -122,12 +151,14 @@ def _fitted(pairs: AxisPairs, line: ClockLine, until_s: float) -> _Found:
     end_s = max(float(plan.time_s[-1]) for plan, _ in pairs)
     line = with_late(pairs, line, until_s)
     while True:
-        for _ in range(_PAIRINGS):
+        for _ in range(_PAIRINGS if until_s >= end_s else _PAIRINGS_OF_PART):
             before = line
             paired = paired_until(pairs, line, until_s)
             line, errors = fitted(paired, line)
             if line.agrees(before, until_s):
                 break
         if until_s >= end_s:
-            return _Found(line, errors, paired.planned_s.size, apart_steps(pairs, line))
+            off_steps = np.abs(residual_steps(paired, line))
+            near, spread = int(np.count_nonzero(off_steps < _NEAR_STEPS)), float(np.median(off_steps))
+            return _Found(line, errors(), off_steps.size, near, spread, apart_steps(pairs, line))
         until_s *= 2.0

@@ -10,8 +10,9 @@ are compared. What the rule leaves over changes slowly and differs between the s
 would promise too much.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -23,7 +24,7 @@ from steptwin.host.verify.oracle import IdealSteps
 _SLOW: Final = 0.1
 """Crossings below this part of the axis' peak speed tell no time."""
 _PAIRED_STEPS: Final = 0.75
-_PAIRS_MAX: Final = 8_000
+_PAIRS_MAX: Final = 4_000
 """Pairs of an axis that are fitted."""
 _ROUNDS: Final = 12
 _TRIMMED: Final = 6.0
@@ -33,11 +34,12 @@ _LATE_STEPS: Final = 0.5
 _SIGMAS: Final = 1.4826
 """Standard deviation of a normal distribution in medians of its magnitudes."""
 _LEAST_GAP_S: Final = 1e-9
-_LEAST_SPREAD: Final = 1e-6
+_LEAST_SPREAD: Final = 1e-4
+"""Residuals of this part of a step are those of a perfect fit."""
 _SETTLED_S: Final = 1e-9
 _SETTLED_STEPS: Final = 1e-4
 _STRETCHES: Final = 16
-_ALIKE: Final = 0.15
+_ALIKE: Final = 0.25
 """Part of what a rule leaves over that all steps may share: of a grid of samples, and of a law of speed in segments."""
 _OF_100: Final = 2.13
 """Factor from the standard error to that which 95 of 100 captures keep, with so many stretches (Student)."""
@@ -175,13 +177,13 @@ def _thinned(indices: Int64Array) -> Int64Array:
     return indices[:: -(-indices.size // _PAIRS_MAX) or 1]
 
 
-def fitted(paired: Paired, line: ClockLine) -> tuple[ClockLine, tuple[float, float]]:
-    """Return the line through the pairs that are not far off, and the errors of its offset and ratio.
+def fitted(paired: Paired, line: ClockLine) -> tuple[ClockLine, Callable[[], tuple[float, float]]]:
+    """Return the line through the pairs that are not far off, and what tells the errors of its offset and ratio.
 
     95 of 100 captures keep these errors. Without two different instants the line before stays, and nothing is known.
     """
     if paired.planned_s.size < 3 or np.ptp(paired.planned_s) == 0.0:
-        return replace(line, ratio=1.0), (np.inf, np.inf)
+        return replace(line, ratio=1.0), lambda: (np.inf, np.inf)
     middle_s = (paired.planned_s[0] + paired.planned_s[-1]) / 2.0
     kept = np.ones(paired.planned_s.size, np.bool_)
     spread = _LEAST_SPREAD
@@ -194,11 +196,11 @@ def fitted(paired: Paired, line: ClockLine) -> tuple[ClockLine, tuple[float, flo
         off_steps = np.abs(residual_steps(paired, better))
         median = float(np.median(off_steps[kept]))
         spread = max(_SIGMAS * median, _LEAST_SPREAD)
-        trimmed = off_steps <= _TRIMMED * max(median, 1e-9)
+        trimmed = off_steps <= _TRIMMED * max(median, _LEAST_SPREAD)
         if np.array_equal(trimmed, kept):
             break
         kept = trimmed
-    return better, equations.errors(spread, middle_s)
+    return better, partial(equations.errors, spread, middle_s)
 
 
 def residual_steps(paired: Paired, line: ClockLine) -> FloatArray:
@@ -224,10 +226,12 @@ class _Equations:
         came = speed * (paired.measured_s - line.offset_s - line.ratio * paired.planned_s)
 
         def sums(values: FloatArray) -> FloatArray:
-            return np.bincount(stretch, values, _STRETCHES)
+            summed: FloatArray = np.bincount(stretch, values, _STRETCHES).astype(np.float64)
+            return summed
 
         def sums_by_way(values: FloatArray) -> FloatArray:
-            return np.bincount(stretch * ways + paired.ways, values, _STRETCHES * ways).reshape(_STRETCHES, ways)
+            summed: FloatArray = np.bincount(stretch * ways + paired.ways, values, _STRETCHES * ways).astype(np.float64)
+            return summed.reshape(_STRETCHES, ways)
 
         self._left = np.zeros((_STRETCHES, size, size))
         self._right = np.zeros((_STRETCHES, size))

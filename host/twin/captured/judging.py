@@ -31,6 +31,7 @@ from steptwin.host.verify import (
     verify_comparison,
 )
 from steptwin.host.verify.counted import pulse_facts
+from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.oracle import ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -53,7 +54,7 @@ class CaptureJudge:
 
     maps: Sequence[str] = ()
     glitch_s: float = 0.0
-    tolerance_steps: float = 1.0
+    tolerance_steps: float = TOLERANCE_STEPS
     clock_ppm: float = CLOCK_PPM
     driver_profile: str | None = None
     currents: bool = False
