@@ -36,11 +36,40 @@ _WINDOW_COUNTS: Final = 10 * COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenEdges:
-    """The edges of one axis in counts of the plan's clock: those of STEP, of DIR, and of ENABLE if it was recorded."""
+    """The edges of one axis in counts: those of STEP, of DIR, and of ENABLE if it was recorded.
+
+    `goes_on` says that STEP's last fall is the record's end: its pulse lasts longer, nobody knows how long.
+    """
 
     name: str
     pins: PinEdges
     enable: list[PinChange] | None
+    goes_on: bool = False
+
+    def at_best(self, slack_counts: int) -> "SeenEdges":
+        """Return the edges as they are in the pulses' favour: ENABLE early on and late off, the last pulse long."""
+        clk = np.asarray(self.pins.clk_counts, np.int64)
+        if self.goes_on:
+            clk = np.append(clk[:-1], clk[-1] + _TAIL_COUNTS)
+        return replace(self, pins=PinEdges(clk, self.pins.direction), enable=_shifted(self.enable, slack_counts))
+
+    def at_worst(self, slack_counts: int) -> "SeenEdges":
+        """Return the edges as they are against the pulses: ENABLE late on and early off."""
+        return replace(self, enable=_shifted(self.enable, -slack_counts))
+
+
+def _shifted(enable: list[PinChange] | None, slack_counts: int) -> list[PinChange] | None:
+    """Return changes of ENABLE that switch it on so much earlier, and off so much later."""
+    if enable is None:
+        return None
+    moved = [
+        change._replace(counts=max(change.counts + (-slack_counts if change.level else slack_counts), _ENABLE_COUNTS))
+        for change in enable
+    ]
+    return [
+        now._replace(counts=max(now.counts, before.counts))
+        for before, now in zip([moved[0], *moved] if moved else [], moved, strict=False)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +146,7 @@ def _seen(number: int, signals: AxisSignals, counts: Callable[[FloatArray], Int6
         first = [PinChange(_ENABLE_COUNTS, number, Pin.ENABLE, 1)] if signals.enable.level else []
         level = signals.enable.level
         enable = first + [PinChange(at, number, Pin.ENABLE, (level + n) & 1) for at, n in changed]
-    return SeenEdges(signals.name, PinEdges(clk, direction), enable)
+    return SeenEdges(signals.name, PinEdges(clk, direction), enable, signals.rests_high)
 
 
 def see(
@@ -137,9 +166,10 @@ def see(
         reading: how the edges are read.
     """
     slack_counts, no_edges = reading.slack_counts, [SeenEdges(each.name, PinEdges([], []), []) for each in edges]
-    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), edges, starts)]
+    worst, best = ([getattr(each, how)(slack_counts) for each in edges] for how in ("at_worst", "at_best"))
+    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), worst, starts)]
     own = [axis.violations.limits for axis in _fed(drivers, no_edges, starts)]
-    wide = _fed(_read(drivers, slack_counts), edges, starts, currents=reading.currents)
+    wide = _fed(_read(drivers, slack_counts), best, starts, currents=reading.currents)
     limits = [
         answer
         for axis, figures, perhaps in zip(wide, own, narrow, strict=True)

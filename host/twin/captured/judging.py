@@ -15,7 +15,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.record.captures import AxisSignals, Capture, ChannelMap, ClockFit, fit_clock, wired
-from steptwin.host.record.captures.clock_fit import SeenSteps
+from steptwin.host.record.captures.clock_line import SeenSteps
 from steptwin.host.robots.robot import Robot
 from steptwin.host.twin.captured.drivers_seen import Reading, Seen, drivers_of, edges_in_counts, see
 from steptwin.host.twin.captured.limits_read import Kept, LimitAnswer

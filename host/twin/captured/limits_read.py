@@ -13,7 +13,8 @@ from steptwin.host.verify import DriverLimit, DriverViolations
 from steptwin.protocol.drivers import Coupler, StepTimes
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
-_TIMES: Final = ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns", "enable_ns", "wake_ns")
+_TIMES: Final = ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns", "wake_ns")
+"""Times between two edges of STEP and DIR, or from the assumed supply; for ENABLE's its edge is moved."""
 
 
 class Kept(StrEnum):
