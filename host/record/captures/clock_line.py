@@ -189,18 +189,15 @@ def fitted(paired: Paired, line: ClockLine) -> tuple[ClockLine, Callable[[], tup
     spread = _LEAST_SPREAD
     for _ in range(_ROUNDS):
         equations = _Equations(paired.chosen(kept), line, middle_s)
-        found = equations.solved(spread)
-        better = ClockLine(
-            line.offset_s + float(found[0] - found[1] * middle_s), line.ratio + float(found[1]), found[2:]
-        )
-        off_steps = np.abs(residual_steps(paired, better))
+        off_steps = np.abs(residual_steps(paired, equations.line(spread / _LATE_STEPS)))
         median = float(np.median(off_steps[kept]))
         spread = max(_SIGMAS * median, _LEAST_SPREAD)
         trimmed = off_steps <= _TRIMMED * max(median, _LEAST_SPREAD)
         if np.array_equal(trimmed, kept):
             break
         kept = trimmed
-    return better, partial(equations.errors, spread, middle_s)
+    prior = spread / equations.usually_late(spread)
+    return equations.line(prior), partial(equations.errors, spread, prior)
 
 
 def residual_steps(paired: Paired, line: ClockLine) -> FloatArray:
@@ -218,6 +215,7 @@ class _Equations:
     """
 
     def __init__(self, paired: Paired, line: ClockLine, middle_s: float) -> None:
+        self._before, self._middle_s = line, middle_s
         ways, size = line.late_steps.size, 2 + line.late_steps.size
         order = np.argsort(paired.planned_s, kind="stable")
         stretch = np.empty(order.size, np.int64)
@@ -245,39 +243,45 @@ class _Equations:
         self._right[:, 2:] = sums_by_way(came)
         self._ways = every
 
-    def _with_prior(self, left: FloatArray, spread_steps: float) -> FloatArray:
-        """Return equations that know, too, how late a rule usually is; `spread_steps` is how exact a pair is."""
+    def _with_prior(self, left: FloatArray, prior: float) -> FloatArray:
+        """Return equations that know, too, how late a rule usually is: `prior` is a pair's error in units of that."""
         known = left.copy()
-        known[..., self._ways, self._ways] += (spread_steps / _LATE_STEPS) ** 2
+        known[..., self._ways, self._ways] += prior**2
         return known
 
-    def solved(self, spread_steps: float) -> FloatArray:
+    def _solved(self, prior: float) -> FloatArray:
         """Return the unknowns."""
-        found: FloatArray = np.linalg.solve(
-            self._with_prior(self._left.sum(axis=0), spread_steps), self._right.sum(axis=0)
-        )
+        found: FloatArray = np.linalg.solve(self._with_prior(self._left.sum(axis=0), prior), self._right.sum(axis=0))
         return found
 
-    def errors(self, spread_steps: float, middle_s: float) -> tuple[float, float]:
+    def line(self, prior: float) -> ClockLine:
+        """Return the line that is better than the one before."""
+        middle_s, ratio, *late = self._solved(prior).tolist()
+        before = self._before
+        return ClockLine(before.offset_s + middle_s - ratio * self._middle_s, before.ratio + ratio, np.array(late))
+
+    def usually_late(self, spread_steps: float) -> float:
+        """Return how late this controller's steps usually are, as far as the pairs tell; at most what others are."""
+        prior = spread_steps / _LATE_STEPS
+        known = np.linalg.inv(self._with_prior(self._left.sum(axis=0), prior))
+        late, unsure = self._solved(prior)[2:], spread_steps**2 * known.diagonal()[2:]
+        told = self._left.sum(axis=0).diagonal()[2:] > 0.0
+        return float(np.clip(np.sqrt((late**2 + unsure)[told].mean()), _LEAST_SPREAD, _LATE_STEPS))
+
+    def errors(self, spread_steps: float, prior: float) -> tuple[float, float]:
         """Return the errors of the offset at the plan's t = 0 and of the ratio.
 
-        They are those of a jackknife over the stretches, and of what was taken as known before.
+        They are those of a jackknife over the stretches, of what was taken as known before, and of what all steps may
+        share.
         """
         told = np.zeros((2, self._right.shape[1]))
-        told[0, :2], told[1, 1] = (1.0, -middle_s), 1.0
+        told[0, :2], told[1, 1] = (1.0, -self._middle_s), 1.0
         left, right = self._left.sum(axis=0), self._right.sum(axis=0)
-        without = np.linalg.solve(
-            self._with_prior(left - self._left, spread_steps), (right - self._right)[..., np.newaxis]
-        )
-        apart = told @ (without[..., 0] - self.solved(spread_steps)).T
+        without = np.linalg.solve(self._with_prior(left - self._left, prior), (right - self._right)[..., np.newaxis])
+        apart = told @ (without[..., 0] - self._solved(prior)).T
         jackknifed = (1.0 - 1.0 / _STRETCHES) * (apart**2).sum(axis=1)
-        weights = np.linalg.solve(self._with_prior(left, spread_steps), told.T)[2:]
-        guessed = (spread_steps**2 / _LATE_STEPS * weights) ** 2
-        alike = (_ALIKE * spread_steps) ** 2 * self._by_one_pair()
+        weights = np.linalg.solve(self._with_prior(left, prior), told.T)[2:]
+        guessed = (spread_steps * prior * weights) ** 2
+        alike = (_ALIKE * spread_steps) ** 2 * self._pairs / left.diagonal()[:2]
         offset_s, ratio = (_OF_100 * np.sqrt(jackknifed + guessed.sum(axis=0) + alike)).tolist()
         return offset_s, ratio
-
-    def _by_one_pair(self) -> FloatArray:
-        """Return the squares of what a step of all pairs alike makes of the offset, and of what it tilts the ratio."""
-        total, tilt = self._left[:, 0, 0].sum(), self._left[:, 1, 1].sum()
-        return np.array([1.0 / total, 1.0 / tilt]) * self._pairs
