@@ -37,6 +37,7 @@ _AS_MUCH: Final = 0.2
 _NEAR_STEPS: Final = 0.3
 _AS_NEAR: Final = 0.97
 """Part of the most pairs near a line that another line must have near it to be taken for it."""
+_ALL_NEAR: Final = 0.999
 _SAME_SPREAD_STEPS: Final = 1e-3
 _PAIRINGS_OF_PART: Final = 3
 _PAIRINGS: Final = 20
@@ -89,7 +90,11 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
     inverted = tuple(i for i in moving if likeness[i, i] < 0.0)
     turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
     pairs = [(ideal[i], turned[i]) for i in moving]
-    found = [_fitted(pairs, line, until_s) for line, until_s in alignments(pairs, coarse_s)]
+    found: list[_Found] = []
+    for line, until_s in alignments(pairs, coarse_s):
+        found.append(_fitted(pairs, line, until_s))
+        if found[-1].near >= _ALL_NEAR * found[-1].pairs:
+            break  # the others cannot be better
     line, errors, count = _best(found)
     return ClockFit(line.offset_s, line.ratio, *errors, count, inverted, _swapped(likeness, moving))
 

@@ -181,7 +181,7 @@ def _wrong_cell(lines: Sequence[str], columns: int, first: int) -> str:
     for row, line in enumerate(lines, first):
         cells = [cell.strip() for cell in line.split(",")]
         if len(cells) != columns:
-            return f"row {row}: has {len(cells)} cells, but {columns} columns"
+            return f"from row {first} on: not each row has {columns} cells, row {row} has {len(cells)}"
         for number, cell in enumerate(cells, 1):
             if not _is_number(cell):
                 return f"row {row}: {shortened(cell)!r} in column {number} is no number{_why(cell)}"
