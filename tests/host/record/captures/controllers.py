@@ -69,6 +69,17 @@ class Moves:
             at_s += lasts_s + (random.uniform(0.05, 0.2) if random.random() < 0.3 else 0.0)
         return made
 
+    def at_other_rates(self, part: float) -> "Moves":
+        """Return the same way at a part of the acceleration, each move with the top speed that it then can have."""
+        made, at_s = Moves(self.joint_names), 0.0
+        for move in self.moves:
+            acceleration = part * move.acceleration
+            speed = min(move.speed, float(np.sqrt(move.distance * acceleration)))
+            lasts_s = move.distance / speed + speed / acceleration
+            made.moves.append(move._replace(begin_s=at_s, lasts_s=lasts_s, speed=speed, acceleration=acceleration))
+            at_s += lasts_s
+        return made
+
     @property
     def duration_s(self) -> float:
         return self.moves[-1].begin_s + self.moves[-1].lasts_s
