@@ -16,6 +16,8 @@ from steptwin.protocol.timer import COUNTS_PER_US
 
 CHANNEL: Final = "steptwin0"
 
+SHOWN_BY_CANDUMP: Final = "is what candump shows to people: `candump -L can0 > bus.log` writes what is read"
+_SHOWN: Final = re.compile(r"\s*(\([^)]*\)\s+)?\S+\s+([RT]X\s.*)?[0-9A-Fa-f]{3,8}\s+\[[0-9]{1,2}\]")
 _LINE: Final = re.compile(r"\((\d{1,10})\.(\d{6})\) \S+ ([0-7][0-9A-F]{2})#((?:[0-9A-F]{2}){0,8})\n?")
 """A frame with an 11-bit identifier; ten digits of seconds are 317 years, which int64 holds in counts."""
 
@@ -74,9 +76,15 @@ def read_frames(log: Path, frames: int | None = None) -> Iterator[tuple[int, Fra
             number += 1
             match = _LINE.fullmatch(line)
             if not match:
-                raise InputError(f"{log}: line {number}: is not in candump's format")
+                why = SHOWN_BY_CANDUMP if is_shown_by_candump(line) else "is not in candump's format"
+                raise InputError(f"{log}: line {number}: {why}")
             us = int(match[1]) * 1_000_000 + int(match[2])
             yield us * COUNTS_PER_US, Frame(int(match[3], 16), bytes.fromhex(match[4]))
+
+
+def is_shown_by_candump(line: str) -> bool:
+    """Return whether a line is of the format in which candump shows frames to people."""
+    return _SHOWN.match(line) is not None
 
 
 def count_frames(log: Path) -> int:

@@ -27,7 +27,7 @@ from steptwin.host.common.file_limits import (
     check_size,
 )
 from steptwin.host.common.own_files import only_files
-from steptwin.host.record.bus_log import CHANNEL
+from steptwin.host.record.bus_log import CHANNEL, SHOWN_BY_CANDUMP, is_shown_by_candump
 from steptwin.protocol.frame import (
     COB_HEARTBEAT,
     COB_ID_INVALID,
@@ -116,7 +116,7 @@ class _Lines:
     """The lines of a text, for python-can's readers; a last line without its end is left out."""
 
     def __init__(self, file: TextIO) -> None:
-        self.number = 0
+        self.number, self.last = 0, ""
         self.cut = False
         self._file = file
 
@@ -128,6 +128,7 @@ class _Lines:
                 self.cut = True
                 return
             self.number += 1
+            self.last = line
             yield line
 
     def close(self) -> None:
@@ -153,7 +154,7 @@ class _Reading:
             else:
                 with open(self._path, encoding="ascii", errors="replace", newline=None, opener=only_files) as file:
                     lines = _Lines(file)
-                    with self._saying(lambda: f"line {lines.number}"):
+                    with self._saying(lambda: f"line {lines.number}", lambda: lines.last):
                         self._take_all(_text_reader(suffix, lines), channel)
                     cut = lines.cut
         except OSError as error:
@@ -180,7 +181,7 @@ class _Reading:
             return self._path.stat().st_size < said_bytes
 
     @contextmanager
-    def _saying(self, where: Callable[[], str]) -> Iterator[None]:
+    def _saying(self, where: Callable[[], str], line: Callable[[], str] = str) -> Iterator[None]:
         """Turn what python-can's readers raise into one line."""
         from can.io.blf import BLFParseError
 
@@ -189,7 +190,8 @@ class _Reading:
         except InputError:
             raise
         except (*_JUNK, BLFParseError) as error:
-            raise InputError(f"{where()}: is not in the format of {self._form}") from error
+            why = SHOWN_BY_CANDUMP if is_shown_by_candump(line()) else f"is not in the format of {self._form}"
+            raise InputError(f"{where()}: {why}") from error
 
     def _take_all(self, messages: "Iterable[can.Message]", channel: str | None) -> None:
         for message in messages:

@@ -31,7 +31,7 @@ from steptwin.host.verify.gates import (
 )
 from steptwin.host.verify.report import BusReport, Report, RotorSlip, RunInfo, speeds_document
 from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
-from steptwin.host.verify.verifier import verify, verify_comparison
+from steptwin.host.verify.verifier import powerless_reasons, verify, verify_comparison
 
 __all__ = [
     "AS_PLANNED",
@@ -62,6 +62,7 @@ __all__ = [
     "compare",
     "contradictions",
     "motor_moves",
+    "powerless_reasons",
     "shelf_contradictions",
     "shelf_document",
     "speeds_document",

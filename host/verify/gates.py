@@ -31,8 +31,13 @@ def threshold_tolerance_steps(microsteps: int | None) -> float:
     return THRESHOLD_TOLERANCE_STEPS * max(1.0, (microsteps or 1) / _USUAL_MICROSTEPS)
 
 
-TOLERANCE_STEPS: Final = 1.0
-"""Usual distance that is asked of another controller: counters that step at whole steps are up to 1 step away."""
+TOLERANCE_STEPS: Final = 1.5
+"""Usual distance asked of another controller: one that steps at whole steps is up to 1 away, and its count at the start
+may be rounded the other way.
+"""
+
+SEGMENTS_TOLERANCE_STEPS: Final = 2.0
+"""Distance up to which controllers come that move in segments of a rate, such as grbl."""
 
 
 @dataclass(frozen=True, slots=True)

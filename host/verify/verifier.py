@@ -17,7 +17,7 @@ from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps, pulse_facts
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
-from steptwin.host.verify.gates import OWN_FIRMWARE, threshold_tolerance_steps
+from steptwin.host.verify.gates import OWN_FIRMWARE, SEGMENTS_TOLERANCE_STEPS, Gates, threshold_tolerance_steps
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.report import (
@@ -99,7 +99,7 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     axes = tuple(_axis_report(comparison, i, worst) for i in range(len(comparison.axis_names)))
     reasons = [*_strange_modes(comparison), *_slip_reasons(comparison.evidence)]
     reasons += [line for index, axis in enumerate(axes) for line in _reasons(comparison, index, axis)]
-    reasons += _powerless(comparison)
+    reasons += powerless_reasons(comparison.evidence)
     skews = _skew_reports(comparison, worst)
     reasons += [
         f"{skew.second}: up to {skew.skew_max:.4g} {skew.unit} apart from {skew.first} (limit {skew.limit:g})"
@@ -186,10 +186,10 @@ def _slip_reasons(evidence: Evidence) -> Iterator[str]:
             yield f"{axis.name}: the motor lost {lost} full steps from {first_s:.3f} s on, {net:+d} in all"
 
 
-def _powerless(comparison: Comparison) -> Iterator[str]:
+def powerless_reasons(evidence: Evidence) -> Iterator[str]:
     """Yield one line for each axis that made steps without current."""
-    for axis in comparison.evidence.axes:
-        if count := powerless_steps(axis, comparison.evidence.start_counts):
+    for axis in evidence.axes:
+        if count := powerless_steps(axis, evidence.start_counts):
             yield f"{axis.name}: {count} steps came while the driver's outputs were off: the motor did not follow"
 
 
@@ -212,7 +212,7 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
         ),
         (
             not position_steps <= position_limit,
-            f"position error {position_steps:.9g} steps (limit {position_limit:g})",
+            f"position error {position_steps:.9g} steps (limit {position_limit:g}{_usual(gates)})",
         ),
         (
             gates.step_rule and not threshold_steps <= threshold_limit,
@@ -220,6 +220,13 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
         ),
     )
     return [f"{axis.name}: {line}" for failed, line in checks if failed]
+
+
+def _usual(gates: Gates) -> str:
+    """Return what is usual of controllers that a limit for the usual ones may be too narrow for."""
+    if gates.step_rule or gates.position_error_steps >= SEGMENTS_TOLERANCE_STEPS:
+        return ""
+    return f", usual; of controllers that move in segments, such as grbl, {SEGMENTS_TOLERANCE_STEPS:g} is"
 
 
 def _right_end(comparison: Comparison, index: int, axis: AxisReport) -> bool:

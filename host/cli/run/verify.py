@@ -15,7 +15,10 @@ from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.errors import DeviceFaultError, InputError, NotVerifiedError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from steptwin.host.planning.plan import Plan
+    from steptwin.host.record.captures import AxisSignals, Capture, ClockFit
     from steptwin.host.record.folder import FolderVerdict
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.captured import CapturedRun, CaptureJudge
@@ -40,7 +43,7 @@ class CaptureOptions:
     robot: str | None = option("ROBOT", "The robot, for a capture without --plan.")
     rate: _SampleRate = option("RATE", "Sampling rate, such as 24MHz, if the file does not tell it.")
     glitch: str | None = option("TIME", "Drop two edges of a channel that are closer, such as 1us.")
-    tolerance_steps: float = option("STEPS", "Largest distance of a count from the plan.", default=1.0)
+    tolerance_steps: float = option("STEPS", "Largest distance of a count from the plan; 2 for grbl.", default=1.5)
     clock_ppm: str = option("PPM|exact", "Largest difference of the two clocks.", default="200")
     driver_profile: str | None = option("NAME|all", "Other drivers; all: which of them would miss pulses?")
     out: str | None = option("DIR", "Write the folder of a run, with pictures, for `view` and `plot`.")
@@ -170,7 +173,7 @@ def _verify_capture(answer: AnswerOptions, options: CaptureOptions, plan: Path |
         )
     document = run.to_dict() | {"driver_profile": judge.driver_profile or robot.board.profile.name}
     if options.driver_profile == _ALL:
-        document["drivers"] = _by_driver(robot, run)
+        document["drivers"] = _by_driver(robot, run.capture, run.signals, run.clock)
     if folder is not None:
         document = _keep(answer, folder, document, motion, run)
     answer.tell(document, lambda: _print_run(document))
@@ -187,7 +190,12 @@ def _tell_alone(answer: AnswerOptions, options: CaptureOptions, robot: "Robot", 
     if options.out is not None:
         raise InputError("--out: needs --plan, beside which the folder shows the capture")
     alone = judge_alone(read_capture(options.capture or "", options.rate), robot, judge)
-    answer.tell(alone.to_dict(), lambda: _print_alone(alone.to_dict()))
+    document = alone.to_dict() | {"driver_profile": judge.driver_profile or robot.board.profile.name}
+    if options.driver_profile == _ALL:
+        document["drivers"] = _by_driver(robot, alone.capture, alone.signals, alone.clock)
+    answer.tell(document, lambda: _print_alone(f"{robot.name} {options.capture}", document))
+    for hint in alone.hints:
+        warn(hint)
     end_unless(alone.passed)
 
 
@@ -225,10 +233,12 @@ def _of_words(words: list[str]) -> "tuple[Robot, str, Plan | None]":
     return robot, f"capture of {chosen.job}", chosen.plan
 
 
-def _by_driver(robot: "Robot", run: "CapturedRun") -> list[dict[str, Any]]:
+def _by_driver(
+    robot: "Robot", capture: "Capture", signals: "Sequence[AxisSignals]", clock: "ClockFit"
+) -> list[dict[str, Any]]:
     from steptwin.host.twin.captured import by_each_driver
 
-    return [each.to_dict() for each in by_each_driver(run.capture, robot, run.signals, run.clock)]
+    return [each.to_dict() for each in by_each_driver(capture, robot, signals, clock)]
 
 
 def _keep(
@@ -264,14 +274,20 @@ def _print_facts(file: Path, facts: dict[str, Any]) -> None:
     ]
     print_table(["channel", "edges", "shortest us", "usual us", "fastest Hz"], rows, text_columns=1)
     for pair in facts["pairs"]:
-        say(f"looks like an axis: --map AXIS={pair['step']},{pair['dir']}")
+        if others := pair.get("or"):
+            dirs = " or ".join([pair["dir"], *others])
+            say(f"looks like an axis: STEP {pair['step']}, but its DIR is ambiguous: {dirs} change while it rests")
+        else:
+            say(f"looks like an axis: --map AXIS={pair['step']},{pair['dir']}")
+    for told in facts["told"]:
+        warn(told)
 
 
 def _figure(value: float | None) -> str:
     return "-" if value is None else f"{value:.6g}"
 
 
-def _print_alone(document: dict[str, Any]) -> None:
+def _print_alone(title: str, document: dict[str, Any]) -> None:
     rows = [
         [
             each["name"],
@@ -284,6 +300,10 @@ def _print_alone(document: dict[str, Any]) -> None:
     ]
     print_table(["axis", "pulses", "steps", "reversals", "peak Hz"], rows, text_columns=1)
     _print_limits(document["capture"])
+    for each in document.get("drivers", ()):
+        _print_driver(each)
+    say(*(f"reason: {reason}" for reason in document["reasons"]))
+    say(f"{title}, without a plan: {'PASSED' if document['passed'] else 'FAILED'}")
 
 
 def _print_run(document: dict[str, Any]) -> None:
@@ -318,10 +338,12 @@ def _print_driver(answer: dict[str, Any]) -> None:
 
 
 def _print_limits(captured: dict[str, Any]) -> None:
+    """Tell of each limit whether it was kept, and how it is known, in one line for all axes where they agree."""
+    axes: dict[str, list[str]] = {}
     for each in captured["limits"]:
-        if each["answer"] != "kept":
-            said = f"{each['axis']} {each['rule']} {each['limit']:g} us: {each['answer']}"
-            say(f"{said}, {each['count']} times" if each["answer"] == "broken" else said)
+        axes.setdefault(each["said"], []).append(each["axis"])
+    for said, names in axes.items():
+        say(f"{' '.join(names)}: {said}")
 
 
 def _no_folder() -> NoReturn:

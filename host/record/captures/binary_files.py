@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterator
 from configparser import ConfigParser, SectionProxy
 from configparser import Error as MetadataError
+from os import SEEK_END
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
 
@@ -22,11 +23,20 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.file_limits import MIB
-from steptwin.host.record.captures.capture import Capture, Channel, changes_of, check_changes, check_channels
+from steptwin.host.common.file_limits import GIB, MIB
+from steptwin.host.record.captures.capture import (
+    Capture,
+    Channel,
+    changes_of,
+    check_changes,
+    check_channels,
+    check_lasts,
+)
 
 _PART_BYTES_MAX: Final = 64 * MIB
 """sigrok writes parts of 4 MiB; a part is held in memory."""
+_RECORD_BYTES_MAX: Final = 256 * GIB
+"""Three hours of 8 probes at 24 MHz; it is known before a part is read."""
 _METADATA_BYTES_MAX: Final = MIB
 _UNITS: Final = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 _RATE: Final = re.compile(r"\s*([0-9.]+(?:e[+-]?[0-9]+)?)\s*([kmg]?)(?:hz)?\s*", re.IGNORECASE)
@@ -52,12 +62,12 @@ def read_session(file: IO[bytes]) -> Capture:
     """Read a session file; raise InputError if it is damaged, or holds no digital channels."""
     try:
         with zipfile.ZipFile(file) as session:
-            return _read(session)
+            return _read(session, file.seek(0, SEEK_END))
     except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, zlib.error) as error:
         raise InputError(f"is no session of sigrok: {error}") from error
 
 
-def _read(session: zipfile.ZipFile) -> Capture:
+def _read(session: zipfile.ZipFile, file_bytes: int) -> Capture:
     device = _device(session)
     try:
         unit, rate = int(device["unitsize"]), rate_of(device["samplerate"])
@@ -68,9 +78,11 @@ def _read(session: zipfile.ZipFile) -> Capture:
     check_channels(max(probes, default=0))
     if not 1 <= unit <= 8 or unit * 8 < max(probes):
         raise InputError(f"metadata: unitsize {unit} is not what {max(probes)} probes need, 1 to 8 bytes")
-    at, values, samples = _changes(session, _parts(session, name), unit)
+    at, values, samples = _changes(session, _parts(session, name, file_bytes), unit)
+    analog = int(device["total analog"]) if device.get("total analog", "").isdecimal() else 0
+    told = (f"{analog} analog channels are left out",) if analog else ()
     names = [probes.get(number, f"D{number - 1}") for number in range(1, max(probes) + 1)]
-    return Capture("sigrok session", changes_of(values, at, names), 1.0 / rate, samples, rate, sampled=True)
+    return Capture("sigrok session", changes_of(values, at, names), 1.0 / rate, samples, rate, sampled=True, told=told)
 
 
 def _device(session: zipfile.ZipFile) -> SectionProxy:
@@ -91,15 +103,22 @@ def _device(session: zipfile.ZipFile) -> SectionProxy:
     raise InputError("metadata: no device has recorded digital channels")
 
 
-def _parts(session: zipfile.ZipFile, name: str) -> list[zipfile.ZipInfo]:
+def _parts(session: zipfile.ZipFile, name: str, file_bytes: int) -> list[zipfile.ZipInfo]:
     """Return the parts of the record in their order, which is by number: logic-1-2 comes before logic-1-10."""
     numbered = re.compile(rf"{re.escape(name)}(?:-([0-9]+))?")
     found = [(int(part[1] or 0), entry) for entry in session.infolist() if (part := numbered.fullmatch(entry.filename))]
     if not found:
         raise InputError(f"has no part {name}-1 of the record")
+    if len({part for part, _ in found}) < len(found):
+        raise InputError("its directory names a part of the record twice")
     for _, entry in found:
         if entry.file_size > _PART_BYTES_MAX:
             raise InputError(f"{entry.filename}: has {entry.file_size} bytes, more than {_PART_BYTES_MAX}")
+    if sum(entry.compress_size for _, entry in found) > file_bytes:
+        raise InputError("its directory names the same data for several parts of the record")
+    whole = sum(entry.file_size for _, entry in found)
+    if whole > _RECORD_BYTES_MAX:
+        raise InputError(f"its record has {whole} bytes, more than {_RECORD_BYTES_MAX}: cut it")
     return [entry for _, entry in sorted(found, key=lambda each: each[0])]
 
 
@@ -145,6 +164,7 @@ def read_saleae(files: dict[str, BinaryIO]) -> Capture:
     begin_s = min(times for _, times, _, _ in read.values())
     end_s = max(end for _, _, end, _ in read.values())
     check_changes(sum(changes.size for _, _, _, changes in read.values()))
+    check_lasts(end_s - begin_s)
     channels = tuple(
         Channel(Path(name).stem, level, np.rint((changes - begin_s) / _TICK_S).astype(np.int64))
         for name, (level, _, _, changes) in read.items()

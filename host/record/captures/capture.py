@@ -13,6 +13,8 @@ from steptwin.host.common.numbers import digits_in
 
 CHANNELS_MAX: Final = 64
 """Channels of a capture; a sample of more does not fit into 8 bytes."""
+LASTS_S_MAX: Final = 1e9
+"""Longest capture: 31 years, whose instants are whole numbers of every unit that is read and of the board's counts."""
 CHANGES_MAX: Final = 40_000_000
 """Changes of all channels together: ten minutes of four axes at 4 kHz have 20 million, which take 160 MB."""
 
@@ -47,6 +49,7 @@ class Capture:
         ticks: how long it lasts.
         rate_hz: sampling rate, if the file tells it or the user has said it.
         sampled: instants are numbers of samples: a change that sample n shows came half a sample before it, on average.
+        told: one line for each kind of thing in the file that was left out or taken for something, with its number.
     """
 
     kind: str
@@ -55,6 +58,7 @@ class Capture:
     ticks: int
     rate_hz: float | None
     sampled: bool = False
+    told: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -109,6 +113,12 @@ def check_channels(count: int) -> None:
     """Raise InputError for more channels than can be read."""
     if not 1 <= count <= CHANNELS_MAX:
         raise InputError(f"has {count} channels; 1 to {CHANNELS_MAX} can be read")
+
+
+def check_lasts(lasts_s: float) -> None:
+    """Raise InputError for instants that lie too far apart, or are no numbers."""
+    if not lasts_s <= LASTS_S_MAX:
+        raise InputError(f"lasts {lasts_s:g} s: at most {LASTS_S_MAX:g} s, 31 years, can be read")
 
 
 def check_changes(count: int) -> None:

@@ -7,7 +7,7 @@ width; DIR changes rarely, and while STEP rests.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -41,16 +41,43 @@ class AxisSignals:
         step: STEP.
         direction: DIR.
         enable: ENABLE; None: it was not recorded.
-        rises_s: shape (pulses,), the rises of STEP that have their fall on record.
-        falls_s: shape (pulses,), these falls.
+        end_s: when the capture ends.
     """
 
     name: str
     step: ProbeLine
     direction: ProbeLine
     enable: ProbeLine | None
-    rises_s: FloatArray
-    falls_s: FloatArray
+    end_s: float
+
+    @property
+    def rises_s(self) -> FloatArray:
+        """The rises of STEP, shape (pulses,)."""
+        return self._edges()[0::2]
+
+    @property
+    def falls_s(self) -> FloatArray:
+        """The fall that ends each pulse; the capture's end for one that has not ended, shape (pulses,)."""
+        falls_s = self._edges()[1::2]
+        return np.append(falls_s, self.end_s) if self.rests_high else falls_s
+
+    @property
+    def rests_high(self) -> bool:
+        """Whether the last pulse has not ended."""
+        return bool(self._edges().size % 2)
+
+    def _edges(self) -> FloatArray:
+        """Return the edges from the first rise on: of a pulse that began before the capture its fall is no pulse."""
+        return self.step.times_s[self.step.level & 1 :]
+
+    def inverted(self) -> "AxisSignals":
+        """Return the signals with STEP inverted, for a driver that steps at its falls: they are rises then."""
+        return replace(self, step=self.step._replace(level=self.step.level ^ 1))
+
+    @property
+    def exchanged(self) -> bool:
+        """Whether STEP looks like a DIR, and DIR like a STEP: far more pulses are on DIR."""
+        return self.direction.times_s.size > _PULSES_OF_STEP + 4 * self.step.times_s.size
 
     @property
     def glitches(self) -> int:
@@ -60,7 +87,8 @@ class AxisSignals:
     @property
     def suspicious(self) -> int:
         """Number of pulses that look like glitches: far shorter than most."""
-        widths_s = self.falls_s - self.rises_s
+        whole = self.rises_s.size - self.rests_high
+        widths_s = self.falls_s[:whole] - self.rises_s[:whole]
         return int(np.count_nonzero(widths_s < _SHORT_PART * np.median(widths_s))) if widths_s.size else 0
 
     def signs_at(self, times_s: FloatArray) -> Int8Array:
@@ -143,10 +171,7 @@ def _signals(capture: Capture, wiring: ChannelMap, glitch_s: float) -> AxisSigna
     with prefixed(f"map={wiring}: "):
         step, direction = (_wire(capture, name, glitch_s) for name in (wiring.step, wiring.direction))
         enable = None if wiring.enable is None else _wire(capture, wiring.enable, glitch_s)
-    first = step.level & 1  # a pulse that has begun before the capture shows its fall alone
-    edges = step.times_s[first:]
-    whole = edges.size - edges.size % 2
-    return AxisSignals(wiring.axis, step, direction, enable, edges[0:whole:2], edges[1:whole:2])
+    return AxisSignals(wiring.axis, step, direction, enable, capture.duration_s)
 
 
 def _wire(capture: Capture, name: str, glitch_s: float) -> ProbeLine:
@@ -184,7 +209,11 @@ def capture_facts(capture: Capture) -> dict[str, Any]:
         "duration_s": capture.duration_s,
         "rate_hz": capture.rate_hz,
         "channels": [_facts(capture, channel) for channel in capture.channels],
-        "pairs": [{"step": step, "dir": direction} for step, direction in pairs],
+        "pairs": [
+            {"step": pair.step, "dir": pair.direction} | ({"or": list(pair.others)} if pair.others else {})
+            for pair in pairs
+        ],
+        "told": list(capture.told),
     }
 
 
@@ -201,23 +230,34 @@ def _facts(capture: Capture, channel: Channel) -> dict[str, Any]:
     }
 
 
-def _pairs(capture: Capture) -> list[tuple[str, str]]:
+class _Pair(NamedTuple):
+    """Two channels that look like STEP and DIR of one axis, and others that look like this DIR just as much."""
+
+    step: str
+    direction: str
+    others: tuple[str, ...]
+
+
+def _pairs(capture: Capture) -> list[_Pair]:
     """Return the pairs of channels that look like STEP and DIR, each channel once: of one axis, then neighbours."""
     steps = [i for i, channel in enumerate(capture.channels) if channel.edges.size >= 2 * _PULSES_OF_STEP]
     found, taken = [], set[int]()
     busy = {i for i in steps if _is_step(capture.channels[i])}
     for step in sorted(busy):
         pulses = capture.channels[step].edges.size // 2
-        near = [
+        fitting = [
             i
             for i, channel in enumerate(capture.channels)
-            if i not in busy | taken and channel.edges.size < pulses / 2 and _turns(capture.channels[step], channel)
+            if i not in busy and channel.edges.size < pulses / 2 and _turns(capture.channels[step], channel)
         ]
+        name = capture.channels[step].name
+        named = [i for i in fitting if _same_axis(name, capture.channels[i].name)]
+        near = [i for i in named or fitting if i not in taken]
         if near:
-            name = capture.channels[step].name
-            direction = min(near, key=lambda i: (not _same_axis(name, capture.channels[i].name), abs(i - step - 0.5)))
+            direction = min(near, key=lambda i: abs(i - step - 0.5))
             taken.add(direction)
-            found.append((capture.channels[step].name, capture.channels[direction].name))
+            others = tuple(capture.channels[i].name for i in (named or fitting) if i != direction)
+            found.append(_Pair(name, capture.channels[direction].name, others))
     return found
 
 

@@ -9,9 +9,11 @@ several changes in a line; a wire's code may be digits.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from math import gcd, isfinite
 from typing import Final, TextIO
 
 import numpy as np
@@ -28,7 +30,9 @@ from steptwin.host.record.captures.capture import (
     changes_of,
     check_changes,
     check_channels,
+    check_lasts,
 )
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _ROWS: Final = 1 << 16
 """Rows that are read at once."""
@@ -36,6 +40,7 @@ _TICK_S: Final = 1e-10
 """Unit of the instants of files with times in seconds."""
 _RATE: Final = re.compile(r"sample ?rate:? *([0-9.e+]+ ?[kMG]?(?:Hz)?)", re.IGNORECASE)
 _NAMES: Final = re.compile(r"Channels \([0-9/]+\): (.*)")
+_DATE: Final = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}")
 _SECONDS: Final = re.compile(r"time ?[\[(]s[\])]", re.IGNORECASE)
 _COMMENTS_MAX: Final = 1000
 _UNITS_S: Final = {
@@ -50,6 +55,7 @@ _LINE_CHARS_MAX: Final = 64 * KIB
 _HEADER_WORDS_MAX: Final = 100_000
 _LEVELS: Final = {"0": 0, "1": 1, "x": 0, "X": 0, "z": 0, "Z": 0}
 """A level that is unknown, as a simulator has it before the first change, is taken for low."""
+_NO_WIRES: Final = ("event", "parameter", "real", "realtime", "string")
 _AT_A_RATE: Final = re.compile(r"at ([0-9.]+ ?[kMG]?Hz)")
 
 
@@ -98,6 +104,7 @@ def _by_change(file: TextIO, head: _Head) -> Capture:
     if (np.diff(times) < 0.0).any():
         row = int(np.argmax(np.diff(times) < 0.0)) + 2
         raise InputError(f"row {row}: its time {times[row - 1]:g} s is before that of the row above")
+    check_lasts(float(times[-1]) - float(times[0]))
     at = np.rint((times - times[0]) / _TICK_S).astype(np.int64)
     kind = "WaveForms' CSV" if head.columns[0].endswith(")") else "Saleae's CSV"
     return Capture(kind, changes_of(values, at, names), _TICK_S, int(at[-1]), head.rate_hz)
@@ -114,6 +121,8 @@ def _by_sample(file: TextIO, head: _Head) -> Capture:
     per_unit = _UNITS_S.get(head.columns[0], 0.0) * head.rate_hz if before else 0.0
     at, values, rows, last = [], [], 0, None
     for times, levels in _chunks(file, len(head.columns), before):
+        if per_unit:
+            check_lasts(float(np.abs(times).max()) * _UNITS_S[head.columns[0]])
         samples = np.rint(times * per_unit).astype(np.int64) - 1 if per_unit else rows + np.arange(len(levels))
         changed = np.flatnonzero(levels[1:] != levels[:-1]) + 1
         if last is None or levels[0] != last:
@@ -160,18 +169,47 @@ def _table(lines: list[str], columns: int, first: int) -> FloatArray:
         raise InputError(f"from row {first} on: a row has more than {LINE_CHARS_MAX} characters")
     try:
         table = loaded(lines, delimiter=",", ndmin=2, comments=None)
-    except ValueError as error:
-        raise InputError(f"from row {first} on: {shortened(str(error).splitlines()[0])}") from error
+    except ValueError:
+        raise InputError(_wrong_cell(lines, columns, first)) from None
     if table.shape[1] != columns or not np.isfinite(table).all():
-        raise InputError(f"from row {first} on: not each row has {columns} numbers")
+        raise InputError(_wrong_cell(lines, columns, first))
     return table
+
+
+def _wrong_cell(lines: Sequence[str], columns: int, first: int) -> str:
+    """Say what is wrong in the first row that is not numbers, one for each column."""
+    for row, line in enumerate(lines, first):
+        cells = [cell.strip() for cell in line.split(",")]
+        if len(cells) != columns:
+            return f"from row {first} on: not each row has {columns} cells, row {row} has {len(cells)}"
+        for number, cell in enumerate(cells, 1):
+            if not _is_number(cell):
+                return f"row {row}: {shortened(cell)!r} in column {number} is no number{_why(cell)}"
+    return f"from row {first} on: not each row has {columns} numbers"
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a text is a finite number."""
+    try:
+        return isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _why(cell: str) -> str:
+    """Return what to do about a cell that is no number, if that is known."""
+    if _DATE.match(cell):
+        return ", but a date: export times in seconds (in Logic 2 without ISO8601 timestamps)"
+    if cell.upper() in ("X", "Z"):
+        return ": the channel was not recorded then; export the part in which all channels are"
+    return ""
 
 
 class _Wire:
     """One wire while it is read."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, number: int) -> None:
+        self.name, self.number = name, number
         self.first: int | None = None
         self.level = 0
         self.edges: list[int] = []
@@ -187,31 +225,64 @@ class _Wire:
 def read_vcd(file: TextIO) -> Capture:
     """Read a dump; raise InputError if it is none, or has no wires of one bit."""
     words = _words(file)
-    wires, tick_s, rate_hz = _header(words)
-    check_channels(len(wires))
-    by_code: dict[str, list[_Wire]] = {}
-    for code, wire in wires:
-        by_code.setdefault(code, []).append(wire)
+    header = _header(words)
+    check_channels(sum(map(len, header.wires.values())))
     time = first = None
-    changes = 0
+    changes, unread, floating = 0, Counter[str](), 0
     for word in words:
         kind = word[0]
         if kind == "#":
             time = _time(word[1:], time)
             first = time if first is None else first
-        elif kind in _LEVELS:
-            for wire in by_code.get(word[1:], ()):
-                wire.change(time or 0, _LEVELS[kind])
-            changes += 1
-            check_changes(changes)
-        elif kind in "bBrRsS":
-            next(words, None)  # the code of a vector, a real or a string, which is no wire of one bit
-        elif kind == "$" and word in ("$comment", "$date", "$version"):
-            _until_end(words)
+            continue
+        if kind == "$":
+            if word in ("$comment", "$date", "$version"):
+                _until_end(words)
+            continue
+        if kind in "bBrRsS":  # a vector, a real or a string; some write wires of one bit as vectors
+            code, level = next(words, ""), word[-1] if kind in "bB" else ""
+        else:
+            code, level = word[1:], kind
+        wires = header.wires.get(code)
+        if wires is None or level not in _LEVELS:
+            unread[_UNREAD_WIRE if wires else _UNREAD_CODE] += 1
+            continue
+        floating += level not in "01" and wires[0].first is not None
+        for wire in wires:
+            wire.change(time or 0, _LEVELS[level])
+        changes += len(wires)
+        check_changes(changes)
     if time is None or first is None:
         raise InputError("has no instant: nothing is recorded")
-    channels = tuple(Channel(wire.name, wire.first or 0, np.array(wire.edges, np.int64) - first) for _, wire in wires)
-    return Capture("VCD", channels, tick_s, time - first, rate_hz or 1.0 / tick_s)
+    all_wires = [wire for wires in header.wires.values() for wire in wires]
+    all_wires.sort(key=lambda wire: wire.number)
+    channels = tuple(Channel(wire.name, wire.first or 0, np.array(wire.edges, np.int64) - first) for wire in all_wires)
+    check_lasts((time - first) * header.tick_s)
+    told = [f"{count} {what}" for what, count in unread.items()]
+    if header.left_out:
+        told.append(f"{header.left_out} variables that are no wire of one bit are left out")
+    if floating:
+        told.append(f"{floating} changes to x or z are taken for low")
+    return Capture(
+        "VCD",
+        channels,
+        header.tick_s,
+        time - first,
+        header.rate_hz or _grid_hz(channels, header.tick_s),
+        told=tuple(told),
+    )
+
+
+_UNREAD_CODE: Final = "changes of variables that are no wire of one bit are left out"
+_UNREAD_WIRE: Final = "changes of wires to a level that is none of 0, 1, x and z are left out"
+
+
+def _grid_hz(channels: Sequence[Channel], tick_s: float) -> float | None:
+    """Return the rate of the grid on which all edges lie; None if it is the time scale itself, which tells nothing."""
+    grid = 0
+    for channel in channels:
+        grid = gcd(grid, int(np.gcd.reduce(channel.edges, initial=0)))
+    return 1.0 / (grid * tick_s) if grid > 1 else None
 
 
 def _words(file: TextIO) -> Iterator[str]:
@@ -223,10 +294,18 @@ def _words(file: TextIO) -> Iterator[str]:
         yield from line.split()
 
 
-def _header(words: Iterator[str]) -> tuple[list[tuple[str, _Wire]], float, float | None]:
-    """Return the codes and the wires of one bit, the time scale, and the rate if a comment tells it."""
-    wires: list[tuple[str, _Wire]] = []
-    tick_s, rate_hz = None, None
+@dataclass
+class _Header:
+    """What a dump says of itself: wires of one bit by their codes, time scale, rate, number of other variables."""
+
+    wires: dict[str, list[_Wire]]
+    tick_s: float = 0.0
+    rate_hz: float | None = None
+    left_out: int = 0
+
+
+def _header(words: Iterator[str]) -> _Header:
+    header = _Header({})
     for word in words:
         if word == "$enddefinitions":
             _until_end(words)
@@ -235,14 +314,26 @@ def _header(words: Iterator[str]) -> tuple[list[tuple[str, _Wire]], float, float
             raise InputError(f"{shortened(word)!r} stands where a dump begins with $date, $timescale or $var")
         body = _until_end(words)
         if word == "$timescale":
-            tick_s = _scale(" ".join(body))
+            header.tick_s = _scale(" ".join(body))
         elif word == "$comment" and (found := _AT_A_RATE.search(" ".join(body))):
-            rate_hz = rate_of(found[1])
-        elif word == "$var" and len(body) >= 4 and body[1] == "1":
-            wires.append((body[2], _Wire(shortened(body[3]))))
-    if tick_s is None:
+            header.rate_hz = rate_of(found[1])
+        elif word == "$version" and body[:1] == ["StepTwin,"]:
+            header.rate_hz = float(COUNTS_PER_SECOND)
+        elif word == "$var":
+            _take_variable(header, body)
+    if not header.tick_s:
         raise InputError("has no $timescale")
-    return wires, tick_s, rate_hz
+    return header
+
+
+def _take_variable(header: _Header, body: list[str]) -> None:
+    """Take a variable: type, bits, code and name."""
+    if len(body) < 4 or body[1] != "1" or body[0] in _NO_WIRES:
+        header.left_out += 1
+        return
+    number = sum(map(len, header.wires.values()))
+    check_channels(number + 1)
+    header.wires.setdefault(body[2], []).append(_Wire(shortened(body[3]), number))
 
 
 def _until_end(words: Iterator[str]) -> list[str]:

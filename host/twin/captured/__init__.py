@@ -12,9 +12,10 @@ import numpy as np
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.captures import AxisSignals, Capture, ClockFit
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.captured.drivers_seen import Reading, drivers_of, edges_in_counts, see
+from steptwin.host.twin.captured.drivers_seen import Reading, drivers_of, see
 from steptwin.host.twin.captured.judging import CapturedRun, CaptureJudge, judge_alone, judge_capture, slack_counts
 from steptwin.host.verify import AxisEvidence
+from steptwin.host.verify.counted import powerless_steps
 from steptwin.protocol.drivers import driver_names
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -27,7 +28,7 @@ class DriverAnswer:
 
     Attributes:
         name: of the drivers.
-        missed: pulses that they miss for certain, and steps that they make the wrong way.
+        missed: pulses that they miss for certain, steps that they make the wrong way, and steps without current.
         first_s: when the first of these limits is broken, in the plan's time; None: none is.
         refused: why the robot cannot have these drivers; None: it can.
     """
@@ -46,7 +47,7 @@ def by_each_driver(
     capture: Capture, robot: Robot, signals: Sequence[AxisSignals], clock: ClockFit
 ) -> list[DriverAnswer]:
     """Return the answer of every kind of driver, in the order of their list."""
-    edges, start_counts = edges_in_counts(signals, clock)
+    reading = Reading(slack_counts(capture), currents=any(each.enable for each in signals))
     found = []
     for name in driver_names():
         try:
@@ -54,11 +55,10 @@ def by_each_driver(
         except InputError as error:
             found.append(DriverAnswer(name, refused=str(error)))
             continue
-        seen = see(drivers, edges, start_counts, [0] * len(edges), Reading(slack_counts(capture)))
-        axes = seen.evidence.axes
-        missed = sum(_missed(axis) for axis in axes)
-        broken = [int(axis.violations.counts[0]) for axis in axes if axis.violations.counts.size]
-        first_s = (min(broken) - start_counts) / COUNTS_PER_SECOND if broken else None
+        evidence = see(drivers, signals, clock, [0] * len(signals), reading).evidence
+        missed = sum(_missed(axis) + powerless_steps(axis, evidence.start_counts) for axis in evidence.axes)
+        broken = [int(axis.violations.counts[0]) for axis in evidence.axes if axis.violations.counts.size]
+        first_s = (min(broken) - evidence.start_counts) / COUNTS_PER_SECOND if broken else None
         found.append(DriverAnswer(name, missed, first_s))
     return found
 

@@ -5,7 +5,7 @@ RESET, and ENABLE unless a channel shows it. All of them come a second before th
 wake up.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,10 +19,11 @@ from steptwin.emulator.drivers.driver_module import Module
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.record.captures import AxisSignals, ClockFit
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.captured.limits_read import LimitAnswer, answers, read_within
+from steptwin.host.twin.captured.limits_read import LimitAnswer, answers, grades_of, read_within
 from steptwin.host.twin.machine.drivers import driver_profile, fitted_module, switched_microsteps
-from steptwin.host.twin.machine.evidence import axis_evidence, level_edges
+from steptwin.host.twin.machine.evidence import axis_evidence, level_edges, with_instants
 from steptwin.host.verify import AxisEvidence, Evidence
+from steptwin.protocol.drivers import ActiveEdge, Grade
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 LEAD_COUNTS: Final = COUNTS_PER_SECOND
@@ -36,11 +37,40 @@ _WINDOW_COUNTS: Final = 10 * COUNTS_PER_SECOND
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenEdges:
-    """The edges of one axis in counts of the plan's clock: those of STEP, of DIR, and of ENABLE if it was recorded."""
+    """The edges of one axis in counts: those of STEP, of DIR, and of ENABLE if it was recorded.
+
+    `goes_on` says that STEP's last fall is the record's end: its pulse lasts longer, nobody knows how long.
+    """
 
     name: str
     pins: PinEdges
     enable: list[PinChange] | None
+    goes_on: bool = False
+
+    def at_best(self, slack_counts: int) -> "SeenEdges":
+        """Return the edges as they are in the pulses' favour: ENABLE early on and late off, the last pulse long."""
+        clk = np.asarray(self.pins.clk_counts, np.int64)
+        if self.goes_on:
+            clk = np.append(clk[:-1], clk[-1] + _TAIL_COUNTS)
+        return replace(self, pins=PinEdges(clk, self.pins.direction), enable=_shifted(self.enable, slack_counts))
+
+    def at_worst(self, slack_counts: int) -> "SeenEdges":
+        """Return the edges as they are against the pulses: ENABLE late on and early off."""
+        return replace(self, enable=_shifted(self.enable, -slack_counts))
+
+
+def _shifted(enable: list[PinChange] | None, slack_counts: int) -> list[PinChange] | None:
+    """Return changes of ENABLE that switch it on so much earlier, and off so much later."""
+    if enable is None:
+        return None
+    moved = [
+        change._replace(counts=max(change.counts + (-slack_counts if change.level else slack_counts), _ENABLE_COUNTS))
+        for change in enable
+    ]
+    return [
+        now._replace(counts=max(now.counts, before.counts))
+        for before, now in zip([moved[0], *moved] if moved else [], moved, strict=False)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,35 +101,60 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class FittedDriver:
-    """The driver of one axis and the microsteps that its pins select."""
+    """The driver of one axis, the microsteps that its pins select, and how its limits are known, by their rules."""
 
     module: Module
     microsteps: int
+    grades: Mapping[str, Grade]
+
+    @property
+    def steps_at_falls(self) -> bool:
+        """Whether it steps at STEP's falls."""
+        return self.module.active_edge is ActiveEdge.FALLING
 
     def read_within(self, slack_counts: int) -> "FittedDriver":
         """Return the driver with limits that are so much wider."""
         return replace(self, module=read_within(self.module, slack_counts))
+
+    def at_rises(self) -> "FittedDriver":
+        """Return the driver behind an inverter at STEP: it steps where its edges, as they are given to it, rise."""
+        return replace(self, module=replace(self.module, active_edge=ActiveEdge.RISING))
 
 
 def drivers_of(robot: Robot, profile_name: str | None = None) -> list[FittedDriver]:
     """Return the driver of each axis; raises InputError as `fitted_module`, or for drivers that do not exist."""
     profile = driver_profile(robot.board, profile_name)
     chosen = switched_microsteps(robot, profile, {})
+    grades = grades_of(profile)
     return [
-        FittedDriver(fitted_module(robot.board_at(joint), profile, microsteps), microsteps)
+        FittedDriver(fitted_module(robot.board_at(joint), profile, microsteps), microsteps, grades)
         for joint, microsteps in zip(robot.axes, chosen, strict=True)
     ]
 
 
-def edges_in_counts(signals: Sequence[AxisSignals], clock: ClockFit) -> tuple[list[SeenEdges], int]:
-    """Return the edges of all axes in counts by the plan's clock, and the count at its t = 0."""
-    begin_s = float(clock.plan_s(np.zeros(1))[0])
-    start_counts = LEAD_COUNTS + round(max(-begin_s, 0.0) * COUNTS_PER_SECOND)
+ONE_CLOCK: Final = ClockFit(0.0, 1.0, 0.0, 0.0, 0)
+"""The clock of a capture that has no plan beside it."""
+
+
+def _in_counts(signals: Sequence[AxisSignals], clock: ClockFit) -> tuple[list[SeenEdges], int]:
+    """Return the edges of all axes in counts as the analyser's clock has them, and the count at the plan's t = 0."""
+    start_counts = LEAD_COUNTS + round(max(clock.offset_s, 0.0) * COUNTS_PER_SECOND)
 
     def counts(times_s: FloatArray) -> Int64Array:
-        return start_counts + np.rint(clock.plan_s(times_s) * COUNTS_PER_SECOND).astype(np.int64)
+        return start_counts + np.rint((times_s - clock.offset_s) * COUNTS_PER_SECOND).astype(np.int64)
 
     return [_seen(number, each, counts) for number, each in enumerate(signals)], start_counts
+
+
+def _in_plans_time(axis: AxisEvidence, clock: ClockFit, start_counts: int) -> AxisEvidence:
+    """Return evidence by the plan's clock; the pulses stay as long as they were measured."""
+
+    def instants(counts: Int64Array) -> Int64Array:
+        return start_counts + np.rint((counts - start_counts) / clock.ratio).astype(np.int64)
+
+    moved = with_instants(axis, instants)
+    widths = axis.clk_fall_counts - axis.clk_rise_counts
+    return replace(moved, clk_fall_counts=moved.clk_rise_counts + widths)
 
 
 def _seen(number: int, signals: AxisSignals, counts: Callable[[FloatArray], Int64Array]) -> SeenEdges:
@@ -117,40 +172,52 @@ def _seen(number: int, signals: AxisSignals, counts: Callable[[FloatArray], Int6
         first = [PinChange(_ENABLE_COUNTS, number, Pin.ENABLE, 1)] if signals.enable.level else []
         level = signals.enable.level
         enable = first + [PinChange(at, number, Pin.ENABLE, (level + n) & 1) for at, n in changed]
-    return SeenEdges(signals.name, PinEdges(clk, direction), enable)
+    return SeenEdges(signals.name, PinEdges(clk, direction), enable, signals.rests_high)
 
 
 def see(
     drivers: Sequence[FittedDriver],
-    edges: Sequence[SeenEdges],
-    start_counts: int,
+    signals: Sequence[AxisSignals],
+    clock: ClockFit,
     starts: Sequence[int],
     reading: Reading,
 ) -> Seen:
-    """Let the drivers see the edges.
+    """Let the drivers see the edges, in the time of the analyser that has measured them.
 
     Args:
         drivers: the driver of each axis.
-        edges: the edges of each axis.
-        start_counts: the count at the plan's t = 0.
+        signals: the signals of each axis, as they are recorded.
+        clock: the plan's time in them, by which the evidence tells instants.
         starts: each axis' count before the first edge.
         reading: how the edges are read.
     """
-    slack_counts, no_edges = reading.slack_counts, [SeenEdges(each.name, PinEdges([], []), []) for each in edges]
-    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), edges, starts)]
-    own = [axis.violations.limits for axis in _fed(drivers, no_edges, starts)]
-    wide = _fed(_read(drivers, slack_counts), edges, starts, currents=reading.currents)
+    edges, start_counts = _in_counts(at_active_edges(signals, drivers), clock)
+    drivers, slack_counts = [driver.at_rises() for driver in drivers], reading.slack_counts
+    worst, best = ([getattr(each, how)(slack_counts) for each in edges] for how in ("at_worst", "at_best"))
+    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), worst, starts)]
+    own = [axis.violations.limits for axis in _fed(drivers, [_no_edges(each) for each in edges], starts)]
+    wide = _fed(_read(drivers, slack_counts), best, starts, currents=reading.currents)
     limits = [
         answer
-        for axis, figures, perhaps in zip(wide, own, narrow, strict=True)
-        for answer in answers(axis.name, figures, axis.violations, perhaps)
+        for driver, axis, figures, perhaps in zip(drivers, wide, own, narrow, strict=True)
+        for answer in answers(axis.name, figures, axis.violations, perhaps, driver.grades)
     ]
     axes = [
-        replace(axis, violations=replace(axis.violations, limits=figures))
+        _in_plans_time(replace(axis, violations=replace(axis.violations, limits=figures)), clock, start_counts)
         for axis, figures in zip(wide, own, strict=True)
     ]
     lasts_s = max(axis.last_counts for axis in axes) / COUNTS_PER_SECOND
     return Seen(Evidence(start_counts, tuple(axes)), tuple(limits), lasts_s)
+
+
+def _no_edges(edges: SeenEdges) -> SeenEdges:
+    return SeenEdges(edges.name, PinEdges([], []), [])
+
+
+def at_active_edges(signals: Sequence[AxisSignals], drivers: Sequence[FittedDriver]) -> list[AxisSignals]:
+    """Return signals whose rises of STEP are the edges at which the drivers step."""
+    pairs = zip(signals, drivers, strict=True)
+    return [axis.inverted() if driver.steps_at_falls else axis for axis, driver in pairs]
 
 
 def _read(drivers: Sequence[FittedDriver], slack_counts: int) -> list[FittedDriver]:
@@ -167,16 +234,27 @@ def _fed(
     changes = _pins(drivers, edges)
     last_counts = max((int(each.pins.clk_counts[-1]) for each in edges if len(each.pins.clk_counts)), default=0)
     until_counts = last_counts + _TAIL_COUNTS
-    for begin_counts in range(0, until_counts, _WINDOW_COUNTS):
-        end_counts = min(begin_counts + _WINDOW_COUNTS, until_counts)
+    begin_counts = 0
+    for end_counts in _window_ends(changes, edges, until_counts):
         while changes and changes[0].counts < end_counts:
             bank.set_pin(changes.pop(0))
         bank.show([_within(each.pins, begin_counts, end_counts) for each in edges], end_counts)
+        begin_counts = end_counts
     told = bank.pin_changes
     return [
         axis_evidence(each.name, start, bank.trace(axis, until_counts), level_edges(axis, told), currents=currents)
         for axis, (each, start) in enumerate(zip(edges, starts, strict=True))
     ]
+
+
+def _window_ends(changes: Sequence[PinChange], edges: Sequence[SeenEdges], until_counts: int) -> list[int]:
+    """Return the ends of the windows in which something happens; the last one ends at `until_counts`."""
+    instants = [np.array([change.counts for change in changes], np.int64)]
+    for each in edges:
+        instants += [np.asarray(each.pins.clk_counts, np.int64), np.asarray(each.pins.direction, np.int64) >> 1]
+    numbers = np.unique(np.concatenate(instants) // _WINDOW_COUNTS)
+    ends: list[int] = ((numbers[numbers * _WINDOW_COUNTS < until_counts] + 1) * _WINDOW_COUNTS).tolist()
+    return [*(end for end in ends if end < until_counts), until_counts]
 
 
 def _within(pins: PinEdges, begin_counts: int, end_counts: int) -> PinEdges:

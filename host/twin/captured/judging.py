@@ -7,17 +7,17 @@ have wired wrongly is named.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, floor
 from typing import Any, Final
 
 import numpy as np
 
-from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.arrays import FloatArray, Int8Array, Int64Array
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.record.captures import AxisSignals, Capture, ChannelMap, ClockFit, fit_clock, wired
-from steptwin.host.record.captures.clock_fit import SeenSteps
+from steptwin.host.record.captures.clock_line import SeenSteps
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.captured.drivers_seen import Reading, Seen, drivers_of, edges_in_counts, see
+from steptwin.host.twin.captured.drivers_seen import ONE_CLOCK, Reading, Seen, at_active_edges, drivers_of, see
 from steptwin.host.twin.captured.limits_read import Kept, LimitAnswer
 from steptwin.host.verify import (
     BusReport,
@@ -28,9 +28,11 @@ from steptwin.host.verify import (
     RunInfo,
     any_step_rule,
     compare,
+    powerless_reasons,
     verify_comparison,
 )
 from steptwin.host.verify.counted import pulse_facts
+from steptwin.host.verify.gates import TOLERANCE_STEPS
 from steptwin.host.verify.oracle import ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -53,7 +55,7 @@ class CaptureJudge:
 
     maps: Sequence[str] = ()
     glitch_s: float = 0.0
-    tolerance_steps: float = 1.0
+    tolerance_steps: float = TOLERANCE_STEPS
     clock_ppm: float = CLOCK_PPM
     driver_profile: str | None = None
     currents: bool = False
@@ -121,7 +123,25 @@ class CapturedRun:
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why it fails: what is wired wrongly first, then the clock, then the verifier's."""
-        return (*self._wired_wrongly(), *self._clock_reasons(), *self.report.reasons)
+        told = [str(answer) for answer in self.seen.limits if answer.kept is Kept.BROKEN]
+        if self.other_law:
+            return (_OTHER_LAW, *self.report.reasons, *told)
+        return (*self._wired_wrongly(), *self._clock_reasons(), *self.report.reasons, *told)
+
+    @property
+    def other_law(self) -> bool:
+        """Whether each axis goes where the plan goes, turn by turn, but not when: by another speed law."""
+        if self.clock.swapped or self.clock.inverted:
+            return False
+        pairs = zip(self.comparison.ideal, self.comparison.counted, strict=True)
+        off = [_runs_off(ideal.signs, counted.signs) for ideal, counted in pairs]
+        if None in off:
+            return False
+        apart = sum(filter(None, off))
+        axes, limit = self.report.axes, self.comparison.gates.position_error_steps
+        unmatched = sum(axis.unmatched_steps for axis in axes)
+        furthest = max(axis.position_error_steps_max for axis in axes)
+        return unmatched > 2 * (apart + 1) or not furthest <= limit + apart + 2
 
     @property
     def passed(self) -> bool:
@@ -131,19 +151,11 @@ class CapturedRun:
     @property
     def hints(self) -> tuple[str, ...]:
         """What may be looked at, though it fails nothing."""
-        found = [
-            f"{each.name}: {each.suspicious} pulses of STEP are far shorter than most: glitches of the probe? "
-            "--glitch 1us drops them"
-            for each in self.signals
-            if each.suspicious
-        ]
-        unknown = {answer.limit.rule for answer in self.seen.limits if answer.kept is Kept.UNKNOWN}
-        if unknown:
-            rate = f"{self.capture.rate_hz or 0.0:g} Hz"
-            found.append(f"at {rate} it cannot be told whether {', '.join(sorted(unknown))} was kept: sample faster")
-        return tuple(found)
+        return _hints(self.capture, self.signals, self.seen)
 
     def _wired_wrongly(self) -> list[str]:
+        if exchanged := _exchanged(self.signals, self.wiring):
+            return exchanged
         names = [each.name for each in self.signals]
         if not self.clock.found:
             return ["the plan is not in the capture: no offset shows even a third of its steps"]
@@ -177,7 +189,8 @@ class CapturedRun:
         document["capture"] = {
             **_facts(self.capture, self.wiring, self.signals, self.seen),
             "tolerance_steps": self.judge.tolerance_steps,
-            "reasons": [*self._wired_wrongly(), *self._clock_reasons()],
+            "reasons": [_OTHER_LAW] if self.other_law else [*self._wired_wrongly(), *self._clock_reasons()],
+            "other_law": self.other_law,
             "clock": {
                 "found": self.clock.found,
                 "offset_s": self.clock.offset_s,
@@ -190,6 +203,50 @@ class CapturedRun:
             "hints": list(self.hints),
         }
         return document
+
+
+_OTHER_LAW: Final = (
+    "another speed law than planned: each axis counts as planned between its turning points, but at other times."
+    " So what follows tells neither of steps lost nor of the clocks"
+)
+
+
+def _runs_off(planned: Int8Array, made: Int8Array) -> int | None:
+    """Return by how many steps an axis' runs between turning points differ; None if they are others than planned."""
+    runs, own = _run_lengths(planned), _run_lengths(made)
+    if runs.size != own.size or (np.abs(runs - own) > 1).any():
+        return None
+    return int(np.abs(runs - own).sum())
+
+
+def _run_lengths(signs: Int8Array) -> Int64Array:
+    """Return the sum of steps in each run of one direction."""
+    if not signs.size:
+        return np.empty(0, np.int64)
+    return np.add.reduceat(signs.astype(np.int64), np.flatnonzero(np.diff(signs, prepend=np.int8(0))))
+
+
+def _exchanged(signals: Sequence[AxisSignals], wiring: Sequence[ChannelMap]) -> list[str]:
+    """Return one line for each axis whose STEP and DIR look exchanged."""
+    return [
+        f"{wire.axis}: STEP and DIR look exchanged: map={replace(wire, step=wire.direction, direction=wire.step)}"
+        for each, wire in zip(signals, wiring, strict=True)
+        if each.exchanged
+    ]
+
+
+def _hints(capture: Capture, signals: Sequence[AxisSignals], seen: Seen) -> tuple[str, ...]:
+    found = [
+        f"{each.name}: {each.suspicious} pulses of STEP are far shorter than most: glitches of the probe? "
+        "--glitch 1us drops them"
+        for each in signals
+        if each.suspicious
+    ]
+    unknown = {answer.limit.rule for answer in seen.limits if answer.kept is Kept.UNKNOWN}
+    if unknown:
+        rate = f"{capture.rate_hz or 0.0:g} Hz"
+        found.append(f"at {rate} it cannot be told whether {', '.join(sorted(unknown))} was kept: sample faster")
+    return (*found, *capture.told)
 
 
 def _finite(value: float) -> float | None:
@@ -217,6 +274,7 @@ def judge_capture(
     Raises:
         InputError: channels are missing, the drivers do not exist, or the sampling rate is not told.
     """
+    drivers = drivers_of(robot, judge.driver_profile)
     signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
     capture = replace(capture, channels=())  # the signals have what is needed, and captures are long
     motion = OutputsLeftOut(motion)
@@ -224,16 +282,35 @@ def judge_capture(
     planned = [expected.axis_position(axis, np.zeros(1))[0] for axis in range(len(robot.axis_names))]
     at_zero = tuple(round(float(position)) for position in planned)
     ideal = ideal_steps(expected.axis_motion, expected.steps_per_unit, at_zero)
-    moved = [SeenSteps(each.rises_s, each.signs_at(each.rises_s)) for each in signals]
+    moved = [SeenSteps(each.rises_s, each.signs_at(each.rises_s)) for each in at_active_edges(signals, drivers)]
     clock = fit_clock(ideal, moved)
     before = [int(steps.signs[steps.time_s < clock.offset_s].sum()) for steps in moved]
-    starts = [zero - made for zero, made in zip(at_zero, before, strict=True)]
-    edges, start_counts = edges_in_counts(signals, clock)
+    begun = [_begun_at(expected, axis, zero, moved[axis], clock) for axis, zero in enumerate(at_zero)]
+    starts = [zero - made for zero, made in zip(begun, before, strict=True)]
     reading = Reading(slack_counts(capture), currents=judge.currents or any(each.enable for each in signals))
-    seen = see(drivers_of(robot, judge.driver_profile), edges, start_counts, starts, reading)
+    seen = see(drivers, signals, clock, starts, reading)
     comparison = compare(expected, seen.evidence, any_step_rule(judge.tolerance_steps))
     run = RunInfo(robot.name, job, motion.duration_s, BusReport(0, 0, 0.0), seen.lasts_s, wall_s)
     return CapturedRun(capture, wiring, signals, clock, seen, comparison, verify_comparison(comparison, run), judge)
+
+
+def _begun_at(expected: Expectation, axis: int, nearest: int, steps: SeenSteps, clock: ClockFit) -> int:
+    """Return the count at the plan's t = 0: the nearest one, or that to which another rule cuts the planned position.
+
+    No pin tells it, so it is that with which the count stays nearer to the plan, if that is told at all.
+    """
+    made = steps.time_s >= clock.offset_s
+    planned = expected.axis_position(axis, np.concatenate(([0.0], clock.plan_s(steps.time_s[made]))))
+    moved = np.concatenate(([0], np.cumsum(steps.signs[made], dtype=np.int64)))
+    off = np.concatenate((moved - planned, moved[:-1] - planned[1:]))
+    cut = {floor(planned[0]), ceil(planned[0])}
+    furthest = {count: float(np.abs(off + count).max()) for count in (nearest, *cut)}
+    best = min(cut, key=lambda count: furthest[count])
+    return best if furthest[best] < furthest[nearest] - _TOLD_STEPS else nearest
+
+
+_TOLD_STEPS: Final = 0.3
+"""Part of a step by which another count at the start must be nearer to the plan."""
 
 
 def slack_counts(capture: Capture) -> int:
@@ -249,11 +326,24 @@ class AloneRun:
     wiring: tuple[ChannelMap, ...]
     signals: tuple[AxisSignals, ...]
     seen: Seen
+    clock: ClockFit = ONE_CLOCK
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One line for each reason why a driver, or its motor, has not made the steps that STEP asks for."""
+        exchanged = _exchanged(self.signals, self.wiring)
+        broken = [str(answer) for answer in self.seen.limits if answer.kept is Kept.BROKEN]
+        return (*exchanged, *broken, *powerless_reasons(self.evidence))
 
     @property
     def passed(self) -> bool:
-        """True if no limit was broken."""
-        return not any(answer.kept is Kept.BROKEN for answer in self.seen.limits)
+        """True if no limit was broken, and each step was made with current."""
+        return not self.reasons
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What may be looked at, though it fails nothing."""
+        return _hints(self.capture, self.signals, self.seen)
 
     @property
     def evidence(self) -> Evidence:
@@ -282,14 +372,15 @@ class AloneRun:
                 }
             )
         captured = _facts(self.capture, self.wiring, self.signals, self.seen)
-        return {"passed": self.passed, "simulated": False, "axes": axes, "capture": captured}
+        captured["hints"] = list(self.hints)
+        verdict = {"passed": self.passed, "reasons": list(self.reasons)}
+        return verdict | {"simulated": False, "axes": axes, "capture": captured}
 
 
 def judge_alone(capture: Capture, robot: Robot, judge: CaptureJudge) -> AloneRun:
     """Tell what a capture shows of a robot's axes without a plan; raises InputError as `judge_capture` does."""
-    signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
-    clock = ClockFit(0.0, 1.0, 0.0, 0.0, 0)
-    edges, start_counts = edges_in_counts(signals, clock)
     drivers = drivers_of(robot, judge.driver_profile)
-    seen = see(drivers, edges, start_counts, [0] * len(edges), Reading(slack_counts(capture)))
-    return AloneRun(capture, wiring, signals, seen)
+    signals, wiring = wired(capture, robot.axis_names, judge.maps, judge.glitch_s)
+    reading = Reading(slack_counts(capture), currents=any(each.enable for each in signals))
+    seen = see(drivers, signals, ONE_CLOCK, [0] * len(signals), reading)
+    return AloneRun(replace(capture, channels=()), wiring, signals, seen)

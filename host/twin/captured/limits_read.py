@@ -4,16 +4,18 @@ A limit that is broken though it is read as one sample wider is broken. A limit 
 sample narrower is kept. Of any other the capture cannot tell.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Final
 
 from steptwin.emulator.drivers.driver_module import Module
 from steptwin.host.verify import DriverLimit, DriverViolations
-from steptwin.protocol.drivers import Coupler, StepTimes
+from steptwin.protocol.drivers import Coupler, DriverProfile, Fact, Grade, StepTimes
 from steptwin.protocol.timer import COUNTS_PER_SECOND, counts_of_ns
 
-_TIMES: Final = ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns", "enable_ns", "wake_ns")
+_TIMES: Final = ("steplen_ns", "stepspace_ns", "dirsetup_ns", "dirhold_ns", "wake_ns")
+"""Times between two edges of STEP and DIR, or from the assumed supply; for ENABLE's its edge is moved."""
 
 
 class Kept(StrEnum):
@@ -33,12 +35,14 @@ class LimitAnswer:
         limit: the limit.
         kept: the answer.
         count: number of pulses or edges that break it for certain, or that it cannot be told of.
+        grade: how the limit is known.
     """
 
     axis: str
     limit: DriverLimit
     kept: Kept
     count: int = 0
+    grade: Grade = Grade.STATED
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer for JSON."""
@@ -49,7 +53,27 @@ class LimitAnswer:
             "unit": self.limit.unit,
             "answer": self.kept.value,
             "count": self.count,
+            "grade": self.grade.value,
+            "certain": not self.unsure,
+            "said": self.said,
         }
+
+    def __str__(self) -> str:
+        return f"{self.axis}: {self.said}"
+
+    @property
+    def said(self) -> str:
+        """The answer in words, without the axis."""
+        limit = f"{self.limit.limit:.4g} us" if self.limit.unit == _TIME else f"{self.limit.unit} {self.limit.limit:g}"
+        said = f"{self.limit.rule} {limit} ({_SAID[self.grade]}): {self.kept.value}"
+        if self.kept is Kept.BROKEN:
+            said += f", {self.count} times"
+        return f"{said}; cannot be told for certain, no source states it" if self.unsure else said
+
+    @property
+    def unsure(self) -> bool:
+        """Whether a verdict rests on a guess: no source states the limit that is broken."""
+        return self.grade is Grade.ASSUMED and self.kept is Kept.BROKEN
 
 
 def read_within(module: Module, slack_counts: int) -> Module:
@@ -97,26 +121,69 @@ def _alike(coupler: Coupler, slack_counts: int) -> Coupler:
 
 
 def answers(
-    axis: str, limits: tuple[DriverLimit, ...], surely: DriverViolations, perhaps: DriverViolations
+    axis: str,
+    limits: tuple[DriverLimit, ...],
+    surely: DriverViolations,
+    perhaps: DriverViolations,
+    grades: Mapping[str, Grade],
 ) -> list[LimitAnswer]:
-    """Return the answer to each limit that is a time, once a rule.
+    """Return the answer to each limit that is a time, once a rule, and to any other that is broken.
+
+    Of two limits of a rule the one that is broken is told, or else the stricter one.
 
     Args:
         axis: name of the axis.
         limits: the driver's own limits.
         surely: violations of the widened ones, in the same order.
         perhaps: violations of the narrowed ones, likewise.
+        grades: how the limits are known, by their rules.
     """
     found: dict[str, LimitAnswer] = {}
     for index, limit in enumerate(limits):
-        if limit.unit != "us":
-            continue
         broken, doubtful = (int((each.which == index).sum()) for each in (surely, perhaps))
+        if limit.unit != _TIME and not broken and not doubtful:
+            continue
         kept = Kept.BROKEN if broken else Kept.UNKNOWN if doubtful else Kept.KEPT
+        answer = LimitAnswer(axis, limit, kept, broken or doubtful, grades.get(limit.rule, Grade.STATED))
         before = found.get(limit.rule)
-        if before is None or _SEVERITY[kept] > _SEVERITY[before.kept]:
-            found[limit.rule] = LimitAnswer(axis, limit, kept, broken or doubtful)
+        if before is None or _strictness(answer) > _strictness(before):
+            found[limit.rule] = answer
     return list(found.values())
 
 
+def _strictness(answer: LimitAnswer) -> tuple[int, float]:
+    return _SEVERITY[answer.kept], answer.limit.limit
+
+
 _SEVERITY: Final = {Kept.KEPT: 0, Kept.UNKNOWN: 1, Kept.BROKEN: 2}
+_TIME: Final = "us"
+_SAID: Final = {Grade.STATED: "datasheet", Grade.QUOTED: "quoted", Grade.ASSUMED: "assumed"}
+
+
+def grades_of(profile: DriverProfile) -> dict[str, Grade]:
+    """Return how each limit of a kind of driver is known, by its rule: as the worst known of the facts in it."""
+    chip, clk, direction = profile.chip, profile.clk, profile.direction
+
+    def worst(*facts: Fact[Any] | None) -> Grade:
+        return max((fact.grade for fact in facts if fact is not None), key=_WORSE.index, default=Grade.STATED)
+
+    def longer(name: str) -> Fact[int] | None:
+        """Return the longer one of the chip's and the module's time."""
+        facts = [fact for times in (chip.times, profile.times) if (fact := getattr(times, name)) is not None]
+        return max(facts, key=lambda fact: fact.value, default=None)
+
+    return {
+        "clk_high": worst(longer("steplen_ns"), clk),
+        "clk_low": worst(longer("stepspace_ns"), clk),
+        "clk_period": worst(longer("rate_max_hz")),
+        "dir_setup": worst(longer("dirsetup_ns"), clk, direction),
+        "dir_hold": worst(longer("dirhold_ns"), clk, direction),
+        "enable_setup": worst(longer("enable_ns"), profile.enable),
+        "wake_up": worst(longer("wake_ns")),
+        "disabled": worst(chip.blocked, profile.enable),
+        "over_temperature": worst(chip.shutdown, profile.cooling),
+        "too_hot": worst(chip.shutdown, profile.cooling),
+    }
+
+
+_WORSE: Final = (Grade.STATED, Grade.QUOTED, Grade.ASSUMED)

@@ -59,7 +59,7 @@ def axes_by_own_clocks(machine: Target, sync_counts: int) -> tuple[AxisEvidence,
         evidence = _since_power_up(name, start, board, axis)
         if board.own_clock is not None:
             ahead_counts = tick_after(board.own_clock.local_counts(sync_counts)) - tick_after(sync_counts)
-            evidence = _with_instants(evidence, partial(np.add, -ahead_counts))
+            evidence = with_instants(evidence, partial(np.add, -ahead_counts))
         made.append(evidence)
     return tuple(made)
 
@@ -115,10 +115,10 @@ def in_bus_time(axis: AxisEvidence, clock: LocalClock | None) -> AxisEvidence:
 
     Values of violations stay as the board's clock has them; None stands for an exact clock.
     """
-    return axis if clock is None else _with_instants(axis, clock.instants)
+    return axis if clock is None else with_instants(axis, clock.instants)
 
 
-def _with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Array]) -> AxisEvidence:
+def with_instants(axis: AxisEvidence, instants: Callable[[Int64Array], Int64Array]) -> AxisEvidence:
     """Return evidence whose instants are those that a function makes of the present ones."""
     return replace(
         axis,

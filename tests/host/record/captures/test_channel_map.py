@@ -31,11 +31,15 @@ def test_an_axis_has_pulses_directions_and_enable(capture: Capture) -> None:
 
 
 def test_an_inverted_channel(capture: Capture) -> None:
-    """STEP rests high then: the pulse that seems to have begun before the capture is left out."""
+    """STEP rests high then: the pulse that seems to have begun before the capture is left out.
+
+    The last one has begun, and no fall ends it before the capture's end: it is a step all the same.
+    """
     (axis,), _ = wired(capture, ["x"], ["x=!a,!b"])
     assert axis.signs_at(np.array([1e-3, 3e-3])).tolist() == [1, -1]
-    assert np.abs(axis.rises_s - [1.03e-3, 2.03e-3]).max() < 1e-6
-    assert np.abs(axis.falls_s - [2e-3, 3e-3]).max() < 1e-6
+    assert np.abs(axis.rises_s - [1.03e-3, 2.03e-3, 3.03e-3]).max() < 1e-6
+    assert np.abs(axis.falls_s - [2e-3, 3e-3, capture.duration_s]).max() < 1e-6
+    assert axis.rests_high
 
 
 @pytest.mark.parametrize(("glitch_s", "left", "dropped"), [(0.0, 3, 0), (29e-6, 3, 0), (32e-6, 0, 3)])
