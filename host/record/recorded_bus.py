@@ -64,7 +64,7 @@ _LASTS_S_MAX: Final = 86_400
 
 
 _BACK_US: Final = 200_000
-"""Time by which frames of several interfaces change places; a stamp that is farther back is of a clock that was put back."""
+"""Time by which frames of several interfaces change places; farther back is a stamp whose clock was put back."""
 _FOLLOWS_US: Final = 10_000
 """Time from a frame to the next one where the stamps do not tell it."""
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from steptwin.host.twin.motors.after_run import RotorTrace
     from steptwin.host.verify import Comparison, RunInfo
 
-MOTORS: Final = "motors.json"
-"""The file in a run's folder that holds the motors' verdict."""
 _SURE_AFTER_S: Final = 1.0
 """Time after which an estimate is good enough to tell."""
 _LONG_S: Final = 10.0
@@ -145,6 +143,8 @@ def write_cycles(
 
 def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
     """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
+    from steptwin.host.record.folder import MOTORS
+
     write_json(folder / MOTORS, ran.verdict.to_dict())
     if pictures:
         from steptwin.host.studies.motors.motor_pictures import write_motor_pictures

@@ -92,14 +92,18 @@ def verify(
 
 
 def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> None:
-    from steptwin.host.record.folder import ContradictionError, verify_folder
+    from steptwin.host.record.folder import ContradictionError, digests, mixture, verify_folder
 
     try:
         with naming_options(plan_folder="--plan"):
             verdict = verify_folder(folder, plan)
     except ContradictionError as error:
         raise NotVerifiedError(str(error)) from error
-    document = _document(verdict)
+    document = _document(verdict) | digests(folder)
+    if verdict.of_other_runs:
+        document["of_other_runs"] = list(verdict.of_other_runs)
+        if mixture(verdict.of_other_runs) not in verdict.reasons:
+            warn(mixture(verdict.of_other_runs))
 
     def tell() -> None:
         print_report(document)
@@ -118,7 +122,7 @@ def _document(verdict: "FolderVerdict") -> dict[str, Any]:
     document |= {"driver_profile": verdict.driver_profile, "simulated": verdict.simulated}
     if verdict.interruption is not None:
         document["interruption"] = verdict.interruption
-    if verdict.fault is not None and not verdict.tampered:
+    if verdict.fault is not None and not (verdict.tampered or verdict.of_other_runs):
         document["fault"] = dict(verdict.fault)
     if verdict.on_purpose:
         document["faults"] = [asdict(fault) for fault in verdict.on_purpose]

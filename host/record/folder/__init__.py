@@ -1,14 +1,17 @@
 """Write the folder of a run, read it, and verify the run again from its files alone.
 
-`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges.
+`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges,
+`digests` tell whose files they are.
 """
 
+from steptwin.host.record.folder.digests import digests
 from steptwin.host.record.folder.edges_file import AxisTotals, read_edges
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
     FOLDER_VERSION,
     LIVE_JOB,
+    MOTORS,
     RECORDING,
     REPLAY_JOB,
     REPORT,
@@ -30,14 +33,15 @@ from steptwin.host.record.folder.reading import (
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
 from steptwin.host.record.folder.report_file import read_report
 from steptwin.host.record.folder.unfinished import Header, Mark
-from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
-from steptwin.host.record.folder.writing import prepare_folder, run_files, write_folder
+from steptwin.host.record.folder.verdict import FolderVerdict, mixture, verify_folder
+from steptwin.host.record.folder.writing import older_files, prepare_folder, run_files, write_folder
 
 __all__ = [
     "BUS_LOG",
     "EDGES",
     "FOLDER_VERSION",
     "LIVE_JOB",
+    "MOTORS",
     "RECORDING",
     "REPLAY_JOB",
     "REPORT",
@@ -54,9 +58,12 @@ __all__ = [
     "Recording",
     "StoredRun",
     "check_axes",
+    "digests",
     "keep_any_run",
     "keep_log",
     "keep_recording",
+    "mixture",
+    "older_files",
     "prepare_folder",
     "read_edges",
     "read_evidence",

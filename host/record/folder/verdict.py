@@ -1,11 +1,12 @@
 """Judge a stored run again from its files alone, and compare its report with them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.record.bus_log import count_frames
+from steptwin.host.record.folder.digests import of_other_runs
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import StoredFault
@@ -38,6 +39,7 @@ class FolderVerdict:
         noted: of a capture, the reasons that were seen in the file of the logic analyser alone.
         simulated: False for a capture of a real controller.
         on_purpose: the faults of the run's scenario, from the stored report.
+        of_other_runs: the files with which the stored report was not written: changed, or of another run.
     """
 
     report: Report
@@ -48,17 +50,25 @@ class FolderVerdict:
     noted: tuple[str, ...] = ()
     simulated: bool = True
     on_purpose: tuple[StoredFault, ...] = ()
+    of_other_runs: tuple[str, ...] = ()
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why the folder fails."""
         interrupted = () if self.interruption is None else (self.interruption,)
-        return interrupted + self.tampered + self.noted + self.report.reasons
+        told = interrupted + self.tampered + self.noted + self.report.reasons
+        return told if told or not self.of_other_runs else (mixture(self.of_other_runs),)
 
     @property
     def passed(self) -> bool:
         """True if the run was right and came to its end, and the folder is as the run left it."""
         return not self.reasons and self.fault is None
+
+
+def mixture(files: Sequence[str]) -> str:
+    """Return what is wrong with files that are not a report's own."""
+    are = f"{files[0]} is not the file" if len(files) == 1 else f"{', '.join(files)} are not the files"
+    return f"{are} with which {REPORT} was written: changed since, or of another run"
 
 
 def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdict:
@@ -88,6 +98,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         said.capture.reasons if said.capture else (),
         simulated=said.capture is None,
         on_purpose=said.on_purpose,
+        of_other_runs=of_other_runs(folder, said.document),
     )
 
 

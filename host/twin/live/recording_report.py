@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.host.common.whole_file import files_together
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
+    REPORT,
     AxisTotals,
     Header,
     Mark,
@@ -23,6 +25,7 @@ from steptwin.host.record.folder import (
     PlanRows,
     Recording,
     keep_recording,
+    older_files,
     prepare_folder,
 )
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
@@ -150,7 +153,7 @@ class UnplannedRun:
 
         Raises:
             InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
-            RecordingError, OSError: a file cannot be written.
+            OSError: a file cannot be written.
         """
         keep_recording(folder)
         path, robot = prepare_folder(folder), self._machine.robot
@@ -159,14 +162,15 @@ class UnplannedRun:
         self._rows = [
             rows for rows in [*self._rows, *self._plan.take()] if rows.number in (shown.plan_number, self._plan.number)
         ]
-        recording = Recording(path, self._header(evidence), robot.toml)
-        recording.append(self._all(evidence, shown))
-        recording.finish(self._report(evidence, shown))
-        if recording.failure:
-            raise recording.failure
-        record = whole_record(evidence)
-        if record.from_counts < record.to_counts:
-            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, robot.name)
+        with files_together(path, REPORT, older_files()) as new:
+            recording = Recording(new, self._header(evidence), robot.toml)
+            recording.append(self._all(evidence, shown))
+            recording.finish(self._report(evidence, shown))
+            if recording.failure:
+                raise recording.failure.__cause__ or recording.failure
+            record = whole_record(evidence)
+            if record.from_counts < record.to_counts:
+                write_waveform(new / Format.VCD.file_name, wires(evidence), record, Format.VCD, robot.name)
 
     def _header(self, evidence: Evidence) -> Header:
         machine = self._machine
