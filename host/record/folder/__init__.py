@@ -19,6 +19,8 @@ from steptwin.host.record.folder.layout import (
     TEST_JOB,
     VERSION_KEY,
     ContradictionError,
+    Stop,
+    StoppedError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
 from steptwin.host.record.folder.reading import (
@@ -31,7 +33,7 @@ from steptwin.host.record.folder.reading import (
     stored_motion,
 )
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
-from steptwin.host.record.folder.report_file import read_report
+from steptwin.host.record.folder.report_file import read_report, stop_document
 from steptwin.host.record.folder.unfinished import Header, Mark
 from steptwin.host.record.folder.verdict import FolderVerdict, mixture, verify_folder
 from steptwin.host.record.folder.writing import older_files, prepare_folder, run_files, write_folder
@@ -56,6 +58,8 @@ __all__ = [
     "Piece",
     "PlanRows",
     "Recording",
+    "Stop",
+    "StoppedError",
     "StoredRun",
     "check_axes",
     "digests",
@@ -72,6 +76,7 @@ __all__ = [
     "read_robot",
     "read_run",
     "run_files",
+    "stop_document",
     "stored_motion",
     "trajectory_head",
     "trajectory_row",

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.digests import of_other_runs
-from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
+from steptwin.host.record.folder.layout import BUS_LOG, REPORT, Stop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import StoredFault
 from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
@@ -39,6 +39,7 @@ class FolderVerdict:
         noted: of a capture, the reasons that were seen in the file of the logic analyser alone.
         simulated: False for a capture of a real controller.
         on_purpose: the faults of the run's scenario, from the stored report.
+        stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
         of_other_runs: the files with which the stored report was not written: changed, or of another run.
     """
 
@@ -51,12 +52,14 @@ class FolderVerdict:
     simulated: bool = True
     on_purpose: tuple[StoredFault, ...] = ()
     of_other_runs: tuple[str, ...] = ()
+    stop: Stop | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why the folder fails."""
         interrupted = () if self.interruption is None else (self.interruption,)
-        told = interrupted + self.tampered + self.noted + self.report.reasons
+        stopped = () if self.stop is None else (f"was {self.stop}",)
+        told = interrupted + stopped + self.tampered + self.noted + self.report.reasons
         return told if told or not self.of_other_runs else (mixture(self.of_other_runs),)
 
     @property
@@ -99,6 +102,7 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         simulated=said.capture is None,
         on_purpose=said.on_purpose,
         of_other_runs=of_other_runs(folder, said.document),
+        stop=said.stop,
     )
 
 

@@ -27,6 +27,7 @@ from steptwin.host.record.folder import (
     keep_recording,
     older_files,
     prepare_folder,
+    stop_document,
 )
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan, RecordedMotion
@@ -86,6 +87,7 @@ def recording_report(
         "started_s": None if shown.start_counts is None else shown.start_counts / COUNTS_PER_SECOND,
         "next_motion_s": shown.next_counts / COUNTS_PER_SECOND if shown.next_counts else None,
         "no_plan": shown.no_plan,
+        "stopped": stop_document(shown.stop),
         "outputs": [],
         "boards": [board.config.axis_count for board in boards],
         **crystals_document([board.config.crystal_ppm for board in boards]),
@@ -184,7 +186,7 @@ class UnplannedRun:
             start_counts=shown.start_counts or 0,
             no_plan=shown.no_plan,
             next_counts=shown.next_counts,
-        )
+        ).with_stop(shown.stop)
         return Piece(evidence.axes, lines, self._rows, mark, shown.plan_number)
 
     def _report(self, evidence: Evidence, shown: RecordedMotion) -> dict[str, Any]:
