@@ -10,6 +10,7 @@ from steptwin.host.cli.arguments import finite_number, keep_files
 from steptwin.host.cli.options import naming_options, option
 from steptwin.host.cli.output import Columns, print_rows, progress_bar, say, warn
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.whole_file import write_json
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
 def keep_pictures(folder: "Path", *, replace: bool) -> None:
     """Raise InputError if `write_pictures` would replace a picture unasked, or could draw none."""
     if not find_spec("matplotlib"):
-        raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+        raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
     from steptwin.host.studies.motors.motor_pictures import PICTURES
 
     keep_files((folder / f"{name}.png" for name in PICTURES), replace=replace)
@@ -123,7 +124,7 @@ def keep_cycles(folder: "Path | None", *, replace: bool) -> None:
     """Raise InputError if `write_cycles` would replace its picture unasked, or could not draw it."""
     if folder is not None:
         if not find_spec("matplotlib"):
-            raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+            raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
         keep_files((folder / CYCLE,), replace=replace)
 
 
@@ -173,7 +174,7 @@ def telling_time(progress: "Progress", what: str) -> "Progress":
 
 
 def _remedy() -> str:
-    return "" if find_spec("numba") else "; numba makes it some hundred times faster (pip install 'steptwin[fast]')"
+    return "" if find_spec("numba") else f"; numba makes it some hundred times faster ({installing('fast')})"
 
 
 def with_motors(document: Mapping[str, Any], verdict: "MotorVerdict") -> dict[str, Any]:

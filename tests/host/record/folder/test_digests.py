@@ -54,9 +54,14 @@ def test_files_together(tmp_path: Path) -> None:
         return {path.name: path.read_text() for path in tmp_path.iterdir()}
 
     before = names()
-    with pytest.raises(OSError, match="No space") as caught, files_together(tmp_path) as new:
-        (new / "a").write_text("new")
-        raise OSError(28, "No space left", str(new / "b"))
+
+    def fill() -> None:
+        with files_together(tmp_path) as new:
+            (new / "a").write_text("new")
+            raise OSError(28, "No space left", str(new / "b"))
+
+    with pytest.raises(OSError, match="No space") as caught:
+        fill()
     assert caught.value.filename == str(tmp_path / "b")
     assert names() == before
     with files_together(tmp_path, "b", ["a", "stale"]) as new:
