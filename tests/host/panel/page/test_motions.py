@@ -44,7 +44,9 @@ def test_a_step_of_a_program_that_is_too_fast_is_named() -> None:
 
 def test_a_wrong_file_is_named_as_its_user_knows_it() -> None:
     assert refusal("mine.csv", b"t,d1\n").startswith("mine.csv")
-    assert refusal("mine.txt", b"") == "mine.txt: a file to run ends in .csv, .json, .yaml, .yml, .toml"
+    assert (
+        refusal("mine.txt", b"") == "mine.txt: a file to run ends in .csv, .json, .yaml, .yml, .toml, .gcode, .nc, .ngc"
+    )
 
 
 def test_an_option_of_a_job_is_named_as_in_its_form() -> None:
