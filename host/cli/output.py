@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import typer
 
 from steptwin.host.common.bad_input import printable
+from steptwin.host.common.extras import installing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -91,7 +92,7 @@ def print_json(document: dict[str, Any]) -> None:
 
 def say_no_pictures() -> None:
     """Print why there are no pictures, on stderr."""
-    say("no pictures: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+    say(f"no pictures: matplotlib is not installed ({installing('plot')})", err=True)
 
 
 def print_json_line(document: dict[str, Any]) -> None:

@@ -1,10 +1,14 @@
-"""Write files so that they appear whole or not at all, or grow; an error names the file, and no link is followed."""
+"""Write files so that they appear whole or not at all, or grow; an error names the file, and no link is followed.
+
+Files that belong together appear together, so that none stands beside one of an older set.
+"""
 
 import json
 import os
 import secrets
+import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -50,6 +54,37 @@ def replacement(path: Path) -> Iterator[Path]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def files_together(folder: Path, first: str = "", stale: Iterable[str] = ()) -> Iterator[Path]:
+    """Yield an empty folder for files that take their places in `folder` when the block ends normally.
+
+    An exception in the block, such as for a full disk, leaves `folder` as it was; of an OSError the file is named as
+    it would be called.
+
+    Args:
+        folder: an existing folder.
+        first: name of the file that takes its place before the others.
+        stale: names of files in `folder` that are removed then, unless the block has written them.
+    """
+    new = folder / f"new.{secrets.token_hex(8)}.part"
+    try:
+        new.mkdir()
+        yield new
+        written = sorted((path.name for path in new.iterdir()), key=lambda name: (name != first, name))
+        for name in written:
+            refuse_link(folder / name)
+        for name in written:
+            _put(new / name, folder / name)
+        for name in {*stale} - {*written}:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        if error.filename and Path(error.filename).parent == new:
+            raise OSError(error.errno, error.strerror, str(folder / Path(error.filename).name)) from error
+        raise
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
 
 
 _TRIES: Final = 20

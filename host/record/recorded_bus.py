@@ -63,6 +63,12 @@ _LASTS_S_MAX: Final = 86_400
 """Longest recording, in seconds: a day. A jump of the clock, such as from 0 to the time of day, is longer."""
 
 
+_BACK_US: Final = 200_000
+"""Time by which frames of several interfaces change places; farther back is a stamp whose clock was put back."""
+_FOLLOWS_US: Final = 10_000
+"""Time from a frame to the next one where the stamps do not tell it."""
+
+
 class RecordedFrame(NamedTuple):
     """A frame of a recording.
 
@@ -86,6 +92,7 @@ class RecordedBus:
         frames: the data frames with 11-bit identifiers, in the order of the file.
         left_out: how many others there are, by their kind in words.
         cut: True if the file ends within a frame, as when its writer was killed; that frame is missing.
+        steps_back: how often the clock of the stamps was put back; what follows is moved to follow closely.
         on_board_clock: True if a time stamp is the instant since power-up when the frame became valid, as in the
             bus logs that StepTwin writes; False if it is some computer's.
     """
@@ -94,6 +101,7 @@ class RecordedBus:
     frames: list[RecordedFrame]
     left_out: Counter[str]
     cut: bool
+    steps_back: int
     on_board_clock: bool
 
 
@@ -145,6 +153,9 @@ class _Reading:
         self._left_out: Counter[str] = Counter()
         self._channels: Counter[str] = Counter()
         self._latest_us: int | None = None
+        self._shift_us = 0
+        """Added to the stamps since their clock was put back."""
+        self._steps_back = 0
 
     def read(self, suffix: str, channel: str | None) -> RecordedBus:
         try:
@@ -166,7 +177,7 @@ class _Reading:
             raise InputError(self._nothing(channel))
         self._check_length()
         own = suffix == _CANDUMP and set(self._channels) == {CHANNEL}
-        return RecordedBus(self._path, self._frames, self._left_out, cut, own)
+        return RecordedBus(self._path, self._frames, self._left_out, cut, self._steps_back, own)
 
     def _read_binary(self, channel: str | None) -> bool:
         from can import BLFReader
@@ -210,9 +221,13 @@ class _Reading:
             raise ValueError(frame)
         if len(self._frames) == RECORDED_FRAMES_MAX:
             raise InputError(f"has more than {RECORDED_FRAMES_MAX} frames: record or cut out a shorter part")
-        us = round(1e6 * message.timestamp)
+        us = round(1e6 * message.timestamp) + self._shift_us
         if self._latest_us is not None and us < self._latest_us:
-            us = self._latest_us
+            if us < self._latest_us - _BACK_US:
+                self._steps_back += 1
+                self._shift_us += self._latest_us + _FOLLOWS_US - us
+                us = self._latest_us + _FOLLOWS_US
+            us = max(us, self._latest_us)
         self._latest_us = us
         self._frames.append(RecordedFrame(us, frame, not message.is_rx))
 

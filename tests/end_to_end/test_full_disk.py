@@ -1,6 +1,7 @@
 """Every command that writes files names the one that it could not write, and leaves none without its contents."""
 
 import resource
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,11 +20,9 @@ from steptwin.host.record.folder.writing import DEFAULT_PICTURES
 from steptwin.host.record.plots import PICTURES
 
 ROBOT = "teaching-scara"
-WRITTEN = (
-    *("report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log", "shelf.json", "trace.vcd"),
-    *(f"{name}.png" for name in DEFAULT_PICTURES),
-)
-"""The files of a run in the order in which they are written."""
+TOGETHER = ("robot.toml", "trajectory.csv", "edges.npz", "bus.log", "shelf.json", "trace.vcd", "report.json")
+WRITTEN = (*TOGETHER, *(f"{name}.png" for name in DEFAULT_PICTURES))
+"""The files of a run in the order in which they are written; the first of them appear together."""
 POINTS = "t,th1,th2,d3,th4\n0,0,10,0,0\n0.2,-1,12,1,-2\n"
 
 
@@ -75,8 +74,25 @@ def test_run(bytes_max: int, points: str, stored: Path, tmp_path: Path, capsys: 
         assert run(["run", ROBOT, points, "--out", str(tmp_path)]) == 2
     name = next(name for name in WRITTEN if (stored / name).stat().st_size > bytes_max)
     assert_named(tmp_path / name, capsys)
-    assert [path.name for path in sorted(tmp_path.iterdir())] == sorted(WRITTEN[: WRITTEN.index(name)])
+    left = () if name in TOGETHER else WRITTEN[: WRITTEN.index(name)]
+    assert [path.name for path in sorted(tmp_path.iterdir())] == sorted(left)
     assert_nothing_empty(tmp_path)
+
+
+@pytest.mark.parametrize("bytes_max", [0, 10_000, 35_000])
+def test_the_run_before_stays_whole(
+    bytes_max: int, points: str, stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No file of a run that was not kept stands beside those of the run before."""
+    out = tmp_path / "out"
+    shutil.copytree(stored, out)
+    with files_up_to(bytes_max), with_pictures_drawn_here():
+        assert run(["run", ROBOT, points, "--out", str(out)]) == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == {
+        path.name: path.read_bytes() for path in stored.iterdir()
+    }
+    assert run(["verify", str(out)]) == 0
+    assert "PASSED" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

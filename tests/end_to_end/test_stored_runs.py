@@ -11,6 +11,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.common.arrays import Int64Array
+from steptwin.host.common.extras import installing
 from steptwin.host.record.folder import read_edges
 from steptwin.host.record.waveforms import Format, HeldValues
 from steptwin.host.record.waveforms.signal import Values
@@ -246,4 +247,4 @@ class TestPlot:
     ) -> None:
         monkeypatch.setattr("steptwin.host.cli.files.plot.find_spec", lambda _: None)
         line = refusal(capsys, "plot", str(carry_run))
-        assert line == "plot: matplotlib is not installed (pip install 'steptwin[plot]')"
+        assert line == f"plot: matplotlib is not installed ({installing('plot')})"

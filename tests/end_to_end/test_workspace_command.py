@@ -10,6 +10,7 @@ import pytest
 
 from steptwin.host.cli.app import run
 from steptwin.host.cli.robots import workspace as command
+from steptwin.host.common.extras import installing
 
 LAB = ["workspace", "lab-scara"]
 
@@ -102,7 +103,7 @@ def test_without_matplotlib_it_says_so(
     assert run([*LAB, "--samples", "500", "--phi", "0", "--out", str(tmp_path)]) == 0
     captured = capsys.readouterr()
     assert f"figures and cloud are in {tmp_path}/" in captured.out
-    assert "steptwin[plot]" in captured.err
+    assert installing("plot") in captured.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.csv", "workspace.json"]
 
 

@@ -11,6 +11,7 @@ from steptwin.host.cli.arguments import AnswerOptions, PlanDir, Replace, RunDir,
 from steptwin.host.cli.options import given_options, naming_options, option, switch
 from steptwin.host.cli.output import warn
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 
 if TYPE_CHECKING:
     from steptwin.host.record.plots import PlotView
@@ -77,7 +78,7 @@ class PlotOptions(AnswerOptions):
 def plot(wanted: PlotOptions, close_up: CloseUpOptions, folder: RunDir, plan: PlanDir = None) -> None:
     """Draw pictures of a stored run."""
     if not find_spec("matplotlib"):
-        raise InputError("plot: matplotlib is not installed (pip install 'steptwin[plot]')")
+        raise InputError(f"plot: matplotlib is not installed ({installing('plot')})")
     from steptwin.host.record.folder import read_run
     from steptwin.host.record.plots import write_plots
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import RobotName, RobotOptions, check_standing, naming_machine_options, run_folder
 from steptwin.host.cli.options import Without, argument, naming_options, option, switch
-from steptwin.host.cli.output import say
+from steptwin.host.cli.output import number_of, say
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
@@ -101,6 +101,8 @@ def say_result(result: "Replayed") -> None:
     if result.bus_faults:
         differ = "" if result.equal else ": what differs may differ for that"
         say(f"not repeated, because no log shows them: {', '.join(result.bus_faults)}{differ}")
+    if bus.steps_back:
+        say(f"the clock of its stamps was put back {number_of(bus.steps_back, 'time')}: what follows is moved on")
     if bus.cut:
         say("the recording is cut off within a frame: it is compared up to there")
     same = "the same, to the microsecond" if bus.on_board_clock else "the nodes say the same"

@@ -29,6 +29,7 @@ from steptwin.host.cli.output import warn
 from steptwin.host.common import listening as socketcand
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.listening import listen
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ _EVERYWHERE: Final = ("0.0.0.0", "::")
 def require_extra() -> None:
     """Raise InputError, with the remedy, unless the extra `panel` is installed."""
     if find_spec("nicegui") is None:
-        raise InputError("the panel is not installed: pip install 'steptwin[panel]'")
+        raise InputError(f"the panel is not installed: {installing('panel')}")
 
 
 def require_free(port: int | None) -> None:

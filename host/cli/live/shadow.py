@@ -24,12 +24,20 @@ if TYPE_CHECKING:
     from steptwin.host.record.recorded_bus import RecordedFrame
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.replay import MachineAtPowerUp
-    from steptwin.host.twin.shadow import Discrepancy, NodeValues, Shadow
+    from steptwin.host.twin.shadow import ClockStep, Discrepancy, NodeValues, Shadow
     from steptwin.protocol.frame import Frame
 
 _POLL_S: Final = 0.1
 _BEHIND_US: Final = 200_000
 """Time by which the twin stays behind this computer's clock while nothing is heard: frames may be on their way."""
+_STAMP_S_MAX: Final = 1e12
+"""Stamps beyond this are no time: 30 000 years from 1970."""
+_STEPS_TOLD: Final = 10
+"""Steps of the stamps' clock that are told: one that steps with each frame would fill the screen."""
+_WAITS_US: Final = 250_000
+"""Time for which a discrepancy waits for its like on other axes: all are told within a second."""
+_STANDS_US: Final = 1_000_000
+"""Time in which frames come and their stamps' clock stands, after which it is taken for none."""
 ASKING: Final = "asking"
 """The word for `--join` that lets the machine be asked how it stands."""
 BOARD_LOG: Final = "board.log"
@@ -73,42 +81,43 @@ def shadow(
         raise InputError(f"--seconds {wanted.seconds:g}: is not above 0 and finite")
     power_up, before = _power_up(loaded, machine, wanted)
     to = None if wanted.out is None else run_folder(wanted.out)
-    discrepancies: list[Discrepancy] = []
-
-    def tell(discrepancy: "Discrepancy") -> None:
-        discrepancies.append(discrepancy)
-        say(json.dumps(discrepancy.to_dict()) if live.as_json else str(discrepancy))
+    telling = _Telling(as_json=live.as_json)
 
     def twin_at(stood: "MachineAtPowerUp") -> "tuple[Shadow, UnplannedRun | None]":
         with naming_machine_options():
-            twin = Shadow(loaded, stood, tell, keep=to is not None)
+            twin = Shadow(loaded, stood, telling.tell, keep=to is not None, tell_step=telling.tell_step)
         return twin, None if to is None else UnplannedRun(twin.machine, "shadow")
 
     twin, run = twin_at(power_up)
     twin.take_recording(before)
     kept: list[tuple[int, Frame]] = []
     found = live.address.required(loaded)
+    since: tuple[int, int] | None = None
     with open_bus(found) as bus:
         if wanted.join == ASKING:
-            standing, us = _asked(bus, found.title, loaded)
+            standing, since = _asked(bus, found.title, loaded)
             stood = MachineOptions(stand_at=joints_told(loaded, standing))
             twin, run = twin_at(replace(power_up, options=power_up.options.over(stood)))
-            twin.take_standing(standing, us)
+            twin.take_standing(standing, *since)
         joined = _told_joined(twin)
         try:
-            for us, frame in _heard(bus.recv, found.title, wanted.seconds):
+            for us, frame, arrived_us in _heard(bus.recv, found.title, wanted.seconds, since):
                 if frame is None:
                     twin.pass_time(us)
                 else:
-                    twin.hear(us, frame)
+                    twin.hear(us, frame, arrived_us)
                 joined = joined or _told_joined(twin)
                 if to is not None and frame is not None:
                     kept.append((us, frame))
-                if discrepancies and wanted.until_difference:
+                telling.go_on(arrived_us)
+                if telling.discrepancies and wanted.until_difference:
                     break
         except KeyboardInterrupt:
             if wanted.seconds is not None:
                 raise
+        finally:
+            telling.flush()
+    discrepancies = telling.discrepancies
     if run is not None and to is not None:
         with naming_options("out"):
             run.save(to)
@@ -116,6 +125,52 @@ def shadow(
         live.add_files("the twin's run, the board's frames and the discrepancies are", to)
     _sum_up(live, twin, discrepancies)
     end_unless(twin.joined and not discrepancies)
+
+
+class _Telling:
+    """Says what differs, one line for what several axes say for one reason, and what the stamps' clock does."""
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.discrepancies: list[Discrepancy] = []
+        self._as_json = as_json
+        self._waiting: list[Discrepancy] = []
+        self._since_us: int | None = None
+        """When the first of those that wait has come."""
+        self._steps = 0
+
+    def tell(self, discrepancy: "Discrepancy") -> None:
+        self.discrepancies.append(discrepancy)
+        if self._as_json:
+            say(json.dumps(discrepancy.to_dict()))
+        else:
+            self._waiting.append(discrepancy)
+
+    def tell_step(self, step: "ClockStep") -> None:
+        from steptwin.host.twin.shadow import time_text
+
+        self._steps += 1
+        if self._steps > _STEPS_TOLD:
+            return
+        way = "back" if step.step_s < 0 else "forward"
+        now = f"to {time_text(step.at_s)}: the twin goes on from where it is"
+        warn(f"the stamps' clock was put {way} by {abs(step.step_s):.3f} s {now}")
+        if self._steps == _STEPS_TOLD:
+            warn("further steps of the stamps' clock are not told")
+
+    def go_on(self, now_us: int) -> None:
+        """Say what has waited for long enough for what belongs to it."""
+        if not self._waiting:
+            self._since_us = None
+        elif self._since_us is None:
+            self._since_us = now_us
+        elif now_us - self._since_us > _WAITS_US:
+            self.flush()
+
+    def flush(self) -> None:
+        from steptwin.host.twin.shadow import grouped
+
+        say(*grouped(self._waiting))
+        self._waiting.clear()
 
 
 def _power_up(
@@ -137,8 +192,8 @@ def _power_up(
     return replace(stood, options=options, commissioned=stood.commissioned and not wanted.new_board), before
 
 
-def _asked(bus: "can.BusABC", title: str, robot: "Robot") -> "tuple[Mapping[int, NodeValues], int]":
-    """Ask the machine how it stands; return that, and the stamp of the last answer in us.
+def _asked(bus: "can.BusABC", title: str, robot: "Robot") -> "tuple[Mapping[int, NodeValues], tuple[int, int]]":
+    """Ask the machine how it stands; return that, and of the last answer the stamp and when it came, in us.
 
     Here alone is something sent: what `Questions` returns.
     """
@@ -151,38 +206,65 @@ def _asked(bus: "can.BusABC", title: str, robot: "Robot") -> "tuple[Mapping[int,
     questions = Questions(robot.name, dict(enumerate(robot.axis_names, start=FIRST_NODE_ID)), warn)
     heard = _heard(bus.recv, title, None)
     while True:
-        us, frame = next(heard)
+        us, frame, arrived_us = next(heard)
         request = questions.hear(time.monotonic(), frame)
         if questions.standing is not None:
-            return questions.standing, us
+            return questions.standing, (us, arrived_us)
         if request is not None:
             with bus_errors(title):
                 bus.send(can.Message(arbitration_id=request.cob_id, data=request.data, is_extended_id=False))
 
 
 def _heard(
-    recv: "Callable[[float], can.Message | None]", title: str, seconds: float | None
-) -> "Iterator[tuple[int, Frame | None]]":
-    """Yield frames with their stamps in us as they come; None, and the time by their clock, while none comes.
+    recv: "Callable[[float], can.Message | None]",
+    title: str,
+    seconds: float | None,
+    since: tuple[int, int] | None = None,
+) -> "Iterator[tuple[int, Frame | None, int]]":
+    """Yield frames with their stamps as they come; None, and the time by their clock, while none comes; all in us.
 
-    That is 0 before the first one, which tells their clock.
+    That is 0 before the first one, which tells their clock; `since` are stamp and arrival of one that has come before.
+    The last value is the time by a clock that is never set.
     """
     from steptwin.host.client.links.bus_link import bus_errors
     from steptwin.protocol.frame import Frame
 
     until_s = None if seconds is None else time.monotonic() + seconds
-    last_us, last_s = None, 0.0
+    last_us, last_arrived_us = since or (None, 0)
+    stamps = _Stamps()
     while until_s is None or time.monotonic() < until_s:
         with bus_errors(title):
             message = recv(_POLL_S)
+        arrived_us = round(1e6 * time.monotonic())
         if message is None:
-            silent_us = round(1e6 * (time.monotonic() - last_s)) - _BEHIND_US
-            yield 0 if last_us is None else last_us + silent_us, None
-            continue
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
-            continue
-        last_us, last_s = round(1e6 * message.timestamp), time.monotonic()
-        yield last_us, Frame(message.arbitration_id, bytes(message.data))
+            silent_us = arrived_us - last_arrived_us - _BEHIND_US
+            yield 0 if last_us is None else last_us + silent_us, None, arrived_us
+        elif not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
+            last_us, last_arrived_us = stamps.of(message.timestamp, arrived_us), arrived_us
+            yield last_us, Frame(message.arbitration_id, bytes(message.data)), arrived_us
+
+
+class _Stamps:
+    """The stamps of frames; an interface that gives none, or always the same, gets those of this computer."""
+
+    def __init__(self) -> None:
+        self._stamp_s = 0.0
+        self._since_us: int | None = None
+        """When the first frame with that stamp has come."""
+        self._told = False
+
+    def of(self, stamp_s: float, arrived_us: int) -> int:
+        """Return the stamp of a frame in us."""
+        known = abs(stamp_s) < _STAMP_S_MAX
+        if self._since_us is None or (known and stamp_s != self._stamp_s):
+            self._stamp_s, self._since_us = (stamp_s if known else 0.0), arrived_us
+        stands_us = arrived_us - self._since_us
+        if known and stands_us < _STANDS_US:
+            return round(1e6 * self._stamp_s)
+        if not self._told:
+            self._told = True
+            warn(f"the stamp {stamp_s:g} s is no time: such frames are taken as they come")
+        return round(1e6 * self._stamp_s) + stands_us
 
 
 def _told_joined(twin: "Shadow") -> bool:

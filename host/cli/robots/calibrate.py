@@ -18,6 +18,7 @@ from steptwin.host.cli.arguments import (
 from steptwin.host.cli.options import argument, naming_options, option
 from steptwin.host.cli.output import Columns, fixed, number_of, print_rows, print_table, say
 from steptwin.host.common.bad_input import prefixed
+from steptwin.host.common.extras import installing
 from steptwin.host.common.whole_file import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def calibrate(
     if folder is not None:
         which.add_files(f"corrected robot file, figures{' and picture' if picture else ''} are", folder)
         if not picture:
-            say("no picture: matplotlib is not installed (pip install 'steptwin[plot]')", err=True)
+            say(f"no picture: matplotlib is not installed ({installing('plot')})", err=True)
 
 
 def _document(found: "Identification") -> dict[str, Any]:

@@ -8,6 +8,7 @@ from steptwin.host.cli.arguments import RobotOptions
 from steptwin.host.cli.options import argument
 from steptwin.host.cli.output import print_table, say
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 
 if TYPE_CHECKING:
     from steptwin.host.studies.step_methods.cortex_m3 import CoreFigures
@@ -28,7 +29,7 @@ def bench(
     from steptwin.host.twin.machine.kernels import fastest_kernel
 
     if not find_spec("numba"):
-        say("numba is not installed (pip install 'steptwin[fast]'): this takes minutes", err=True)
+        say(f"numba is not installed ({installing('fast')}): this takes minutes", err=True)
     if words or which.robot_file is not None:
         robot, rest = which.robot_and_rest(words)
         if len(rest) > 1:
@@ -53,4 +54,4 @@ def print_figures(figures: "list[MethodErrors]", on_core: "list[CoreFigures]") -
         say(f"The kernel on an emulated Cortex-M3, in each motion's busiest 100 ms; {flash}:")
         print_table(list(CORE_COLUMNS), core_rows(on_core), text_columns=1)
     else:
-        say("no Cortex-M3: it needs numba, unicorn (pip install 'steptwin[fast,m3]') and arm-none-eabi-gcc", err=True)
+        say(f"no Cortex-M3: it needs numba, unicorn ({installing('fast', 'm3')}) and arm-none-eabi-gcc", err=True)

@@ -15,6 +15,7 @@ from steptwin.host.cli.options import argument, given_options, naming_options, o
 from steptwin.host.cli.output import Columns, number_of, print_rows, print_table, say, say_no_pictures
 from steptwin.host.cli.run.virtual_run import FinishedRun
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.numbers import whole
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ def campaign(
 
 def _require_extra() -> None:
     if not all(map(find_spec, ("distributed", "pyarrow", "tomlkit"))):
-        raise InputError("campaigns are not installed: pip install 'steptwin[campaign]'")
+        raise InputError(f"campaigns are not installed: {installing('campaign')}")
 
 
 def _seed(text: str) -> int:

@@ -10,6 +10,7 @@ from steptwin.host.cli.arguments import finite_number, keep_files
 from steptwin.host.cli.options import naming_options, option
 from steptwin.host.cli.output import Columns, print_rows, progress_bar, say, warn
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.whole_file import write_json
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from steptwin.host.twin.motors.after_run import RotorTrace
     from steptwin.host.verify import Comparison, RunInfo
 
-MOTORS: Final = "motors.json"
-"""The file in a run's folder that holds the motors' verdict."""
 _SURE_AFTER_S: Final = 1.0
 """Time after which an estimate is good enough to tell."""
 _LONG_S: Final = 10.0
@@ -111,7 +110,7 @@ def write_pictures(folder: "Path", ran: "MotorRun", run: "RunInfo") -> None:
 def keep_pictures(folder: "Path", *, replace: bool) -> None:
     """Raise InputError if `write_pictures` would replace a picture unasked, or could draw none."""
     if not find_spec("matplotlib"):
-        raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+        raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
     from steptwin.host.studies.motors.motor_pictures import PICTURES
 
     keep_files((folder / f"{name}.png" for name in PICTURES), replace=replace)
@@ -125,7 +124,7 @@ def keep_cycles(folder: "Path | None", *, replace: bool) -> None:
     """Raise InputError if `write_cycles` would replace its picture unasked, or could not draw it."""
     if folder is not None:
         if not find_spec("matplotlib"):
-            raise InputError("--out: matplotlib is not installed (pip install 'steptwin[plot]')")
+            raise InputError(f"--out: matplotlib is not installed ({installing('plot')})")
         keep_files((folder / CYCLE,), replace=replace)
 
 
@@ -145,6 +144,8 @@ def write_cycles(
 
 def keep_motors(folder: "Path", ran: "MotorRun", run: "RunInfo", *, pictures: bool) -> None:
     """Write the motors' verdict into the folder of a run, and the pictures that are drawn in time."""
+    from steptwin.host.record.folder import MOTORS
+
     write_json(folder / MOTORS, ran.verdict.to_dict())
     if pictures:
         from steptwin.host.studies.motors.motor_pictures import write_motor_pictures
@@ -173,7 +174,7 @@ def telling_time(progress: "Progress", what: str) -> "Progress":
 
 
 def _remedy() -> str:
-    return "" if find_spec("numba") else "; numba makes it some hundred times faster (pip install 'steptwin[fast]')"
+    return "" if find_spec("numba") else f"; numba makes it some hundred times faster ({installing('fast')})"
 
 
 _COLUMNS: Final[Columns] = {

@@ -118,7 +118,10 @@ def _verdict(document: Mapping[str, Any]) -> list[str]:
         return _stopped(document)
     if document["reasons"] == [document.get("interruption")]:
         return ["INCOMPLETE", *document["reasons"]]
-    return ["PASSED"] if document["passed"] else ["FAILED", *document["reasons"]]
+    if document["passed"]:
+        return ["PASSED"]
+    stopped_alone = "stopped" in document and len(document["reasons"]) == 1
+    return ["STOPPED" if stopped_alone else "FAILED", *document["reasons"]]
 
 
 def _stopped(document: Mapping[str, Any]) -> list[str]:

@@ -82,8 +82,8 @@ def verify(
     """Verify a stored run again: same verdict and exit code as the run, or 1 if its files were changed.
 
     Of a run with a scenario it judges the motion alone: where a fault has stopped it as documented, the exit code is 3.
-    A live board's recording that was interrupted is verified as far as it goes, with exit code 1. With --capture,
-    verify what a logic analyser has recorded at the drivers of any controller.
+    A live board's recording that was interrupted is verified as far as it goes, with exit code 1, as is one whose
+    machine was stopped. With --capture, verify what a logic analyser has recorded at the drivers of any controller.
     """
     if captured.capture is not None:
         if folder is not None:
@@ -95,14 +95,18 @@ def verify(
 
 
 def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> None:
-    from steptwin.host.record.folder import ContradictionError, verify_folder
+    from steptwin.host.record.folder import ContradictionError, StoppedError, digests, mixture, verify_folder
 
     try:
         with naming_options(plan_folder="--plan"):
             verdict = verify_folder(folder, plan)
-    except ContradictionError as error:
+    except (ContradictionError, StoppedError) as error:
         raise NotVerifiedError(str(error)) from error
-    document = _document(verdict)
+    document = _document(verdict) | digests(folder)
+    if verdict.of_other_runs:
+        document["of_other_runs"] = list(verdict.of_other_runs)
+        if mixture(verdict.of_other_runs) not in verdict.reasons:
+            warn(mixture(verdict.of_other_runs))
 
     def tell() -> None:
         print_report(document)
@@ -116,12 +120,16 @@ def _verify_folder(answer: AnswerOptions, folder: Path, plan: Path | None) -> No
 
 def _document(verdict: "FolderVerdict") -> dict[str, Any]:
     """Return the document as `run --json` prints it; a changed folder is not evidence of a fault."""
+    from steptwin.host.record.folder import stop_document
+
     document = verdict.report.to_dict()
     document |= {"passed": verdict.passed, "reasons": list(verdict.reasons)}
     document |= {"driver_profile": verdict.driver_profile, "simulated": verdict.simulated}
+    if verdict.stop is not None:
+        document["stopped"] = stop_document(verdict.stop)
     if verdict.interruption is not None:
         document["interruption"] = verdict.interruption
-    if verdict.fault is not None and not verdict.tampered:
+    if verdict.fault is not None and not (verdict.tampered or verdict.of_other_runs):
         document["fault"] = dict(verdict.fault)
     if verdict.on_purpose:
         document["faults"] = [asdict(fault) for fault in verdict.on_purpose]

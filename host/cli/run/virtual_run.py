@@ -27,6 +27,7 @@ from steptwin.host.cli.run.verdict_text import fault_line, print_report
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
 if TYPE_CHECKING:
@@ -235,7 +236,7 @@ _LONG_S: Final = 3.0
 def say_what_is_faster(wall_s: float) -> None:
     """Print on stderr, after a run that took long, which extra would make it faster, if that is not installed."""
     if wall_s > _LONG_S and not find_spec("numba"):
-        say("numba makes long runs about twice as fast (pip install 'steptwin[fast]')", err=True)
+        say(f"numba makes long runs about twice as fast ({installing('fast')})", err=True)
 
 
 def _raise_unless_right(outcome: "Outcome") -> None:

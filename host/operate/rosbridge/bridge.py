@@ -18,6 +18,7 @@ from steptwin.host.client.reports import Listening, check_enabled, check_faults
 from steptwin.host.client.stream import Stream
 from steptwin.host.client.waiting import POLL_S
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.file_limits import MIB
 from steptwin.host.operate.inputs_outputs import streamed_motion
 from steptwin.host.operate.joint_positions import JointReading, axis_readings
@@ -265,7 +266,7 @@ class RosBridge:
 def require_websockets() -> None:
     """Raise InputError, with the remedy, unless the extra `ros2` is installed."""
     if find_spec("websockets") is None:
-        raise InputError("the bridge to ROS is not installed: pip install 'steptwin[ros2]'")
+        raise InputError(f"the bridge to ROS is not installed: {installing('ros2')}")
 
 
 class RosbridgeSocket:

@@ -16,8 +16,6 @@ import sys
 from asyncio.subprocess import PIPE
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Final
 
@@ -25,13 +23,14 @@ import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.panel.page.uploads import RUNNABLE, uploaded
 from steptwin.host.planning.jobs import job_fields, make_job
 from steptwin.host.planning.jobs.options import OptionField
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.planner import plan, plan_stretched
 from steptwin.host.planning.programs import SUFFIX, compile_program, read_program
 from steptwin.host.planning.trajectory import Trajectory
-from steptwin.host.planning.trajectory_file import SUFFIXES, doubt, read_file_motion
+from steptwin.host.planning.trajectory_file import doubt, read_file_motion
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.base import tool_places_mm
 from steptwin.host.robots.robot import Robot
@@ -82,8 +81,10 @@ def naming_titles(fields: Iterable[OptionField]) -> Iterator[None]:
         raise InputError(*error.messages).plainly(plain) from error
 
 
-ENDINGS: Final = (*SUFFIXES, SUFFIX)
+ENDINGS: Final = RUNNABLE
 """Endings of the files that can be run."""
+Files = Mapping[str, bytes]
+"""Contents of uploaded files by their names, the newest last."""
 USUAL_UNITS: Final = "deg,mm"
 UNITS: Final = {
     USUAL_UNITS: "degrees, mm",
@@ -103,14 +104,28 @@ def plan_job(robot: Robot, name: str, options: Mapping[str, str], stretch: float
 
 
 def plan_upload(
-    robot: Robot, name: str, content: bytes, stretch: float | None, units: str = USUAL_UNITS
+    robot: Robot,
+    name: str,
+    content: bytes,
+    stretch: float | None,
+    units: str = USUAL_UNITS,
+    beside: Files | None = None,
 ) -> tuple[Plan, str | None]:
     """Plan the motion in an uploaded file; return what is to be asked about its units, too, if it hardly moves.
+
+    Args:
+        robot: the machine.
+        name: the file's name.
+        content: what is in it.
+        stretch: as `plan_stretched`.
+        units: of a trajectory file.
+        beside: other uploaded files, to which a program may refer. Nothing else is read: the file that a program names
+            as its robot is the machine's own if it has that robot's name.
 
     Raises:
         InputError: something is wrong in the file, which has its own name in the message.
     """
-    with _as_file(name, content) as path:
+    with uploaded(name, content, beside or {}, robot) as path:
         if path.endswith(SUFFIX):
             program = compile_program(read_program(path), robot, drives=motor_limits)
             with program.explained(stretch or 1.0):
@@ -140,22 +155,6 @@ def _planned(robot: Robot, trajectory: Trajectory, stretch: float | None) -> Pla
     return plan(robot, trajectory) if stretch == 1.0 else plan_stretched(robot, trajectory, stretch)
 
 
-@contextmanager
-def _as_file(name: str, content: bytes) -> Iterator[str]:
-    """Write a content to a file for the block; errors name the file as its user knows it."""
-    plain = Path(name).name
-    if not plain.lower().endswith(ENDINGS):
-        raise InputError(f"{plain}: a file to run ends in {', '.join(ENDINGS)}")
-    with TemporaryDirectory(prefix="steptwin-") as folder:
-        path = Path(folder) / f"upload{Path(plain).suffix.lower()}"
-        path.write_bytes(content)
-        try:
-            yield str(path)
-        except InputError as error:
-            messages = (message.replace(str(path), plain) for message in error.messages)
-            raise InputError(*messages).plainly(error.plain.replace(str(path), plain)) from error
-
-
 PLANNING_S_MAX: Final = 120.0
 """Longest time for planning a file: a straight line of the tool that lasts an hour takes some 10 s."""
 MEMORY_BYTES_MAX: Final = 3 << 30
@@ -167,10 +166,15 @@ Planned = tuple[Plan, str | None]
 
 
 async def plan_apart(
-    robot: Robot, name: str, content: bytes, stretch: float | None, units: str = USUAL_UNITS
+    robot: Robot,
+    name: str,
+    content: bytes,
+    stretch: float | None,
+    units: str = USUAL_UNITS,
+    beside: Files | None = None,
 ) -> Planned:
     """Plan an uploaded file as `plan_upload`; raise InputError as it does, or if it takes too long or too much."""
-    request = pickle.dumps((robot, name, content, stretch, units))
+    request = pickle.dumps((robot, name, content, stretch, units, beside))
     process = await asyncio.create_subprocess_exec(sys.executable, "-m", __name__, stdin=PIPE, stdout=PIPE)
     assert process.stdin
     assert process.stdout
@@ -193,9 +197,11 @@ async def plan_apart(
     return planned
 
 
-def _answer(robot: Robot, name: str, content: bytes, stretch: float | None, units: str) -> Planned | StepTwinError:
+def _answer(
+    robot: Robot, name: str, content: bytes, stretch: float | None, units: str, beside: Files | None
+) -> Planned | StepTwinError:
     try:
-        return plan_upload(robot, name, content, stretch, units)
+        return plan_upload(robot, name, content, stretch, units, beside)
     except StepTwinError as error:
         return error
     except MemoryError:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any, Final
 
 from nicegui import events, ui
@@ -38,6 +39,7 @@ from steptwin.host.panel.page.motions import (
     plan_job,
 )
 from steptwin.host.panel.page.scene import ArmScene, links_at
+from steptwin.host.panel.page.uploads import companions, to_run
 from steptwin.host.panel.page.visitor import SHOWN, Visitor
 from steptwin.host.planning.jobs import job_fields, job_names, job_summary
 from steptwin.host.planning.jobs.options import OptionField, OptionRange
@@ -46,52 +48,83 @@ from steptwin.host.planning.plan import Plan
 
 
 class Upload:
-    """A field onto which a file is dropped, with the name of the one that is there.
+    """A field onto which files are dropped, with the name of the one that is to be run and those that go with it.
 
     Attributes:
-        file: name and content; None without one.
+        files: contents by name, the newest last.
     """
 
     def __init__(self, changed: Callable[[], Awaitable[None]], refused: Callable[[str], None]) -> None:
-        """Make it; `changed` is called when another file, or none, is there, `refused` with the reason for none."""
-        self.file: tuple[str, bytes] | None = None
+        """Make it; `changed` is called when other files, or none, are there, `refused` with the reason for none."""
+        self.files: dict[str, bytes] = {}
         self._changed, self._refused = changed, refused
         self.root: ui.element = stack("tight")
         with self.root:
             self._field = ui.upload(
-                label=f"choose or drop a file: {', '.join(ENDINGS)}",
+                label=f"choose or drop files: {', '.join(ENDINGS)}",
+                multiple=True,
                 auto_upload=True,
                 max_file_size=BODY_BYTES_MAX,
-                on_upload=self._take,
+                max_total_size=BODY_BYTES_MAX,
+                max_files=_FILES_MAX,
+                on_multi_upload=self._take,
                 on_rejected=self._reject,
             )
             self._field.props(f"accept={','.join(ENDINGS)} flat bordered").classes("upload")
             with line() as self._row:
                 self._name = ui.label()
                 icon_button("close", "take the file away", self._take_away)
-        self.show(None)
+        self.show({})
 
-    def show(self, file: tuple[str, bytes] | None) -> None:
-        """Have another file, or none; nobody is told."""
-        self.file = file
-        self._row.set_visibility(file is not None)
-        if file is not None:
-            self._name.set_text(f"Chosen: {file[0]}, {_size_words(len(file[1]))}")
+    @property
+    def file(self) -> tuple[str, bytes] | None:
+        """Name and content of the file that is to be run; None without one."""
+        name = to_run(self.files)
+        return None if name is None else (name, self.files[name])
 
-    async def _take(self, event: events.UploadEventArguments) -> None:
+    @property
+    def beside(self) -> dict[str, bytes]:
+        """The other files."""
+        return {name: self.files[name] for name in companions(self.files)}
+
+    def show(self, files: Mapping[str, bytes]) -> None:
+        """Have other files, or none; nobody is told."""
+        self.files = dict(files)
+        self._row.set_visibility(self.file is not None)
+        if self.file is not None:
+            name, content = self.file
+            beside = f", with {', '.join(self.beside)}" if self.beside else ""
+            self._name.set_text(f"Chosen: {name}, {_size_words(len(content))}{beside}")
+
+    async def _take(self, event: events.MultiUploadEventArguments) -> None:
+        """Take files to those that are there, of which only what goes with the file to be run stays."""
         self._field.reset()  # its own list would grow, with a tick at each file
-        self.show((event.file.name, await event.file.read()))
+        files = self.files
+        for file in event.files:
+            name = PurePath(file.name).name
+            files = {other: content for other, content in files.items() if other != name} | {name: await file.read()}
+        main = to_run(files)
+        kept = {name: files[name] for name in (*companions(files), *([main] if main else []))}
+        if len(kept) > _FILES_MAX or sum(map(len, kept.values())) > BODY_BYTES_MAX:
+            self._reject()
+            return
+        self.show(kept)
         await self._changed()
 
     async def _take_away(self) -> None:
-        self.show(None)
+        self.show({})
         await self._changed()
 
     def _reject(self) -> None:
         self._field.reset()
         self._refused(
-            f"refused: the file ends in none of {', '.join(ENDINGS)}, or has more than {_size_words(BODY_BYTES_MAX)}"
+            f"refused: a file ends in none of {', '.join(ENDINGS)}, they have more than {_size_words(BODY_BYTES_MAX)},"
+            f" or they are more than {_FILES_MAX}"
         )
+
+
+_FILES_MAX: Final = 20
+"""Most files that are there at once."""
 
 
 def _size_words(size_bytes: int) -> str:
@@ -134,13 +167,13 @@ class Shown:
     Attributes:
         fields: motion, speed, repetitions, whether to move to the start first, and a file's units.
         options: values of the job's options.
-        file: the file of the user's.
+        files: the files of the user's.
         preview: what may be run; None without one.
     """
 
     fields: tuple[Any, ...]
     options: Mapping[str, Any]
-    file: tuple[str, bytes] | None
+    files: Mapping[str, bytes]
     preview: Preview | None
 
 
@@ -202,11 +235,11 @@ class RunTab:
         """Return what the tab shows now, for the same tab when it is loaded again."""
         fields = tuple(each.value for each in self._fields())
         options = self._form.values() if self._form else {}
-        return Shown(fields, options, self._upload.file, self._shown)
+        return Shown(fields, options, self._upload.files, self._shown)
 
     def go_on(self, shown: "Shown") -> None:
         """Show what the tab has shown before it was loaded again."""
-        self._upload.show(shown.file)
+        self._upload.show(shown.files)
         for field, value in zip(self._fields(), shown.fields, strict=True):
             field.set_value(value)
         if self._form:
@@ -228,7 +261,9 @@ class RunTab:
         with self._options:
             if name == _FILE:
                 self._form = None
-                self._summary.set_text("A trajectory in CSV, JSON or YAML, or a program in TOML.")
+                self._summary.set_text(
+                    "A trajectory in CSV, JSON or YAML, G-code, or a program in TOML, with its files."
+                )
             else:
                 robot = self._visitor.desk.robot
                 self._summary.set_text(job_summary(robot, name))
@@ -311,7 +346,8 @@ class RunTab:
                 self._visitor.tell("choose a file first")
                 return name, None
             units = str(self._units.value)
-            return upload[0], lambda: plan_apart(robot, *upload, stretch, units)
+            beside = self._upload.beside
+            return upload[0], lambda: plan_apart(robot, *upload, stretch, units, beside)
         missing = form.wrong()
         if missing is not None:
             self._visitor.tell(missing)

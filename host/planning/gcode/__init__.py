@@ -28,6 +28,7 @@ from steptwin.host.planning.no_way import NO_WAY
 
 __all__ = [
     "GROUPS",
+    "SUFFIXES",
     "CutMove",
     "CutRun",
     "Dwell",
@@ -42,6 +43,8 @@ __all__ = [
     "cut_runs",
     "read_blocks",
 ]
+SUFFIXES: Final = (".gcode", ".nc", ".ngc")
+"""Usual endings of the files' names."""
 KINK_MAX_DEG: Final = 0.1
 """Angle up to which a corner is none, so that the path flows on without a rounding."""
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.whole_file import write_whole
 from steptwin.host.record.animation.film import (
     CAMERAS,
@@ -107,7 +108,7 @@ def check_kind(path: Path) -> None:
     if path.suffix == ".html":
         return
     if not find_spec("matplotlib"):
-        raise InputError(f"{path.suffix}: matplotlib is not installed (pip install 'steptwin[plot]'); .html needs none")
+        raise InputError(f"{path.suffix}: matplotlib is not installed ({installing('plot')}); .html needs none")
     if path.suffix == ".mp4":
         from steptwin.host.record.animation.drawing import check_ffmpeg
 

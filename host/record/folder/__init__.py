@@ -1,14 +1,17 @@
 """Write the folder of a run, read it, and verify the run again from its files alone.
 
-`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges.
+`layout` names the files, `writing` writes all and draws, `reading` makes plan and evidence of them, `verdict` judges,
+`digests` tell whose files they are.
 """
 
+from steptwin.host.record.folder.digests import digests
 from steptwin.host.record.folder.edges_file import AxisTotals, read_edges
 from steptwin.host.record.folder.layout import (
     BUS_LOG,
     EDGES,
     FOLDER_VERSION,
     LIVE_JOB,
+    MOTORS,
     RECORDING,
     REPLAY_JOB,
     REPORT,
@@ -16,6 +19,8 @@ from steptwin.host.record.folder.layout import (
     TEST_JOB,
     VERSION_KEY,
     ContradictionError,
+    Stop,
+    StoppedError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
 from steptwin.host.record.folder.reading import (
@@ -28,16 +33,17 @@ from steptwin.host.record.folder.reading import (
     stored_motion,
 )
 from steptwin.host.record.folder.recording import Piece, PlanRows, Recording, keep_any_run, keep_log, keep_recording
-from steptwin.host.record.folder.report_file import read_report
+from steptwin.host.record.folder.report_file import read_report, stop_document
 from steptwin.host.record.folder.unfinished import Header, Mark
-from steptwin.host.record.folder.verdict import FolderVerdict, verify_folder
-from steptwin.host.record.folder.writing import prepare_folder, run_files, write_folder
+from steptwin.host.record.folder.verdict import FolderVerdict, mixture, verify_folder
+from steptwin.host.record.folder.writing import older_files, prepare_folder, run_files, write_folder
 
 __all__ = [
     "BUS_LOG",
     "EDGES",
     "FOLDER_VERSION",
     "LIVE_JOB",
+    "MOTORS",
     "RECORDING",
     "REPLAY_JOB",
     "REPORT",
@@ -52,11 +58,16 @@ __all__ = [
     "Piece",
     "PlanRows",
     "Recording",
+    "Stop",
+    "StoppedError",
     "StoredRun",
     "check_axes",
+    "digests",
     "keep_any_run",
     "keep_log",
     "keep_recording",
+    "mixture",
+    "older_files",
     "prepare_folder",
     "read_edges",
     "read_evidence",
@@ -65,6 +76,7 @@ __all__ = [
     "read_robot",
     "read_run",
     "run_files",
+    "stop_document",
     "stored_motion",
     "trajectory_head",
     "trajectory_row",

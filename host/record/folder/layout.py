@@ -1,9 +1,10 @@
 """Name the files of a run's folder and the version of their format; docs/run-folder.md describes them."""
 
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from steptwin.host.common.errors import InputError
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 FOLDER_VERSION: Final = 1
 """Version in report.json and edges.npz; it grows when a reader of this version could misread a folder."""
@@ -23,8 +24,35 @@ TRAJECTORY: Final = "trajectory.csv"
 EDGES: Final = "edges.npz"
 BUS_LOG: Final = "bus.log"
 SHELF: Final = "shelf.json"
+MOTORS: Final = "motors.json"
+"""The motors' verdict."""
+FILES: Final = "files"
+"""Key of report.json: the digests of the files beside it."""
 RECORDING: Final = "recording.part"
 """Folder in the folder: a live board's recording that has no end yet, or has lost it."""
+
+
+class Stop(NamedTuple):
+    """What has stopped a live board's machine.
+
+    Attributes:
+        counts: the instant.
+        by: what it was, in words.
+        in_motion: True if the machine moved.
+    """
+
+    counts: int
+    by: str
+    in_motion: bool
+
+    def __str__(self) -> str:
+        """Say what it was, and when."""
+        way = "on its way" if self.in_motion else "at rest"
+        return f"stopped {way} by {self.by}, {self.counts / COUNTS_PER_SECOND:.3f} s after power-up"
+
+
+class StoppedError(InputError):
+    """Raised if a live board's machine was stopped before it had come to the end of its plan."""
 
 
 class ContradictionError(InputError):

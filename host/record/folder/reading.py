@@ -14,7 +14,7 @@ from steptwin.host.common.errors import InputError
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges
-from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, existing_file
+from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, StoppedError, existing_file
 from steptwin.host.record.folder.motion import read_motion
 from steptwin.host.record.folder.report_file import StoredReport, read_report, read_shelf
 from steptwin.host.record.folder.unfinished import PLAN, UnfinishedRecording, read_unfinished, unfinished
@@ -223,6 +223,8 @@ def _read_counts(folder: Path, robot: Robot, report: StoredReport, no_plan: str)
 def _own_motion(folder: Path, robot: Robot, report: StoredReport) -> _ReadMotion:
     recording = report.recording
     if reason := _no_plan(folder, report):
+        if report.stop:
+            raise StoppedError(f"{folder}: was {report.stop}, so there is no plan to verify: {reason}")
         raise InputError(f"{folder / TRAJECTORY}: is missing: {reason}; plan_folder=DIR takes that of another run")
     if recording is None:
         return lambda until_s: read_motion(folder, robot, report.switchings, until_s)

@@ -18,6 +18,7 @@ import numpy as np
 from steptwin.host.common.errors import InputError, RecordingError
 from steptwin.host.common.own_files import refuse_link
 from steptwin.host.common.whole_file import append, whole_file, write_json, write_whole
+from steptwin.host.record.folder.digests import digests
 from steptwin.host.record.folder.edges_file import (
     ANGLE_TYPES,
     ARRAY_TYPES,
@@ -41,6 +42,7 @@ from steptwin.host.record.folder.layout import (
 )
 from steptwin.host.record.folder.report_file import read_report
 from steptwin.host.record.folder.unfinished import HEADER, MARKS, PLAN, Header, Mark, unfinished
+from steptwin.host.record.folder.writing import older_files
 from steptwin.host.verify import AxisEvidence
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -150,12 +152,16 @@ class Recording:
         (self._parts / HEADER).unlink(missing_ok=True)
         if self._parts.exists():
             shutil.rmtree(self._parts)
-        for name in (REPORT, TRAJECTORY, EDGES, BUS_LOG):
-            (folder / name).unlink(missing_ok=True)
         self._parts.mkdir()
+        try:
+            write_json(self._parts / HEADER, header.document())  # from here on the folder is a recording
+        except OSError:
+            shutil.rmtree(self._parts)
+            raise
+        for name in older_files():
+            (folder / name).unlink(missing_ok=True)
         (folder / BUS_LOG).touch()
         write_whole(folder / ROBOT, robot_toml)
-        write_json(self._parts / HEADER, header.document())
 
     @property
     def until_s(self) -> float:
@@ -182,7 +188,8 @@ class Recording:
             if self._mark.no_plan is None and not self._mark.in_motion:
                 self._write_plan()
             self._write_edges()
-            write_json(self._folder / REPORT, dict(document) | {VERSION_KEY: FOLDER_VERSION})
+            report = {**document, VERSION_KEY: FOLDER_VERSION, **digests(self._folder)}
+            write_json(self._folder / REPORT, report)
             (self._parts / HEADER).unlink()
             shutil.rmtree(self._parts, ignore_errors=True)  # a file that another program reads may stay on Windows
         except OSError as error:
@@ -192,6 +199,7 @@ class Recording:
         self.failure = RecordingError(
             f"{error.filename}: {error.strerror}: the recording in {self._folder} ends at {self.until_s:.3f} s"
         )
+        self.failure.__cause__ = error
 
     def _know_limits(self, axes: Sequence[AxisEvidence]) -> None:
         """Write the header again if a driver has got further limits, before violations of them are recorded."""

@@ -17,7 +17,7 @@ from steptwin.host.common.tables import Table, json_table, number_at
 from steptwin.host.common.whole_file import write_json
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, check_version, existing_file
+from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, Stop, check_version, existing_file
 from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.verify import (
@@ -83,6 +83,7 @@ class StoredReport:
         capture: of a real controller's edges; None for a run that was emulated.
         on_purpose: the faults of the run's scenario.
         slips: the rotors that slipped, in a run whose motors turned.
+        stop: what has stopped a live board's machine since its motion began; None if nothing has.
     """
 
     run: RunInfo
@@ -97,6 +98,7 @@ class StoredReport:
     capture: StoredCapture | None = None
     on_purpose: tuple[StoredFault, ...] = ()
     slips: tuple[RotorSlip, ...] = ()
+    stop: Stop | None = None
 
     @property
     def gates(self) -> Gates:
@@ -131,7 +133,21 @@ def _report(table: Table) -> StoredReport:
         capture=_capture(table) if "capture" in table else None,
         on_purpose=table.each("faults", _on_purpose) if "faults" in table else (),
         slips=table.each("slips", _slip) if "slips" in table else (),
+        stop=_stop(table) if "stopped" in table and not table.is_null("stopped") else None,
     )
+
+
+def _stop(table: Table) -> Stop:
+    with table.section("stopped") as stopped:
+        at_s = _duration_s(stopped, "at_s")
+        return Stop(round(at_s * COUNTS_PER_SECOND), stopped.text("by"), stopped.truth("in_motion"))
+
+
+def stop_document(stop: Stop | None) -> dict[str, Any] | None:
+    """Return a stop as report.json has it under `stopped`."""
+    if stop is None:
+        return None
+    return {"at_s": round(stop.counts / COUNTS_PER_SECOND, 6), "by": stop.by, "in_motion": stop.in_motion}
 
 
 def _capture(table: Table) -> StoredCapture:
@@ -153,6 +169,7 @@ def _of_recording(recording: UnfinishedRecording) -> StoredReport:
         next_motion_s=recording.mark.next_counts / COUNTS_PER_SECOND or None,
         document={"no_plan": recording.mark.no_plan},
         recording=recording,
+        stop=recording.mark.stop,
     )
 
 

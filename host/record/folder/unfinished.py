@@ -7,7 +7,7 @@ board still runs.
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,7 +34,7 @@ from steptwin.host.record.folder.edges_file import (
     evidence_until,
     header_arrays,
 )
-from steptwin.host.record.folder.layout import FOLDER_VERSION, LIVE_JOB, RECORDING, VERSION_KEY, check_version
+from steptwin.host.record.folder.layout import FOLDER_VERSION, LIVE_JOB, RECORDING, VERSION_KEY, Stop, check_version
 from steptwin.host.record.folder.npz_file import Arrays
 from steptwin.host.verify import SIXTEENTHS, BusReport, DriverLimit, Evidence, RunInfo
 from steptwin.protocol.drivers import ActiveEdge
@@ -49,6 +49,8 @@ PLAN: Final = "plan.csv"
 NOTHING: Final = "nothing was recorded"
 
 _COUNTS_MAX: Final = float(1 << 62)
+_WHOLE: Final = ("until_counts", "start_counts", "frames", "plan_from", "plan_to", "next_counts", "stopped_counts")
+"""Keys of a mark whose values are whole numbers."""
 
 
 def unfinished(folder: Path) -> bool:
@@ -113,6 +115,9 @@ class Mark:
         plan_from: place of that motion's first row in the file of the plans, in bytes.
         plan_to: place behind its last row; 0 if that is the end of the file.
         next_counts: instant when a later motion began that is not in the plan; 0 if there was none.
+        stopped_counts: instant when the machine was stopped since that motion began; 0 if it was not.
+        stopped_by: what has stopped it, in words.
+        stopped_in_motion: True if it moved.
         load_percent: load of the bus since power-up.
         wall_s: seconds on the wall clock since power-up.
     """
@@ -125,8 +130,22 @@ class Mark:
     plan_from: int = 0
     plan_to: int = 0
     next_counts: int = 0
+    stopped_counts: int = 0
+    stopped_by: str = ""
+    stopped_in_motion: bool = False
     load_percent: float = 0.0
     wall_s: float = 0.0
+
+    @property
+    def stop(self) -> Stop | None:
+        """What has stopped the machine since that motion began; None if nothing has."""
+        return Stop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
+
+    def with_stop(self, stop: Stop | None) -> "Mark":
+        """Return the mark with what has stopped the machine."""
+        if stop is None:
+            return self
+        return replace(self, stopped_counts=stop.counts, stopped_by=stop.by, stopped_in_motion=stop.in_motion)
 
     def line(self, before: "Mark", sizes: Mapping[str, int]) -> str:
         """Return what is new since the mark before, with the sizes in bytes of the files that have grown."""
@@ -137,14 +156,17 @@ class Mark:
     def after(self, line: Table) -> "Mark":
         """Return the mark that a line makes of this one; raise InputError for a wrong value."""
         values: dict[str, Any] = asdict(self)
-        for key in ("until_counts", "start_counts", "frames", "plan_from", "plan_to", "next_counts"):
+        for key in _WHOLE:
             if key in line:
                 values[key] = line.integer(key, _COUNTS_MAX)
         for key in ("load_percent", "wall_s"):
             if key in line:
                 values[key] = line.number(key)
-        if "in_motion" in line:
-            values["in_motion"] = line.truth("in_motion")
+        for key in ("in_motion", "stopped_in_motion"):
+            if key in line:
+                values[key] = line.truth(key)
+        if "stopped_by" in line:
+            values["stopped_by"] = line.text("stopped_by")
         if "no_plan" in line:
             values["no_plan"] = None if line.is_null("no_plan") else line.text("no_plan")
         return Mark(**values)

@@ -1,12 +1,13 @@
 """Judge a stored run again from its files alone, and compare its report with them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.record.bus_log import count_frames
-from steptwin.host.record.folder.layout import BUS_LOG, REPORT, existing_file
+from steptwin.host.record.folder.digests import of_other_runs
+from steptwin.host.record.folder.layout import BUS_LOG, REPORT, Stop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import StoredFault, StoredReport
 from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
@@ -39,6 +40,8 @@ class FolderVerdict:
             logic analyser alone; the rotors that slipped.
         simulated: False for a capture of a real controller.
         on_purpose: the faults of the run's scenario, from the stored report.
+        stop: what has stopped a live board's machine since its motion began, which cannot pass; None: nothing has.
+        of_other_runs: the files with which the stored report was not written: changed, or of another run.
     """
 
     report: Report
@@ -49,17 +52,27 @@ class FolderVerdict:
     noted: tuple[str, ...] = ()
     simulated: bool = True
     on_purpose: tuple[StoredFault, ...] = ()
+    of_other_runs: tuple[str, ...] = ()
+    stop: Stop | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """One line for each reason why the folder fails."""
         interrupted = () if self.interruption is None else (self.interruption,)
-        return interrupted + self.tampered + self.noted + self.report.reasons
+        stopped = () if self.stop is None else (f"was {self.stop}",)
+        told = interrupted + stopped + self.tampered + self.noted + self.report.reasons
+        return told if told or not self.of_other_runs else (mixture(self.of_other_runs),)
 
     @property
     def passed(self) -> bool:
         """True if the run was right and came to its end, and the folder is as the run left it."""
         return not self.reasons and self.fault is None
+
+
+def mixture(files: Sequence[str]) -> str:
+    """Return what is wrong with files that are not a report's own."""
+    are = f"{files[0]} is not the file" if len(files) == 1 else f"{', '.join(files)} are not the files"
+    return f"{are} with which {REPORT} was written: changed since, or of another run"
 
 
 def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdict:
@@ -89,6 +102,8 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
         _noted(said),
         simulated=said.capture is None,
         on_purpose=said.on_purpose,
+        of_other_runs=of_other_runs(folder, said.document),
+        stop=said.stop,
     )
 
 

@@ -15,12 +15,13 @@ from typing import Any, Final
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.own_files import refuse_link
-from steptwin.host.common.whole_file import whole_file, write_json, write_whole
+from steptwin.host.common.whole_file import files_together, whole_file, write_json, write_whole
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
+from steptwin.host.record.folder.digests import digests
 from steptwin.host.record.folder.edges_file import write_edges
-from steptwin.host.record.folder.layout import BUS_LOG, EDGES, REPORT, ROBOT, SHELF, TRAJECTORY
+from steptwin.host.record.folder.layout import BUS_LOG, EDGES, MOTORS, REPORT, ROBOT, SHELF, TRAJECTORY
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import write_shelf
@@ -34,8 +35,10 @@ DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing
 
 def run_files() -> tuple[str, ...]:
     """Return the names of the files of a run."""
-    names = (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, SHELF, Format.VCD.file_name)
-    return (*names, *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else names
+    return (*_FILES, *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else _FILES
+
+
+_FILES: Final = (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, SHELF, Format.VCD.file_name)
 
 
 def prepare_folder(out: Path | str, files: Iterable[str] = ()) -> Path:
@@ -71,26 +74,32 @@ def write_folder(
     bus_log: Sequence[tuple[int, Frame]],
     stock: PlannedStock | None = None,
 ) -> None:
-    """Write every file but the pictures.
+    """Write every file but the pictures, all together, in place of an older run's.
 
     The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `stock` is what the motion
     is planned to leave at the shelf.
     """
-    write_json(out / REPORT, document)
-    write_whole(out / ROBOT, plan.robot.toml)
-    write_motion(out / TRAJECTORY, plan)
-    write_edges(out / EDGES, evidence)
-    if evidence.shelf is not None:
-        write_shelf(out, evidence.shelf, stock)
-    with whole_file(out / BUS_LOG) as file:
-        file.writelines(log_line(*entry).encode() for entry in bus_log)
-    write_waveform(
-        out / Format.VCD.file_name,
-        wires(evidence),
-        whole_record(evidence),
-        Format.VCD,
-        plan.robot.name,
-    )
+    with files_together(out, REPORT, older_files()) as new:
+        write_whole(new / ROBOT, plan.robot.toml)
+        write_motion(new / TRAJECTORY, plan)
+        write_edges(new / EDGES, evidence)
+        with whole_file(new / BUS_LOG) as file:
+            file.writelines(log_line(*entry).encode() for entry in bus_log)
+        if evidence.shelf is not None:
+            write_shelf(new, evidence.shelf, stock)
+        write_waveform(
+            new / Format.VCD.file_name,
+            wires(evidence),
+            whole_record(evidence),
+            Format.VCD,
+            plan.robot.name,
+        )
+        write_json(new / REPORT, {**document, **digests(new)})
+
+
+def older_files() -> tuple[str, ...]:
+    """Return the names of the files that tell of a folder's run, all pictures of runs included."""
+    return (*_FILES, MOTORS, *(f"{name}.png" for name in DEFAULT_PICTURES))
 
 
 def can_draw() -> bool:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from steptwin.host.common.arrays import Int64Array
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.whole_file import whole_file
 from steptwin.host.record.waveforms.signal import (
     COUNTS,
@@ -297,7 +298,7 @@ def write_mcap(file: BinaryIO, signals: Sequence[Signal], window: Window) -> Non
     try:
         from mcap.writer import Writer
     except ModuleNotFoundError as error:
-        raise InputError("mcap: the library is not installed (pip install 'steptwin[mcap]')") from error
+        raise InputError(f"mcap: the library is not installed ({installing('mcap')})") from error
     every = np.arange(len(signals))
     begin = Merged(np.full(every.size, window.from_counts), every, initial_values(signals, window))
     writer: Any = Writer(file)  # the library is partly untyped

@@ -305,7 +305,7 @@ class LiveBoard:
             next_counts=motion.next_counts,
             load_percent=round(self.bus_load_percent, 3),
             wall_s=round(self.wall_s, 3),
-        )
+        ).with_stop(motion.stop)
         return Piece(axes, lines, plan.take(), mark, motion.plan_number)
 
     def close(self, document: dict[str, Any]) -> None:

@@ -20,12 +20,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from steptwin.controller.motion.kernel import TICK_COUNTS
+from steptwin.host.client.words import error_words
 from steptwin.host.faults.target import Target
-from steptwin.host.record.folder import PlanRows, trajectory_head, trajectory_row
+from steptwin.host.record.folder import PlanRows, Stop, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
-from steptwin.protocol.frame import COB_SYNC, Frame
+from steptwin.protocol import od
+from steptwin.protocol.cia402 import ErrorCode, State
+from steptwin.protocol.frame import COB_EMCY, COB_SYNC, FIRST_NODE_ID, NODE_ID_MAX, Frame
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.pvt import QUEUE_DEPTH, VELOCITY_PER_UNIT_PER_MS, PvtRecord
+from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 NO_MOTION: Final = "no trajectory was run; a jog, a move or a homing has no plan"
 OTHER_FIRMWARE: Final = "the board runs another firmware than StepTwin's, whose plan nobody knows"
@@ -76,6 +80,11 @@ class ReceivedPlan:
     def lacking_so_far(self) -> str | None:
         """Reason why there is no plan of the motion, which may be under way; None if its rows so far describe it."""
         return self._lacking
+
+    @property
+    def moving(self) -> Sequence[int]:
+        """The joints that have records in the motion."""
+        return self._moving
 
     def take(self) -> list[PlanRows]:
         """Return the new rows of each plan, in order, and forget them."""
@@ -216,6 +225,14 @@ class LivePlan(ReceivedPlan):
         return [each + offset for each, offset in zip(units, self._offset_units, strict=True)]
 
 
+_HARMLESS: Final = (ErrorCode.NONE, ErrorCode.CAN_OVERRUN, ErrorCode.CAN_ERROR_PASSIVE)
+_FOLLOWS: Final = ErrorCode.GROUP_STOPPED
+"""What an axis says that another one has stopped."""
+_TOGETHER_COUNTS: Final = COUNTS_PER_SECOND // 10
+"""Time within which errors have one cause."""
+BY_HOST: Final = "a stop of a host"
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
     """The motion that a recording shows.
@@ -226,6 +243,7 @@ class RecordedMotion:
         in_motion: True if it has not come to its end.
         plan_number: number of its plan, as LivePlan counts them; 0 without one.
         next_counts: instant when a later motion began; 0 if there was none.
+        stop: what has stopped the machine since it began; None if nothing has.
     """
 
     start_counts: int | None
@@ -233,6 +251,7 @@ class RecordedMotion:
     in_motion: bool = False
     plan_number: int = 0
     next_counts: int = 0
+    stop: Stop | None = None
 
 
 class FollowedMotion:
@@ -254,10 +273,19 @@ class FollowedMotion:
         """The last motion that has come to the end of its plan."""
         self._rest_counts = 0
         """Last instant when the axes were seen at rest."""
+        self._moved_counts = 0
+        """Last instant when one was seen to move."""
+        self._caused = False
+        """True if the cause of the stop is known."""
+        self._stop: Stop | None = None
+        """What has stopped the machine since its last motion began."""
+        self._names = dict(enumerate(machine.robot.axis_names, start=FIRST_NODE_ID))
 
     def frame(self, frame: Frame, counts: int) -> None:
         """Note a frame that is about to reach its receivers."""
         self.follow(counts)
+        if frame.cob_id & ~NODE_ID_MAX == COB_EMCY and frame.cob_id & NODE_ID_MAX in self._names:
+            self._note_error(frame, counts)
         if frame.cob_id == COB_SYNC and not self.in_motion:
             self._sync_counts = counts
             if self.plan:
@@ -268,6 +296,7 @@ class FollowedMotion:
         self._note_later_motion(now_counts)
         if self._sync_counts is not None and self.in_motion:
             self.start_counts = -(-self._sync_counts // TICK_COUNTS) * TICK_COUNTS
+            self._stop = None
             if self.plan:
                 self.plan.begin_at_sync()
         self._sync_counts = None
@@ -276,21 +305,54 @@ class FollowedMotion:
             self.plan.follow(in_motion=self.in_motion)
             if went and not self.plan.going and self.plan.lacking is None:
                 self._complete = RecordedMotion(self.start_counts, None, plan_number=self.plan.number)
+            elif went and not self.plan.going and self._switched_off(self.plan.moving):
+                self._note_stop(Stop(now_counts, BY_HOST, in_motion=True))
 
     def recorded(self, *, ended: bool) -> RecordedMotion:
         """Return the motion that a recording shows: one that is under way only if the recording has not `ended`."""
         if self.plan is None:
-            return RecordedMotion(self.start_counts, None)
+            return RecordedMotion(self.start_counts, None, stop=self._stop)
         lacking = self.plan.lacking if ended else self.plan.lacking_so_far
         if self._complete and (lacking or self._complete.plan_number == self.plan.number):
             return self._complete
-        return RecordedMotion(self.start_counts, lacking, self.plan.going, self.plan.number)
+        return RecordedMotion(self.start_counts, lacking, self.plan.going, self.plan.number, stop=self._stop)
+
+    def _note_error(self, frame: Frame, counts: int) -> None:
+        """Note an error that stops the machine: an emergency stop, or any on the way."""
+        code = int.from_bytes(frame.data[:2], "little")
+        if code in _HARMLESS:
+            return
+        cut = self.plan is not None and self.plan.lacking == ENDED_ELSEWHERE
+        in_motion = self.in_motion or (cut and counts - self._moved_counts < _TOGETHER_COUNTS)
+        if code == ErrorCode.ESTOP:
+            stop = Stop(counts, error_words(code), in_motion)
+            self._note_stop(stop)
+            if self._complete and not self._complete.stop:
+                self._complete = replace(self._complete, stop=stop)
+        elif in_motion:
+            name = self._names[frame.cob_id & NODE_ID_MAX]
+            self._note_stop(Stop(counts, f"{name}: {error_words(code)}", in_motion), cause=code != _FOLLOWS)
+
+    def _note_stop(self, stop: Stop, *, cause: bool = True) -> None:
+        """Note a stop, unless one was before; the cause may be told after what follows from it."""
+        before = self._stop
+        if before is not None and (self._caused or stop.counts - before.counts > _TOGETHER_COUNTS):
+            return
+        self._stop, self._caused = stop, cause
+
+    def _switched_off(self, joints: Sequence[int]) -> bool:
+        """Return whether the drive of a joint is no more enabled."""
+        axes = (self._machine.axes[joint] for joint in joints)
+        nodes = (board.own.firmware.nodes[axis] for board, axis in axes)
+        return any(State.of(node.dictionary.get(od.STATUSWORD)) is not State.OPERATION_ENABLED for node in nodes)
 
     def _note_later_motion(self, now_counts: int) -> None:
         """Note that axes move on after the end of a plan, whatever program has started them."""
         if not self.in_motion:
             self._rest_counts = now_counts
-        elif self._complete and not self._complete.next_counts and not (self.plan and self.plan.going):
+            return
+        self._moved_counts = now_counts
+        if self._complete and not self._complete.next_counts and not (self.plan and self.plan.going):
             self._complete = replace(self._complete, next_counts=self._rest_counts)
 
     @property

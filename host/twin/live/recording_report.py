@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.host.common.whole_file import files_together
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
+    REPORT,
     AxisTotals,
     Header,
     Mark,
@@ -23,7 +25,9 @@ from steptwin.host.record.folder import (
     PlanRows,
     Recording,
     keep_recording,
+    older_files,
     prepare_folder,
+    stop_document,
 )
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan, RecordedMotion
@@ -83,6 +87,7 @@ def recording_report(
         "started_s": None if shown.start_counts is None else shown.start_counts / COUNTS_PER_SECOND,
         "next_motion_s": shown.next_counts / COUNTS_PER_SECOND if shown.next_counts else None,
         "no_plan": shown.no_plan,
+        "stopped": stop_document(shown.stop),
         "outputs": [],
         "boards": [board.config.axis_count for board in boards],
         **crystals_document([board.config.crystal_ppm for board in boards]),
@@ -150,7 +155,7 @@ class UnplannedRun:
 
         Raises:
             InputError: the folder holds the recording of a live board, cannot be made, or is not writable.
-            RecordingError, OSError: a file cannot be written.
+            OSError: a file cannot be written.
         """
         keep_recording(folder)
         path, robot = prepare_folder(folder), self._machine.robot
@@ -159,14 +164,15 @@ class UnplannedRun:
         self._rows = [
             rows for rows in [*self._rows, *self._plan.take()] if rows.number in (shown.plan_number, self._plan.number)
         ]
-        recording = Recording(path, self._header(evidence), robot.toml)
-        recording.append(self._all(evidence, shown))
-        recording.finish(self._report(evidence, shown))
-        if recording.failure:
-            raise recording.failure
-        record = whole_record(evidence)
-        if record.from_counts < record.to_counts:
-            write_waveform(path / Format.VCD.file_name, wires(evidence), record, Format.VCD, robot.name)
+        with files_together(path, REPORT, older_files()) as new:
+            recording = Recording(new, self._header(evidence), robot.toml)
+            recording.append(self._all(evidence, shown))
+            recording.finish(self._report(evidence, shown))
+            if recording.failure:
+                raise recording.failure.__cause__ or recording.failure
+            record = whole_record(evidence)
+            if record.from_counts < record.to_counts:
+                write_waveform(new / Format.VCD.file_name, wires(evidence), record, Format.VCD, robot.name)
 
     def _header(self, evidence: Evidence) -> Header:
         machine = self._machine
@@ -180,7 +186,7 @@ class UnplannedRun:
             start_counts=shown.start_counts or 0,
             no_plan=shown.no_plan,
             next_counts=shown.next_counts,
-        )
+        ).with_stop(shown.stop)
         return Piece(evidence.axes, lines, self._rows, mark, shown.plan_number)
 
     def _report(self, evidence: Evidence, shown: RecordedMotion) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from steptwin.emulator.live.live_simulation import SPEED_MAX, SPEED_MIN
 from steptwin.emulator.native import FirmwareError
 from steptwin.host.client.links.bus_link import Connection, check_interface, open_bus
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.common.listening import CHANNEL, LOOPBACK, PORT, is_loopback, listen
 from steptwin.host.record.folder import keep_any_run, keep_log, prepare_folder
 from steptwin.host.robots.robot import Robot
@@ -256,9 +257,7 @@ class ServedBoard:
             raise InputError(f"speed={speed:g}: is not from {SPEED_MIN:g} to {SPEED_MAX:g}")
         options.joints(robot)
         if options.motors and not find_spec("numba"):
-            raise InputError(
-                "motors=True: without numba the rotors cannot keep real time; pip install 'steptwin[fast]'"
-            )
+            raise InputError(f"motors=True: without numba the rotors cannot keep real time; {installing('fast')}")
         options.boards_of(robot)
         _check_replaced(out, log, replace=replace)
         folder = None if out is None else prepare_folder(out)

@@ -10,6 +10,7 @@ from steptwin.controller.motion.backend import Kernel, compiled_kernel, fastest_
 from steptwin.controller.motion.kernel import TICKS_PER_MS
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.extras import installing
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
@@ -25,10 +26,8 @@ def _cortex_m3() -> Kernel:
 KERNELS: dict[str, Callable[[], Kernel]] = {**OWN_KERNELS, "cortex-m3": _cortex_m3}
 """The forms of the kernel by name; all make the same edges."""
 
-_MISSING = {
-    "numba": "numba is not installed (pip install 'steptwin[fast]')",
-    "cortex-m3": "unicorn is not installed (pip install 'steptwin[m3]')",
-}
+_NEEDS = {"numba": ("numba", "fast"), "cortex-m3": ("unicorn", "m3")}
+"""The package that a form needs, and the extra that brings it."""
 
 
 def kernel_named(name: str) -> Kernel:
@@ -43,7 +42,8 @@ def kernel_named(name: str) -> Kernel:
     try:
         return KERNELS[name]()
     except ModuleNotFoundError as error:
-        raise InputError(f"kernel {name}: {_MISSING[name]}") from error
+        package, extra = _NEEDS[name]
+        raise InputError(f"kernel {name}: {package} is not installed ({installing(extra)})") from error
     except CompilerMissingError as error:
         raise InputError(f"kernel {name}: {error}") from error
 

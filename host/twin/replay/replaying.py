@@ -214,6 +214,7 @@ class Replayed:
             "replayed_frames": simulation.bus.frames,
             "left_out": dict(self.left_out),
             "cut": self.bus.cut,
+            "clock_steps_back": self.bus.steps_back,
             "bus_faults_not_repeated": len(self.bus_faults),
             "bus_faults": list(self.bus_faults),
             "equal": self.equal,

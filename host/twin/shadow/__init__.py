@@ -2,12 +2,22 @@
 
 `shadow` plays the frames to the twin by their time stamps, `discrepancy` compares what nodes say once, `axes` what
 drives tell again and again: states, positions, homing. `asking` asks a machine how it stands, and `standing` lets the
-twin stand so.
+twin stand so. `stamps` makes a time that never steps of the stamps.
 """
 
 from steptwin.host.twin.shadow.asking import NodeValues, Questions
-from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind
-from steptwin.host.twin.shadow.shadow import Shadow
+from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind, grouped, time_text
+from steptwin.host.twin.shadow.shadow import ClockStep, Shadow
 from steptwin.host.twin.shadow.standing import joints_told
 
-__all__ = ["Discrepancy", "DiscrepancyKind", "NodeValues", "Questions", "Shadow", "joints_told"]
+__all__ = [
+    "ClockStep",
+    "Discrepancy",
+    "DiscrepancyKind",
+    "NodeValues",
+    "Questions",
+    "Shadow",
+    "grouped",
+    "joints_told",
+    "time_text",
+]

@@ -28,10 +28,14 @@ REST_STEPS: Final = 1.0
 """Difference of positions that is none, where an axis has come to rest at its target."""
 RESTS_COUNTS: Final = 150 * COUNTS_PER_MS
 """Time without motion after which an axis is at rest: its PDO comes every 100 ms."""
+STILL_COUNTS: Final = 500 * COUNTS_PER_MS
+"""Time without motion in which an axis has told twice where it rests, also if its twin is late."""
 LOST_UNITS: Final = 2 * 16384
 """Difference of the switch's place that is none: two full steps, in wire units. A rotor that slips loses four."""
 _UNSEEN_S: Final = 0.1
 """Longest time in which a board's place on its way to a switch is not told: it sends a PDO each 100 ms."""
+ASTRAY_S: Final = 0.2
+"""Longest time that is not known where the stamps' clock has stepped: frames of a moving machine are not so rare."""
 _SAME_SPEED: Final = 0.3
 """Part by which a speed may differ that two PDOs tell."""
 _TWICE: Final = 2
@@ -179,6 +183,8 @@ class ComparedAxis:
         """True if a host has changed the profile since then."""
         self._ramp_units_per_s2 = 0
         """The steepest ramp of a profile since then."""
+        self._astray_s = 0.0
+        """Time by which the twin may be early or late since a step of the clock, until the machine has rested."""
         self._relative = False
         """True if a target since then counts from a place on the way, where the sides may be apart."""
         self._motion_mode: int | None = None
@@ -233,6 +239,23 @@ class ComparedAxis:
         """Note that a host gives the drive something while the twin moves at a velocity."""
         self._commanded |= velocity_units_per_s != 0 and self.board.mode in _BY_PROFILE
 
+    def lose_time(self) -> None:
+        """Note that the stamps' clock has stepped on the way: the sides may be apart by the time that it hid."""
+        self._astray_s = ASTRAY_S
+
+    def find_time(self) -> None:
+        """Note that the machine has rested: both sides begin the next motion at the same time again."""
+        self._astray_s = 0.0
+
+    def still(self, now_counts: int) -> bool:
+        """Return whether the twin has not moved for so long that the place where the board rests was told."""
+        return now_counts - self._moved_counts >= STILL_COUNTS
+
+    @property
+    def _astray_units(self) -> float:
+        """How far the sides may be apart because the time of a step is not known exactly."""
+        return self._peak_units_per_s * self._astray_s
+
     @property
     def _segment_units(self) -> float:
         """How far the sides may be apart because a change of the profile waited for the next segment on one side.
@@ -247,7 +270,7 @@ class ComparedAxis:
     @property
     def _ending_units(self) -> float:
         """How far the sides may be apart where a motion without a target has ended."""
-        return self._jitter_units(self._peak_units_per_s) + self._segment_units
+        return self._jitter_units(self._peak_units_per_s) + self._segment_units + self._astray_units
 
     def positions(self, now_counts: int, units: int, now: TwinAxis) -> Iterator[_Finding]:
         """Yield the difference of the board's position at this instant, if it is one and was not told."""
@@ -264,7 +287,7 @@ class ComparedAxis:
             self._anchored = rests and abs(error_units) <= REST_STEPS * self._units_per_step
             return
         own_units = self._own_units(error_units, rests=rests)
-        by_jitter_units = self._left_units + (0.0 if self._at_target else self._ending_units)
+        by_jitter_units = self._left_units + (self._astray_units if self._at_target else self._ending_units)
         if self._at_target and self._motion_mode == Mode.PROFILE_POSITION and not self._relative:
             by_jitter_units = 0.0  # the target is a place, wherever the way to it has begun
         if rests and abs(own_units) <= by_jitter_units:
@@ -273,6 +296,9 @@ class ComparedAxis:
         units_per_s = self._peak_units_per_s if self._commanded else now.velocity_units_per_s
         bound_units = self._bound_units(now_counts, units_per_s, rests=rests)
         bound_units += 0 if rests else self._left_units + self._segment_units
+        if self._astray_s and not rests:
+            self._off_times = 0
+            return
         if rests:
             self._left_units, self._judged_at_rest = 0.0, True
         if abs(own_units) <= bound_units:
@@ -292,7 +318,8 @@ class ComparedAxis:
         """How much later than the board the twin may come to rest at a target, because it has begun farther from it."""
         if not self._peak_units_per_s:
             return 0.0
-        return (abs(self._accepted_units) + self._left_units + self._units_per_step) / self._peak_units_per_s
+        apart_units = abs(self._accepted_units) + self._left_units + self._units_per_step + self._astray_units
+        return apart_units / self._peak_units_per_s
 
     def _own_units(self, error_units: int, *, rests: bool) -> int:
         """Return what of a difference is not the one that was accepted.

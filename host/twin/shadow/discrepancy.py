@@ -4,7 +4,8 @@ What nodes say once, boot-ups, answers to requests and errors, is compared here,
 """
 
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from datetime import datetime
 from enum import StrEnum
 from typing import Any, Final, NamedTuple
 
@@ -50,7 +51,7 @@ class Discrepancy(NamedTuple):
     error_steps: float | None = None
 
     def __str__(self) -> str:
-        return f"{self.at_s:.3f} {self.axis} {self.kind}: board {self.board}, twin {self.twin}"
+        return f"{time_text(self.at_s)} {self.axis} {self.kind}: board {self.board}, twin {self.twin}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the discrepancy under the keys of a line of JSON."""
@@ -62,6 +63,43 @@ class Discrepancy(NamedTuple):
             "twin": self.twin,
             "error_steps": self.error_steps,
         }
+
+
+_DATED_S: Final = 100_000_000.0
+"""Stamps from here on are of a clock that counts from 1970; those before count from a start of their own."""
+_TOGETHER_S: Final = 0.3
+"""Time within which several axes say the same for one reason."""
+
+
+def time_text(at_s: float) -> str:
+    """Return a time by the stamps' clock: date and local time of day, or seconds if that clock knows no date."""
+    if at_s >= _DATED_S:
+        try:
+            return datetime.fromtimestamp(at_s).isoformat(" ", "milliseconds")
+        except (ValueError, OverflowError, OSError):  # a year that no calendar has
+            pass
+    return f"{at_s:.3f} s"
+
+
+def grouped(discrepancies: Iterable[Discrepancy]) -> list[str]:
+    """Return the lines that tell discrepancies, one for what several axes say at about the same time."""
+    first: list[Discrepancy] = []
+    others: list[list[str]] = []
+    for each in discrepancies:
+        for i, began in enumerate(first):
+            if _like(began) == _like(each) and abs(each.at_s - began.at_s) < _TOGETHER_S:
+                others[i].append(each.axis)
+                break
+        else:
+            first.append(each)
+            others.append([])
+    return [f"{each}; also {', '.join(axes)}" if axes else str(each) for each, axes in zip(first, others, strict=True)]
+
+
+def _like(each: Discrepancy) -> tuple[DiscrepancyKind, list[str], list[str]]:
+    """Return what a discrepancy says, without its axis."""
+    board, twin = ([word for word in text.split() if word != each.axis] for text in (each.board, each.twin))
+    return each.kind, board, twin
 
 
 KINDS: Final[Mapping[int, DiscrepancyKind]] = {

@@ -1,11 +1,12 @@
 """Play the hosts' frames of a running machine to a twin, by their time stamps, and compare what both do.
 
-The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. A shadow
-has no way to send: it takes frames, and tells discrepancies.
+The twin is driven by the stamps, not by this computer's clock: how late frames arrive here does not matter. Where the
+stamps' clock steps, the twin goes on from where it is. A shadow has no way to send: it takes frames, and tells
+discrepancies.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 from steptwin.controller.motion.backend import Kernel, fastest_kernel
 from steptwin.host.client.monitor import Decoder, pdo_fields
@@ -17,6 +18,7 @@ from steptwin.host.twin.replay.replaying import WallClockPlayer, machine_at
 from steptwin.host.twin.shadow.asking import NodeValues
 from steptwin.host.twin.shadow.axes import FOLLOW_S, ComparedAxis, DriveReport, TwinAxis
 from steptwin.host.twin.shadow.discrepancy import Discrepancy, DiscrepancyKind, Sayings
+from steptwin.host.twin.shadow.stamps import StampClock
 from steptwin.host.twin.shadow.standing import PAST, stand
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import Control
@@ -35,8 +37,6 @@ from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.sdo_server import DOWNLOAD_INITIATE
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
-_FOLLOWS_US: Final = 10_000
-"""Time from the end of a recording to what is heard next: the machine has stood still meanwhile."""
 _BOOT_UP: Final = bytes((NmtState.INITIALISING,))
 _LOOK_COUNTS: Final = 10 * COUNTS_PER_MS
 """Longest time between two looks at whether something has differed for long enough."""
@@ -57,6 +57,18 @@ _AHEAD_MAX_COUNTS: Final = 120 * COUNTS_PER_SECOND
 """Longest time for which a twin searches on that stood farther from its switch."""
 
 
+class ClockStep(NamedTuple):
+    """A step of the stamps' clock.
+
+    Attributes:
+        at_s: time after the step by that clock, in s.
+        step_s: by how much it has stepped; below 0 if it was put back.
+    """
+
+    at_s: float
+    step_s: float
+
+
 class Shadow:
     """A twin beside a running machine; it knows where the machine begins by the boot-up of one of its nodes.
 
@@ -64,6 +76,7 @@ class Shadow:
         joined: True once it has begun.
         frames: number of frames of the real board that were heard since.
         caught_up_s: time by which the twin was let ahead to find its switches.
+        clock_steps: number of steps of the stamps' clock since.
     """
 
     def __init__(
@@ -74,6 +87,7 @@ class Shadow:
         kernel: Kernel | None = None,
         *,
         keep: bool = False,
+        tell_step: Callable[[ClockStep], None] = lambda _: None,
     ) -> None:
         """Wait for the boot-up.
 
@@ -83,6 +97,7 @@ class Shadow:
             tell: called with each discrepancy.
             kernel: form of the firmware's kernel; by default the fastest one that is installed.
             keep: True to keep the twin's frames, for its folder; they take some 100 bytes each.
+            tell_step: called with each step of the stamps' clock.
 
         Raises:
             InputError: as `MachineParts.of`.
@@ -102,9 +117,9 @@ class Shadow:
         """The last heartbeat of each host."""
         self.frames: int = 0
         self.caught_up_s: float = 0.0
-        self._shift_us: int | None = 0
-        """Added to the stamps; None: the next frame is to follow what was recorded before."""
-        self._last_us = 0
+        self.clock_steps: int = 0
+        self._tell_step = tell_step
+        self._clock = StampClock()
         self._muted = False
 
     @property
@@ -118,14 +133,21 @@ class Shadow:
         No discrepancy in it is told.
         """
         self._muted = True
+        last_us = 0
         for recorded in frames:
-            self.hear(recorded.us, recorded.frame)
-        self.pass_time(self._last_us)
+            last_us = recorded.us
+            self._hear(last_us, recorded.frame)
+        self._pass(last_us)
         self._muted = False
-        self._shift_us = None
+        self._clock.end_recording(last_us)
 
-    def take_standing(self, standing: Mapping[int, NodeValues], us: int) -> None:
-        """Begin with a machine at rest that has told how it stands, at a time by the stamps' clock, in microseconds.
+    def take_standing(self, standing: Mapping[int, NodeValues], us: int, arrived_us: int | None = None) -> None:
+        """Begin with a machine at rest that has told how it stands.
+
+        Args:
+            standing: how each node stands, by its id.
+            us: stamp of the last answer, in microseconds.
+            arrived_us: when it came here, as in `hear`.
 
         Raises:
             InputError: the twin cannot stand so; the value is named.
@@ -136,14 +158,33 @@ class Shadow:
             self._identifiers.sender_of(frame)  # it may move the identifier of a PDO
         self._sayings.past = PAST
         simulation.bus.listen(self._twin_says)
-        self._last_us, self._looked_counts = us, simulation.now_counts
+        self._looked_counts = simulation.now_counts
+        self._clock.begin(us, arrived_us)
         self._player = WallClockPlayer(simulation, simulation.now_counts - us * COUNTS_PER_US)
 
-    def hear(self, us: int, frame: Frame) -> None:
-        """Take the next frame on the machine's bus, which became valid at this time by its stamp, in microseconds."""
-        if self._shift_us is None:
-            self._shift_us = self._last_us + _FOLLOWS_US - us
-        self._last_us = us = us + self._shift_us
+    def hear(self, us: int, frame: Frame, arrived_us: int | None = None) -> None:
+        """Take the next frame on the machine's bus.
+
+        A stamp that is out of its time is told and taken for a step of the stamps' clock: back, ahead of what
+        `arrived_us` allows, or without that after more silence than a machine has. Call `pass_time` in true silence.
+
+        Args:
+            us: its stamp in microseconds, when it became valid.
+            frame: the frame.
+            arrived_us: when it came here, by a clock that is never set, in microseconds.
+        """
+        own_us = self._clock.hear(us, arrived_us, moving=self._twin_moves)
+        if self._clock.step_us and self._player is not None:
+            self.clock_steps += 1
+            now_counts = self.machine.simulation.now_counts
+            if not all(axis.still(now_counts) for axis in self._axes):
+                for axis in self._axes:
+                    axis.lose_time()
+            self._tell_step(ClockStep(us / 1e6, self._clock.step_us / 1e6))
+        self._hear(own_us, frame)
+
+    def _hear(self, us: int, frame: Frame) -> None:
+        """Take the next frame at a time that never steps."""
         sender = self._identifiers.sender_of(frame) or Sender.HOST
         if self._player is None:
             if sender is not Sender.BOARD or not _is_boot_up(frame):
@@ -166,9 +207,14 @@ class Shadow:
 
     def pass_time(self, us: int) -> None:
         """Let time pass up to an instant by the stamps' clock when nothing was heard."""
-        if self._player is not None and self._shift_us is not None:
-            self._pass_time(self._player, us + self._shift_us)
-            self._look(us + self._shift_us)
+        own_us = self._clock.pass_time(us)
+        if own_us is not None:
+            self._pass(own_us)
+
+    def _pass(self, us: int) -> None:
+        if self._player is not None:
+            self._pass_time(self._player, us)
+            self._look(us)
 
     @property
     def _dictionaries(self) -> list[ObjectDictionary]:
@@ -233,6 +279,9 @@ class Shadow:
         if now_counts - self._looked_counts < _LOOK_COUNTS:
             return
         self._looked_counts = now_counts
+        if all(compared.still(now_counts) for compared in self._axes):
+            for compared in self._axes:
+                compared.find_time()
         for counts, node_id, kind, board, twin in self._sayings.differing(now_counts):
             self._say(counts, node_id - FIRST_NODE_ID, kind, board, twin)
         for axis, (compared, dictionary) in enumerate(zip(self._axes, self._dictionaries, strict=True)):
@@ -305,8 +354,8 @@ class Shadow:
         if self._muted:
             return
         assert self._player is not None
-        assert self._shift_us is not None
-        at_s = (counts - self._player.first_counts) / COUNTS_PER_SECOND - self._shift_us / 1e6
+        assert self._clock.shift_us is not None
+        at_s = (counts - self._player.first_counts) / COUNTS_PER_SECOND - self._clock.shift_us / 1e6
         self._tell(Discrepancy(round(at_s, 6), self._names[FIRST_NODE_ID + axis], kind, board, twin, error_steps))
 
 

@@ -3,6 +3,7 @@
 import pytest
 
 from steptwin.host.cli.run import motor_report
+from steptwin.host.common.extras import installing
 
 
 @pytest.fixture
@@ -15,7 +16,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.mark.parametrize(
     ("numba", "remedy"),
-    [(True, ""), (False, "; numba makes it some hundred times faster (pip install 'steptwin[fast]')")],
+    [(True, ""), (False, f"; numba makes it some hundred times faster ({installing('fast')})")],
 )
 def test_a_long_work_is_told_from_its_pace_after_the_first_report(
     numba: bool, remedy: str, clock: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -3,13 +3,14 @@
 import pytest
 
 from steptwin.host.cli.run import virtual_run
+from steptwin.host.common.extras import installing
 
 
 @pytest.mark.parametrize(
     ("wall_s", "numba", "said"),
     [
         (3.0, False, ""),
-        (3.1, False, "numba makes long runs about twice as fast (pip install 'steptwin[fast]')\n"),
+        (3.1, False, f"numba makes long runs about twice as fast ({installing('fast')})\n"),
         (60.0, True, ""),
     ],
 )

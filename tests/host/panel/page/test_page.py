@@ -743,7 +743,7 @@ FILE = "t,d1,th2,th3,th4\n0,100,0,0,0\n2,120,10,10,10\n"
         ("bad.csv", "t,d1\n0,1\n", "bad.csv: "),
         ("bad.toml", "robot = 1", "bad.toml: "),
         ("../../evil.csv", "x", "evil.csv: "),
-        ("evil.exe", FILE, "evil.exe: a file to run ends in .csv, .json, .yaml, .yml, .toml"),
+        ("evil.exe", FILE, "evil.exe: a file to run ends in .csv, .json, .yaml, .yml, .toml, .gcode, .nc, .ngc"),
     ],
 )
 def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words: str, on_page: OnPage) -> None:
@@ -751,7 +751,7 @@ def test_an_uploaded_file_passes_the_same_checks(name: str, content: str, words:
         rig.find("motion", ui.select).set_value("a file of yours")
         await rig.click("Preview")
         assert rig.shows("choose a file first")
-        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
+        upload = rig.find("choose or drop files: .csv, .json, .yaml, .yml, .toml, .gcode, .nc, .ngc", ui.upload)
         await upload.handle_uploads([ui.upload.SmallFileUpload(name, "text/plain", content.encode())])
         await rig.until(lambda: rig.shows(words))
         assert rig.find("Run").enabled == (name == "good.csv")
@@ -812,7 +812,7 @@ def test_a_file_in_radians_is_questioned_and_can_be_read_so(on_page: OnPage) -> 
 
     async def body(rig: Rig) -> None:
         rig.find("motion", ui.select).set_value("a file of yours")
-        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
+        upload = rig.find("choose or drop files: .csv, .json, .yaml, .yml, .toml, .gcode, .nc, .ngc", ui.upload)
         await upload.handle_uploads([ui.upload.SmallFileUpload("rad.csv", "text/plain", content)])
         await rig.until(lambda: rig.shows("“radians, mm” fits, too: angles are then 57.3 times as large"))
         rig.find("units of a trajectory file", ui.toggle).set_value("rad")
@@ -829,7 +829,7 @@ def test_a_file_in_radians_is_questioned_and_can_be_read_so(on_page: OnPage) -> 
 def test_another_file_replaces_the_one_before_and_it_can_be_taken_away(on_page: OnPage) -> None:
     async def body(rig: Rig) -> None:
         rig.find("motion", ui.select).set_value("a file of yours")
-        upload = rig.find("choose or drop a file: .csv, .json, .yaml, .yml, .toml", ui.upload)
+        upload = rig.find("choose or drop files: .csv, .json, .yaml, .yml, .toml, .gcode, .nc, .ngc", ui.upload)
         for name, content in (("bad.csv", "t,d1\n0,1\n"), ("good.csv", FILE)):
             await upload.handle_uploads([ui.upload.SmallFileUpload(name, "text/plain", content.encode())])
             await rig.until(lambda: rig.shows("bad.csv: ") if name == "bad.csv" else rig.find("Run").enabled)  # noqa: B023

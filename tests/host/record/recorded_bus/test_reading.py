@@ -167,3 +167,12 @@ def test_a_recording_that_is_too_long(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(reading, "RECORDED_BYTES_MAX", len(GOOD))
     with refusing(InputError):
         read_bus(log)
+
+
+def test_a_clock_that_was_put_back(tmp_path: Path) -> None:
+    """What follows is moved on, each time: it is not squeezed into the instant before."""
+    log = tmp_path / "bus.log"
+    log.write_text("(7200.5) can0 080#\n(3600.5) can0 080#\n(3600.6) can0 080#\n(0.1) can0 080#\n(0.2) can0 080#\n")
+    read = read_bus(log)
+    assert [us - 7_200_500_000 for us, _, _ in read.frames] == [0, 10_000, 110_000, 120_000, 220_000]
+    assert read.steps_back == 2

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.cli.app import run
+from steptwin.host.common.extras import installing
 from steptwin.host.record.waveforms import Format, Window, write_waveform
 from tests.host.record.waveforms.made import TEXTS, Made, levels, numbers, pulses, texts
 
@@ -50,5 +51,5 @@ def test_without_the_library(
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     assert run(["trace", str(carry_run), "--format", "mcap", "--out", str(tmp_path / "t.mcap")]) == 2
-    assert capsys.readouterr().err == "steptwin: mcap: the library is not installed (pip install 'steptwin[mcap]')\n"
+    assert capsys.readouterr().err == f"steptwin: mcap: the library is not installed ({installing('mcap')})\n"
     assert not (tmp_path / "t.mcap").exists()

@@ -432,5 +432,5 @@ class TestALiveBoard:
 
     def test_it_needs_numba(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("steptwin.host.twin.live.served_board.find_spec", lambda _: None)
-        with refusing(InputError):
+        with pytest.raises(InputError, match=r"motors=True: without numba .* install .*\[fast\]'"):
             ServedBoard(LAB, port=0, motors=True)

@@ -1,0 +1,32 @@
+"""Tell a mixture of two runs: report.json has a digest of each file beside it."""
+
+from collections.abc import Mapping
+from hashlib import file_digest
+from pathlib import Path
+from typing import Any, Final
+
+from steptwin.host.common.own_files import only_files
+from steptwin.host.record.folder.layout import BUS_LOG, EDGES, FILES, ROBOT, SHELF, TRAJECTORY
+
+DIGESTED: Final = (ROBOT, TRAJECTORY, EDGES, SHELF, BUS_LOG)
+"""The files on which a verdict depends."""
+
+
+def digests(folder: Path) -> dict[str, Any]:
+    """Return the digests of a folder's files under their key of report.json."""
+    return {FILES: {name: _digest(folder / name) for name in DIGESTED if (folder / name).is_file()}}
+
+
+def of_other_runs(folder: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the files with which a report was not written; none if the report has no digests."""
+    told = document.get(FILES)
+    if not isinstance(told, Mapping):
+        return ()
+    present = (name for name in DIGESTED if (folder / name).is_file())
+    return tuple(name for name in present if _digest(folder / name) != told.get(name))
+
+
+def _digest(path: Path) -> str:
+    """Return the SHA-256 of a file's content."""
+    with open(path, "rb", opener=only_files) as file:
+        return file_digest(file, "sha256").hexdigest()
