@@ -119,6 +119,8 @@ def test_read(board: BenchBoard, index: int, subindex: int, entry: Entry) -> Non
     answer = upload(board, index, subindex)
     if entry.access is Access.WRITE_ONLY:
         assert answer == AbortCode.WRITE_ONLY
+    elif od.address_of(index, subindex) in od.ERROR_HISTORY:
+        assert answer == AbortCode.NO_DATA
     elif entry.data_type is DataType.VISIBLE_STRING:
         assert answer == str(entry.default).encode()
     else:
