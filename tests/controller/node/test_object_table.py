@@ -121,6 +121,8 @@ def test_read(board: BenchBoard, item: DictionaryObject) -> None:
         answer = upload(board, item.index, subindex)
         if entry.access is Access.WRITE_ONLY:
             assert answer == AbortCode.WRITE_ONLY, subindex
+        elif od.address_of(item.index, subindex) in od.ERROR_HISTORY:
+            assert answer == AbortCode.NO_DATA, subindex
         elif entry.data_type is DataType.VISIBLE_STRING:
             assert answer == str(entry.default).encode(), subindex
         else:
