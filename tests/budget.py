@@ -8,9 +8,9 @@ that tests share are charged by their own names, not to the test that happens to
 
 import os
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -22,9 +22,9 @@ REFERENCE_TURNS_S: Final = 0.28  # ten million turns of an empty loop on the ref
 UNBOUNDED: Final = ("slow", "live")  # marks of the tests that may use more
 _TEST, _FIXTURES = "processor_s", "fixtures_processor_s"
 
-_fixtures: Final[Counter[str]] = Counter()
+_fixtures: Final[defaultdict[str, float]] = defaultdict(float)
 """Processor time of the shared fixtures that the running test has set up."""
-_charges: Final[Counter[str]] = Counter()
+_charges: Final[defaultdict[str, float]] = defaultdict(float)
 """Processor time of each test and shared fixture of all workers, in the process that prints the summary."""
 
 
@@ -56,11 +56,11 @@ def pytest_fixture_setup(fixturedef: pytest.FixtureDef[object]) -> Iterator[None
     """Measure a fixture that several tests share, less those that it asks for itself."""
     if fixturedef.scope == "function":
         return (yield)
-    begin_s, others_s = processor_s(), _fixtures.total()
+    begin_s, others_s = processor_s(), sum(_fixtures.values())
     try:
         return (yield)
     finally:
-        own_s = processor_s() - begin_s - (_fixtures.total() - others_s)
+        own_s = processor_s() - begin_s - (sum(_fixtures.values()) - others_s)
         _fixtures[f"{fixturedef.baseid}::{fixturedef.argname} (shared fixture)"] += own_s
 
 
@@ -92,7 +92,7 @@ def _run(item: pytest.Item, nextitem: pytest.Item | None) -> tuple[list[pytest.T
     _fixtures.clear()
     begin_s = processor_s()
     reports = runtestprotocol(item, log=False, nextitem=nextitem)
-    return reports, processor_s() - begin_s - _fixtures.total()
+    return reports, processor_s() - begin_s - sum(_fixtures.values())
 
 
 def _is_bounded(item: pytest.Item) -> bool:
@@ -107,18 +107,20 @@ def _limit_s() -> float:
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Add what a test and its shared fixtures used, as its last report tells it."""
-    told = dict(report.user_properties)
-    if report.when == "teardown" and _TEST in told:
-        _charges[report.nodeid] += told[_TEST]  # type: ignore[assignment]
-        _charges.update(told[_FIXTURES])  # type: ignore[arg-type]
+    properties: dict[str, Any] = dict(report.user_properties)
+    if report.when == "teardown" and _TEST in properties:
+        _charges[report.nodeid] += properties[_TEST]
+        for name, used_s in properties[_FIXTURES].items():
+            _charges[name] += used_s
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.Config) -> None:
     """List the dearest tests and shared fixtures, and what all of them used."""
     terminalreporter.section("processor time")
-    for name, used_s in _charges.most_common(config.getoption("dearest")):
+    dearest = sorted(_charges.items(), key=lambda charge: -charge[1])
+    for name, used_s in dearest[: config.getoption("dearest")]:
         terminalreporter.line(f"{used_s:7.2f} s  {name}")
     terminalreporter.line(
-        f"{_charges.total():7.2f} s  in all; ten million turns of an empty loop take {turns_s():.2f} s here, "
+        f"{sum(_charges.values()):7.2f} s  in all; ten million turns of an empty loop take {turns_s():.2f} s here, "
         f"{REFERENCE_TURNS_S} s on the computer for which a test's budget is {BUDGET_S} s"
     )

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import pytest
 from hypothesis import currently_in_test_context
@@ -23,6 +23,8 @@ PROJECT: Final = Path(__file__).resolve().parents[1]
 _WORDS_OF: Final = (3, 11)  # version of Python whose words the golden file has
 _NUMBER: Final = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)(?![\w.]*\w)")
 _PROPERTY: Final = "messages"
+
+_Error = TypeVar("_Error", bound=Exception)
 
 _messages: Final[list[str]] = []
 """What was refused in the running test so far."""
@@ -38,7 +40,7 @@ def refused_with(message: str) -> str:
 
 
 @contextmanager
-def refusing(error: type[Exception] | tuple[type[Exception], ...]) -> Iterator[pytest.ExceptionInfo[Exception]]:
+def refusing(error: type[_Error] | tuple[type[_Error], ...]) -> Iterator[pytest.ExceptionInfo[_Error]]:
     """Expect an error whose message stands in the golden file."""
     with pytest.raises(error) as caught:
         yield caught
@@ -57,7 +59,7 @@ def _same_number(number: str, other: str) -> bool:
     decimals = [len(text.partition(".")[2]) for text in (number, other)]
     if decimals[0] != decimals[1] or "." not in number:
         return number == other
-    return abs(float(number) - float(other)) <= 1.01 * 10 ** -decimals[0]
+    return abs(float(number) - float(other)) <= 1.01 * 10.0 ** -decimals[0]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
