@@ -184,6 +184,7 @@ class TestStepsOfPrograms:
         assert (key, self.fast_steps(self.with_value(step, key, value), slow)) == ("speed_percent", [])
         assert len(self.fast_steps(self.with_value(step, key, value + 0.1), slow)) == 1
 
+    @pytest.mark.slow
     def test_all_steps_with_the_values_told_make_a_plan(self) -> None:
         """Every step that is too fast is told at once; the planner, too, names the first one and the stretch."""
         steps = ["line = { x = 60 }\nspeed_mm_s = 400", "go = { th1 = 90 }\nduration_s = 0.3", "pause = 0.1"]

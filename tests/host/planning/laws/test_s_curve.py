@@ -45,6 +45,7 @@ def test_the_jerk_is_constant_in_each_phase(law: SCurve) -> None:
     assert law.acceleration(t_s) == pytest.approx(expected, abs=1e-9 * abs(a))
 
 
+@pytest.mark.slow
 @given(s_curves())
 def test_each_phase_is_one_cubic(law: SCurve) -> None:
     """The cubic through four points of a phase passes the fifth in its middle: a PVT segment is the law itself."""
