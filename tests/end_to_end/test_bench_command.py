@@ -5,6 +5,7 @@ import json
 import pytest
 
 from steptwin.host.cli.app import run
+from tests.end_to_end.command_line import refusal
 
 CARRY = ["bench", "teaching-scara", "carry"]
 METHODS = ["kernel", "dda-20k", "dda-40k", "dda-100k", "bresenham", "austin"]
@@ -40,14 +41,12 @@ def test_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    "arguments",
     [
-        pytest.param(["lab-skara"], ["lab-skara", "lab-scara"], id="robot"),
-        pytest.param(["lab-scara", "spirall"], ["spirall", "spiral"], id="job"),
-        pytest.param(["lab-scara", "spiral", "carry"], ["carry", "[ROBOT] [JOB]"], id="too many"),
+        pytest.param(["lab-skara"], id="robot"),
+        pytest.param(["lab-scara", "spirall"], id="job"),
+        pytest.param(["lab-scara", "spiral", "carry"], id="too many"),
     ],
 )
-def test_bad_arguments(arguments: list[str], said: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["bench", *arguments]) == 2
-    message = capsys.readouterr().err
-    assert all(text in message for text in said)
+def test_bad_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    refusal(capsys, "bench", *arguments)

@@ -22,6 +22,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from tests.end_to_end.command_line import refusal, run_json
 from tests.end_to_end.marks import slow_but
 from tests.end_to_end.pages import ROOT, blocks_of, read_page
+from tests.messages import refusing
 
 EXAMPLES = {name: ROOT / "docs" / "programs" / f"{name}.toml" for name in robot_names()}
 WAITING_FOR = {"teaching-scara": "part_ready"}
@@ -136,8 +137,7 @@ class TestLive:
     @pytest.mark.parametrize("robot", WAITING_FOR)
     def test_an_example_whose_input_never_comes_names_the_time_out(self, fast_kernel: Kernel, robot: str) -> None:
         _, session, example = self.standing(robot, fast_kernel)
-        said = rf"^step 1\.1\.1, pass 1: the input {WAITING_FOR[robot]} was not on within 30 s$"
-        with pytest.raises(WaitTimeoutError, match=said):
+        with refusing(WaitTimeoutError):
             execute_live(session, example, "example", approach=True)
 
     @pytest.mark.parametrize("robot", [name for name in robot_names() if name not in {*WAITING_FOR, *LIKE_AR4}])

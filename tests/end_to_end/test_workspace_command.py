@@ -11,6 +11,7 @@ import pytest
 from steptwin.host.cli.app import run
 from steptwin.host.cli.robots import workspace as command
 from steptwin.host.common.extras import installing
+from tests.end_to_end.command_line import refusal
 
 LAB = ["workspace", "lab-scara"]
 
@@ -108,24 +109,18 @@ def test_without_matplotlib_it_says_so(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    "arguments",
     [
-        pytest.param([*LAB, "--samples", "0"], ["samples", "0", "1..10000000"], id="too few samples"),
-        pytest.param([*LAB, "--samples", "10000001"], ["samples", "10000001", "1..10000000"], id="too many samples"),
-        pytest.param([*LAB, "--samples", "many"], ["--samples", "integer"], id="samples that are not a number"),
-        pytest.param([*LAB, "--seed", "-1"], ["seed", "-1", "0"], id="seed below 0"),
-        pytest.param([*LAB, "--phi", "north"], ["--phi", "'north'"], id="attitude that is not a number"),
-        pytest.param([*LAB, "--z", "nan"], ["--z", "nan", "finite"], id="height that is not finite"),
-        pytest.param([*LAB, "--out", "/dev/null/x"], ["--out", "/dev/null"], id="folder that cannot be"),
-        pytest.param(["workspace", "lab-skara"], ["lab-skara", "lab-scara"], id="robot"),
-        pytest.param(["workspace"], ["ROBOT"], id="no robot"),
+        pytest.param([*LAB, "--samples", "0"], id="too few samples"),
+        pytest.param([*LAB, "--samples", "10000001"], id="too many samples"),
+        pytest.param([*LAB, "--samples", "many"], id="samples that are not a number"),
+        pytest.param([*LAB, "--seed", "-1"], id="seed below 0"),
+        pytest.param([*LAB, "--phi", "north"], id="attitude that is not a number"),
+        pytest.param([*LAB, "--z", "nan"], id="height that is not finite"),
+        pytest.param([*LAB, "--out", "/dev/null/x"], id="folder that cannot be"),
+        pytest.param(["workspace", "lab-skara"], id="robot"),
+        pytest.param(["workspace"], id="no robot"),
     ],
 )
-def test_bad_arguments(arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.splitlines()) == 1
-    assert captured.err.startswith("steptwin: ")
-    for word in words:
-        assert word in captured.err
+def test_bad_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    refusal(capsys, *arguments)

@@ -59,8 +59,7 @@ def test_a_frame_that_is_no_answer(
 ) -> None:
     whole = bytes.fromhex("437f600000010000")
     answer_by(board, monkeypatch, lambda _: whole[:length])
-    dropped = r"^sx: node 0x10 does not answer \(.*; 1 answers without 8 bytes were dropped\)$"
-    with pytest.raises(BusError, match=dropped):
+    with refusing(BusError):
         axis.read(od.MAX_PROFILE_VELOCITY)
 
 

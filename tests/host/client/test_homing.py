@@ -133,8 +133,7 @@ def without_home_switch() -> Robot:
 class TestFailures:
     def test_a_switch_that_is_not_there(self, fast_kernel: Kernel) -> None:
         _, machine = machine_of(without_home_switch(), list(WAREHOUSE.home), fast_kernel)
-        words = r"^th3: homing failed: the switch was not found on the whole way \(EMCY 0xFF05\)$"
-        with pytest.raises(DeviceFaultError, match=words):
+        with refusing(DeviceFaultError):
             machine.home_axes(how(WAREHOUSE, "th3"))
         assert machine.axes[TH3].error_codes == [ErrorCode.HOMING_FAILED]
 

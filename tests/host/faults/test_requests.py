@@ -1,7 +1,6 @@
 """Requests of the control port: what the firmware sees of each, on two boards, in virtual time; what is refused."""
 
 import json
-import re
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -61,6 +60,7 @@ from steptwin.host.twin.machine.machine_options import MachineOptions
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import GENERAL_INPUTS, SWITCH_INPUTS, DigitalInput, ErrorCode, State
 from steptwin.protocol.frame import COB_EMCY, FIRST_NODE_ID, Frame
+from tests.messages import refusing
 
 ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2), "door": Input("d1", 1)})
 AXES = range(4)
@@ -260,52 +260,31 @@ def test_the_switches_are_those_of_the_file(machine: Machine) -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_", "complaint"),
+    "request_",
     [
-        ({}, f"do: is missing: one of {', '.join(REQUESTS)}"),
-        ({"do": 3}, "do: 3 is not a text"),
-        ({"do": "estpo"}, "do 'estpo' is unknown: did you mean estop?"),
-        ({"do": "estop"}, "pressed: is missing"),
-        ({"do": "estop", "presed": True}, "presed: key 'presed' is unknown: did you mean pressed?"),
-        (ESTOP | {"pressed": 1}, "pressed: 1 is neither true nor false"),
-        (ESTOP | {"why": "x"}, "why: key 'why' is unknown: there are do, pressed"),
-        ({"do": "state", "id": 7}, "id: key 'id' is unknown: there are do"),
-        ({"do": "supply", "supply_v": True}, "supply_v: True is not a number"),
-        (
-            {"do": "supply", "supply_v": -0.01},
-            "supply_v: -0.01 V is outside 0..655.35 V; the nearest is 0 V",
-        ),
-        (
-            {"do": "supply", "supply_v": 655.36},
-            "supply_v: 655.36 V is outside 0..655.35 V; the nearest is 655.35 V",
-        ),
-        ({"do": "supply", "supply_v": 1e999}, "supply_v: inf is not a finite number up to 1e+09"),
-        (
-            {"do": "temperature", "temperature_degc": 3276.8},
-            "temperature_degc: 3276.8 degC is outside -3276.8..3276.7 degC; the nearest is 3276.7 degC",
-        ),
-        (
-            {"do": "protect", "joint": "th5", "held": True},
-            "joint 'th5' is unknown: did you mean th4 or th3 or th2?",
-        ),
-        (
-            {"do": "input", "input": "boxes", "on": True},
-            "input of lab-scara 'boxes' is unknown: did you mean box?",
-        ),
-        (
-            {"do": "switch", "joint": "d1", "switch": "home", "stuck": "open"},
-            "switch of d1 'home' is unknown: there are -, +",
-        ),
-        (
-            {"do": "switch", "joint": "th4", "switch": "home", "stuck": "shut"},
-            "stuck: 'shut' is not one of closed, open, free",
-        ),
+        {},
+        {"do": 3},
+        {"do": "estpo"},
+        {"do": "estop"},
+        {"do": "estop", "presed": True},
+        ESTOP | {"pressed": 1},
+        ESTOP | {"why": "x"},
+        {"do": "state", "id": 7},
+        {"do": "supply", "supply_v": True},
+        {"do": "supply", "supply_v": -0.01},
+        {"do": "supply", "supply_v": 655.36},
+        {"do": "supply", "supply_v": 1e999},
+        {"do": "temperature", "temperature_degc": 3276.8},
+        {"do": "protect", "joint": "th5", "held": True},
+        {"do": "input", "input": "boxes", "on": True},
+        {"do": "switch", "joint": "d1", "switch": "home", "stuck": "open"},
+        {"do": "switch", "joint": "th4", "switch": "home", "stuck": "shut"},
     ],
+    ids=lambda request: " ".join(f"{value}" for value in request.values()),
 )
-def test_what_is_refused(request_: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(InputError) as caught:
+def test_what_is_refused(request_: dict[str, Any]) -> None:
+    with refusing(InputError):
         read_request(ROBOT, request_)
-    assert str(caught.value) == complaint
 
 
 @pytest.mark.parametrize(
@@ -466,23 +445,23 @@ def test_each_harm_of_a_served_board_has_words() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "complaint"),
+    "words",
     [
-        ("", "WHAT is missing: estop, supply, temperature"),
-        ("host hang", "WHAT 'host' is unknown: there are estop"),
-        ("wire th2 step", "after wire: JOINT step|dir|enable whole|broken|low|high|noisy [rate_hz=HZ] [width_us=US]"),
-        ("mode th2 8 16", "after mode: JOINT [microsteps=N], not th2 8 16"),
-        ("state on", "after state: nothing, not on"),
-        ("loss records cuont=3", "key of loss 'cuont' is unknown: did you mean count"),
-        ("loss all rate=1 rate=0", "rate: is given twice"),
-        ("loss all rate=half", "rate: 'half' is not a number"),
-        ("stranger 08 00", "id: '08' is not a whole number"),
-        ("protect th2 yes", "held: 'yes' is neither on nor off"),
-        ("loss 0x510,sync", "frames: 'sync' is not a whole number"),
+        "",
+        "host hang",
+        "wire th2 step",
+        "mode th2 8 16",
+        "state on",
+        "loss records cuont=3",
+        "loss all rate=1 rate=0",
+        "loss all rate=half",
+        "stranger 08 00",
+        "protect th2 yes",
+        "loss 0x510,sync",
     ],
 )
-def test_words_that_ask_for_nothing(words: str, complaint: str) -> None:
-    with pytest.raises(InputError, match=f"^{re.escape(complaint)}"):
+def test_words_that_ask_for_nothing(words: str) -> None:
+    with refusing(InputError):
         request_of_words(words.split())
 
 

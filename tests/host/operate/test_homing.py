@@ -38,8 +38,8 @@ def test_one_joint_is_homed_and_the_others_stay(session: Session, board: Embedde
     assert [i for i in range(6) if after[i] != before[i]] == [TH1]
     assert [state.position_known for state in states] == [True] * 6
     assert after[TH1] / ROBOT.steps_per_unit[TH1] == pytest.approx(HOME[TH1], abs=0.05)
-    for names, complaint in ((["th9"], "^joint 'th9' is unknown"), ([], "^home: names no joint$")):
-        with pytest.raises(InputError, match=complaint):
+    for names in (["th9"], list[str]()):
+        with refusing(InputError):
             home_robot(session, joints=names)
 
 

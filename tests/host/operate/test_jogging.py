@@ -159,8 +159,7 @@ def test_speeds_have_limits() -> None:
     for speed in (joint.speed_max, -joint.speed_max):
         assert check_jog(ROBOT, "sx", speed) is joint
     for speed in (0.0, 0.000195, -0.000195, joint.speed_max * 1.001, -joint.speed_max * 1.001):
-        said = rf"^sx: a speed of \S+ mm/s is not from 0.000195313 to {joint.speed_max:g} mm/s, with a sign$"
-        with pytest.raises(InputError, match=said):
+        with refusing(InputError):
             check_jog(ROBOT, "sx", speed)
     check_jog(ROBOT, "sx", -0.000195313)
     with refusing(InputError):

@@ -94,11 +94,7 @@ def test_a_reset_that_was_held_up_answers_no_later_stop(session: Session, other:
     session.link.wait(2.0)
     emergency_stop(other)
     session.link.wait(0.5)
-    later = (
-        r"^sx: an emergency stop or a fault has come since the reset was asked for: it stays; look at the machine, then"
-        r" `steptwin reset` again$"
-    )
-    with pytest.raises(DeviceFaultError, match=later):
+    with refusing(DeviceFaultError):
         reset(session, age_s=0.6)  # asked for before the second one
     assert states(other) == [State.FAULT] * 6
     reset(session, age_s=0.4)
@@ -111,7 +107,7 @@ ACTIONS: dict[str, Callable[[Session], object]] = {
 }
 
 
-@pytest.mark.parametrize("every", [31, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [30, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("action", ACTIONS)
 def test_what_was_asked_for_before_a_stop_and_its_reset_never_moves(
     action: str, every: int, fast_kernel: Kernel, monkeypatch: pytest.MonkeyPatch

@@ -95,8 +95,7 @@ def test_steps_have_bounds() -> None:
     for distance in (travel, -travel):
         assert check_step(ROBOT, "sx", distance) is ROBOT.joints[SX]
     for distance in (0.0, 0.0000122, -0.0000122, travel * 1.001, -travel * 1.001):
-        said = r"^sx: a step of \S+ mm is not from 1.22071e-05 to 2000 mm, with a sign$"
-        with pytest.raises(InputError, match=said):
+        with refusing(InputError):
             check_step(ROBOT, "sx", distance)
     for percent in (1.0, 100.0):
         check_step_speed(percent)

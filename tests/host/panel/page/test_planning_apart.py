@@ -17,6 +17,8 @@ from steptwin.host.robots import load_robot
 from tests.end_to_end.pages import ROOT
 from tests.messages import refusing
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("teaching-scara")
 PROGRAM = (ROOT / "docs" / "programs" / "teaching-scara.toml").read_bytes()
 SLOW = b'robot = "teaching-scara"\n[[step]]\ngo = { th1 = 10.0, th2 = 40.0 }\n[[step]]\nrepeat = 2400\n' + (

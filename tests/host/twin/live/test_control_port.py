@@ -25,6 +25,8 @@ from tests.emulator.live.live_rig import TIMEOUT_S
 from tests.end_to_end.pages import blocks_of, read_page
 from tests.messages import refusing
 
+pytestmark = pytest.mark.live
+
 ROBOT = replace(load_robot("lab-scara"), inputs={"box": Input("th4", 2)})
 HUNG_UP = (errno.ECONNRESET, errno.EPIPE, errno.ENOTCONN)
 """Errors of a socket whose peer has closed the connection: in reading, in writing, in shutting it down."""

@@ -17,6 +17,8 @@ from steptwin.host.robots.board_settings import Input
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.messages import refusing
 
+pytestmark = pytest.mark.live
+
 ROBOT = load_robot("lab-scara")
 TIMEOUT_S = 60.0
 NMT_START_ALL = can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False)
