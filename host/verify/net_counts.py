@@ -32,7 +32,7 @@ _SAME_STEP: Final = 1.0
 _LATE_STEPS: Final = 2.0
 """Tolerance from which on a step may be nearer to the crossing after its own, or before it."""
 
-_WHOLE_STEPS: Final = 1.2
+WHOLE_STEPS: Final = 1.2
 """Distance that a count at whole steps keeps from the plan, with what a timer adds; with a step lost it is 1.5."""
 
 _ONE_RULE: Final = 0.75
@@ -71,7 +71,7 @@ def match_any_rule(
     runs = _runs(ideal, time_s)
     grazing = _near_an_end(time_s, ideal, position_at, min(off_steps, 1.0) + 2 * THRESHOLD_TOLERANCE_STEPS)
     if _at_whole_steps(counted, position_at):
-        grazing |= np.abs(position_at(time_s)) <= _WHOLE_STEPS
+        grazing |= np.abs(position_at(time_s)) <= 1.0 + WHOLE_STEPS
     left = _net_moves(runs, moves, ~grazing)
     if tolerance_steps >= _LATE_STEPS:  # pairs tell little then: the run's net count does, but for one step of its rule
         net = _net_moves(runs, moves, np.ones_like(grazing))
@@ -95,7 +95,7 @@ def _at_whole_steps(counted: CountedSteps, position_at: PositionAt) -> bool:
     """
     planned = position_at(counted.time_s)
     off = (counted.positions[:-1] - planned, counted.positions[1:] - planned)
-    return max(float(np.abs(each).max(initial=0.0)) for each in off) <= _WHOLE_STEPS
+    return max(float(np.abs(each).max(initial=0.0)) for each in off) <= WHOLE_STEPS
 
 
 def _net_moves(runs: NDArray[np.int64], moves: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -85,10 +85,16 @@ DM542: Final = ChipSheet(
 )
 
 _DM542T: Final = "StepperOnline DM542T manual"
+_DM542_MODES: Final = DM542.modes.value
 DM542T: Final = replace(
     DM542,
     name="DM542T",
-    document="StepperOnline DM542T manual; ENA's time of V4.0",
+    document="StepperOnline DM542T, V4.0",
+    modes=quoted(
+        replace(_DM542_MODES, rows=((1, "HHHH"), *_DM542_MODES.rows)),
+        f"{_DM542T} V4.0: 200 pulses/rev are new, with all ON as is assumed; the other rows as the DM542's",
+    ),
+    home_full_deg=assumed(45.0, "not told, and no pin shows it"),
     times=replace(
         DM542.times,
         steplen_ns=Fact(2_500, f"{_DM542T}, t3"),
@@ -101,7 +107,9 @@ DM542T: Final = replace(
 )
 
 _TB6600: Final = "DFRobot TB6600 manual V1.2"
-_NO_TIME: Final = assumed(5_000, "the manual has no times")
+_NO_TIME: Final = assumed(
+    5_000, "the manual has no times; the strictest in use, others take 3 us (Klipper) or 4 us (a Marlin configuration)"
+)
 TB6600: Final = ChipSheet(
     name="TB6600",
     document=_TB6600,
@@ -165,11 +173,11 @@ PROFILES: Final = (
     replace(
         _DM542_PROFILE,
         name="dm542t",
-        title="StepperOnline DM542T: as a DM542, but ENA 200 ms before the first pulse",
+        title="StepperOnline DM542T V4.0, switched to 5 V: as a DM542, and 1/1; ENA 200 ms before the first pulse",
         chip=DM542T,
         currents=Fact(_DM_CURRENTS, f"{_DM542T}, peak"),
         idle_ms=Fact(400, _DM542T),
-        inputs=quoted(InputLevels(3.5, 7.0), f"{_DM542T} V4.0"),
+        inputs=quoted(InputLevels(3.5, 7.0), f"{_DM542T} V4.0, its switch at 5 V: at 24 V it hears no 5 V signal"),
         source=_DM542T,
     ),
     DriverProfile(

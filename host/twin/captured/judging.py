@@ -7,7 +7,7 @@ have wired wrongly is named.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, floor
+from math import ceil, trunc
 from typing import Any, Final
 
 import numpy as np
@@ -33,6 +33,7 @@ from steptwin.host.verify import (
 )
 from steptwin.host.verify.counted import pulse_facts
 from steptwin.host.verify.gates import TOLERANCE_STEPS
+from steptwin.host.verify.net_counts import WHOLE_STEPS
 from steptwin.host.verify.oracle import ideal_steps
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -295,22 +296,19 @@ def judge_capture(
 
 
 def _begun_at(expected: Expectation, axis: int, nearest: int, steps: SeenSteps, clock: ClockFit) -> int:
-    """Return the count at the plan's t = 0: the nearest one, or that to which another rule cuts the planned position.
+    """Return the count at the plan's t = 0: the nearest one, or the one cut towards zero if it was cut.
 
-    No pin tells it, so it is that with which the count stays nearer to the plan, if that is told at all.
+    No pin tells it. A controller that cuts shows it where the motion passes through zero: only with the count cut at
+    the start, too, it stays within a step of the plan.
     """
     made = steps.time_s >= clock.offset_s
     planned = expected.axis_position(axis, np.concatenate(([0.0], clock.plan_s(steps.time_s[made]))))
+    if planned.min() > -1.0 or planned.max() < 1.0:
+        return nearest
     moved = np.concatenate(([0], np.cumsum(steps.signs[made], dtype=np.int64)))
     off = np.concatenate((moved - planned, moved[:-1] - planned[1:]))
-    cut = {floor(planned[0]), ceil(planned[0])}
-    furthest = {count: float(np.abs(off + count).max()) for count in (nearest, *cut)}
-    best = min(cut, key=lambda count: furthest[count])
-    return best if furthest[best] < furthest[nearest] - _TOLD_STEPS else nearest
-
-
-_TOLD_STEPS: Final = 0.3
-"""Part of a step by which another count at the start must be nearer to the plan."""
+    cut = trunc(planned[0])
+    return cut if np.abs(off + cut).max() <= WHOLE_STEPS < np.abs(off + nearest).max() else nearest
 
 
 def slack_counts(capture: Capture) -> int:

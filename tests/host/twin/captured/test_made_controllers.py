@@ -65,7 +65,7 @@ def check(seed: int, rule: str, fault: int, moves: int = 2) -> None:
     """A capture passes without a fault, and with one the steps missing or too many are counted."""
     run, wrong = judged(seed, rule, fault, moves)
     assert run.passed == (fault == 0), (seed, rule, fault, run.reasons)
-    if rule != SEGMENTS:  # a step more or less may be its rule's there: then the end or the distance tells
+    if rule not in (SEGMENTS, "int", "int on a timer"):  # a step more or less may be their rule's, not the verdict
         assert [axis.unmatched_steps for axis in run.report.axes] == wrong, (seed, rule, fault)
 
 
