@@ -28,8 +28,10 @@ HALF_BELT = "\n[coupling]\nX = { X = 1.0, Y = 0.5 }\nY = { X = -0.75, Y = 1.0 }\
 """Belts of unequal ratios."""
 
 
-def machine(kernel: Kernel, here: list[float], coupling: str = COREXY) -> tuple[BoardUnderTest, Session]:
-    robot = parse_robot(belts_text(coupling), "belts.toml")
+def machine(
+    kernel: Kernel, here: list[float], coupling: str = COREXY, driver: str = "a4988"
+) -> tuple[BoardUnderTest, Session]:
+    robot = parse_robot(belts_text(coupling).replace("a4988", driver), "belts.toml")
     board = BoardUnderTest(robot, stand_at=here, kernel=kernel)
     return board, Session(board, robot)
 
@@ -118,7 +120,7 @@ def test_no_joint_is_known_before_the_last_is_found(fast_kernel: Kernel) -> None
 
 
 def test_a_fault_of_one_motor_stops_both_in_the_firmware(fast_kernel: Kernel) -> None:
-    board, session = machine(fast_kernel, [200.0, 150.0])
+    board, session = machine(fast_kernel, [200.0, 150.0], driver="drv8825")  # an A4988 tells of no fault
     after_s(session, board, lambda: True, lambda: board.operate(DriverProtect(1, active=True)))
     with pytest.raises(DeviceFaultError):
         home_robot(session, stay=True)

@@ -13,20 +13,23 @@ from steptwin.host.operate.jogging import jog
 from steptwin.host.operate.moving import move
 from steptwin.host.operate.session import Session
 from steptwin.host.operate.status import read_status
+from steptwin.host.robots import parse_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.boards import board_configs
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import DigitalInput
-from tests.host.robots.gantries import SECOND, SKEW_MAX_MM, STEPS_PER_MM, UNITS_PER_MM, gantry_robot
+from tests.host.robots.gantries import SECOND, SKEW_MAX_MM, STEPS_PER_MM, UNITS_PER_MM, gantry_text
 from tests.messages import refusing
 
 Y, Y2 = 1, 2
 STEP_MM = 1 / STEPS_PER_MM
 
 
-def machine(kernel: Kernel, second: str = SECOND, *, known: bool = True) -> tuple[BoardUnderTest, Session]:
+def machine(
+    kernel: Kernel, second: str = SECOND, *, known: bool = True, driver: str = "a4988"
+) -> tuple[BoardUnderTest, Session]:
     """Return a gantry that stands at X 5 mm and Y 10 mm, and a session with it."""
-    robot, here = gantry_robot(second), [5.0, 10.0]
+    robot, here = parse_robot(gantry_text(second).replace("a4988", driver), "gantry.toml"), [5.0, 10.0]
     board = BoardUnderTest(robot, stand_at=here, kernel=kernel)
     session = Session(board, robot)
     if known:
@@ -143,7 +146,7 @@ def test_counts_that_are_too_far_apart_hold_the_machine(apart_mm: float, moves: 
 
 
 def test_a_fault_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
-    board, session = machine(fast_kernel)
+    board, session = machine(fast_kernel, driver="drv8825")  # an A4988 tells of no fault
     with session.charge("jog", needs=()) as charge:
         charge.enable()
 
@@ -175,7 +178,7 @@ def test_a_limit_switch_of_one_motor_stops_both(fast_kernel: Kernel) -> None:
 
 
 def test_both_motors_are_on_one_board() -> None:
-    robot = gantry_robot()
+    robot = parse_robot(gantry_text(SECOND), "gantry.toml")
     with refusing(InputError):
         board_configs(robot, [0.0, 0.0], (2, 1))
     assert len(board_configs(robot, [0.0, 0.0], (1, 2))) == 2
