@@ -27,8 +27,8 @@ from tests.kernel_forms import FORMS, kernel_form
 from tests.one_example import one_example
 
 SEEDS: Final = range(120)
-SOME: Final = (0, 3, 7, 9, 33, 42, 47, 88, 105, 109, 110, 119)
-"""Scenarios that have all events; each mutation of the C in cortex_m3 shows in two of them or more."""
+SOME: Final = (7, 33, 42, 47, 105, 109, 119)
+"""Scenarios that have all events; each mutation of the C in cortex_m3 shows in two of them or more, but a refusal's."""
 SOME_OR_THE_OTHERS: Final = pytest.mark.parametrize(
     "seeds",
     [
