@@ -20,6 +20,7 @@ def folder(carry_run: Path, tmp_path: Path) -> Path:
     return shutil.copytree(carry_run, tmp_path / "carry")
 
 
+@pytest.mark.slow
 def test_a_stored_run_keeps_step_until_the_payload_is_too_large(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

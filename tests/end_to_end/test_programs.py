@@ -170,7 +170,7 @@ def test_the_page_s_first_program_runs(capsys: pytest.CaptureFixture[str], tmp_p
     assert run_json(capsys, "run", "teaching-scara", str(file))["passed"]
 
 
-@pytest.mark.parametrize("block", slow_but([text for text in BLOCKS[1:] if "motors" not in text], BLOCKS[1:]))
+@pytest.mark.parametrize("block", slow_but([text for text in BLOCKS[1:] if "pallets" not in text], BLOCKS[1:]))
 def test_the_page_s_steps_can_be_made(block: str) -> None:
     findings = Findings()
     program = parse_program(HEAD + block, findings)

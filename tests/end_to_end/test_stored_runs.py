@@ -167,7 +167,7 @@ class TestTrace:
             ["--timescale", "1ms"],
             ["--format", "csv", "--timescale", "1us"],
         ],
-        ids=lambda words: " ".join(words),
+        ids=" ".join,
     )
     def test_bad_input(self, words: list[str], carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
         refusal(capsys, "trace", str(carry_run), *words)
@@ -232,7 +232,7 @@ class TestPlot:
             ["--what", "joints,error", "--at", "0.5"],
             ["--format", "jpg"],
         ],
-        ids=lambda words: " ".join(words),
+        ids=" ".join,
     )
     def test_bad_input(self, words: list[str], carry_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
         refusal(capsys, "plot", str(carry_run), *words)

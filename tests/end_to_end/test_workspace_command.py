@@ -54,6 +54,7 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--samples", "1000", "--seed", "7", "--phi", "-30", "--z", "700.5"]
     assert run(["workspace", "hybrid-arm", *arguments]) == 0

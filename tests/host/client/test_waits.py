@@ -145,6 +145,7 @@ def test_an_early_wait_holds_as_long_as_it_must(
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
 
 
+@pytest.mark.slow
 def test_the_next_wait_may_come_at_once(board: EmbeddedBoard, machine: Machine) -> None:
     """Waits 10 ms apart, each of which lasts most of a second."""
     records = joined(still(2, 10), travelling(20))

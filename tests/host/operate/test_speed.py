@@ -73,6 +73,7 @@ def test_it_takes_longer_or_less_and_ends_where_planned(
     assert least_s < took_s < most_s
 
 
+@pytest.mark.slow
 def test_status_shows_the_speed(session: Session, steptwin: CommandLine, pull: Plan) -> None:
     seen: list[float | None] = []
 
@@ -93,6 +94,7 @@ def test_status_shows_the_speed(session: Session, steptwin: CommandLine, pull: P
     assert steptwin.json("status warehouse-scara")["speed_percent"] is None
 
 
+@pytest.mark.slow
 def test_the_next_run_begins_as_planned(session: Session, pull: Plan) -> None:
     told: list[int] = []
     run_s(session, pull, lambda: told.append(change_speed(session.machine, 60)))
@@ -154,6 +156,7 @@ def test_a_second_program_is_no_disturbance(
     assert execute_live(session, pull, "pull", progress=act).passed
 
 
+@pytest.mark.slow
 def test_axes_on_several_boards_keep_their_speed(fast_kernel: object, pull: Plan) -> None:
     board = EmbeddedBoard(ROBOT, fast_kernel, MachineOptions(stand_at=HOME, axes_per_board=[4, 2]))  # type: ignore[arg-type]
     session = preset(board, HOME)

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from steptwin.host.robots import load_robot
 from steptwin.host.twin.embedded.embedded_board import EmbeddedBoard
 from steptwin.host.twin.live.served_board import ServedBoard
 from tests.emulator.live.live_rig import await_true
-
-_Board = TypeVar("_Board", ServedBoard, EmbeddedBoard)
 
 ROBOT = load_robot("calibration-scara")
 TH1, TH2 = "th1", "th2"
@@ -42,10 +39,10 @@ def counts(desk: Desk) -> bool:
     return True
 
 
-class Rig(Generic[_Board]):
+class Rig:
     """A desk with an operator, Ann, on a machine that knows its position."""
 
-    def __init__(self, served: _Board, desk: Desk) -> None:
+    def __init__(self, served: ServedBoard | EmbeddedBoard, desk: Desk) -> None:
         self.served = served
         self.desk = desk
         self._press = 0

@@ -78,6 +78,7 @@ def settled(it: VirtualRig) -> list[float]:
 # --- jogs
 
 
+@pytest.mark.slow
 def test_a_page_that_falls_silent_ends_its_jog_for_ever(shared: VirtualRig) -> None:
     press = shared.pressed(JOG)
     settled(shared)
@@ -112,6 +113,7 @@ def test_a_press_too_short_to_move_anything_says_so(shared: VirtualRig) -> None:
     assert settled(shared) == start
 
 
+@pytest.mark.slow
 def test_a_jog_ends_where_the_travel_ends(shared: VirtualRig) -> None:
     upper = ROBOT.joint(TH1).upper
     shift = upper - 0.5 - HERE[0]
@@ -153,7 +155,7 @@ ACTIVITIES: dict[str, Callable[[VirtualRig], object]] = {
 }
 
 
-@pytest.mark.parametrize("activity", slow_but([name for name in ACTIVITIES if name != "a jog of the tool"], ACTIVITIES))
+@pytest.mark.parametrize("activity", slow_but(["nothing", "a jog", "a homing"], ACTIVITIES))
 def test_anybody_stops_everything_at_once_until_the_reset(shared: VirtualRig, activity: str) -> None:
     desk = shared.desk
     ACTIVITIES[activity](shared)
@@ -344,7 +346,7 @@ def test_wrong_commands_are_refused_at_once(shared: VirtualRig, what: str) -> No
 
 def another_program(it: VirtualRig, patch: pytest.MonkeyPatch) -> Session:
     """Return a session of another program on the same board, such as `steptwin estop`."""
-    return Session(Neighbour(it.served, patch, it.pass_time), ROBOT)
+    return Session(Neighbour(it.board, patch, it.pass_time), ROBOT)
 
 
 def held_up(it: VirtualRig, command: Command, shown: int) -> str:
@@ -354,6 +356,7 @@ def held_up(it: VirtualRig, command: Command, shown: int) -> str:
     return str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_click_from_before_a_stop_and_its_reset_never_moves_the_machine(
     shared: VirtualRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:

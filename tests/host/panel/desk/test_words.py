@@ -13,6 +13,7 @@ from steptwin.host.client.words import ERRORS, HINDRANCES, STATES, error_words, 
 from steptwin.host.common.errors import BusError, InputError
 from steptwin.host.panel.desk.words import told
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode, State
+from tests.end_to_end.marks import slow_but
 
 HOST = Path(steptwin.host.client.__file__).parent.parent
 ROOMS = ("client", "operate", "planning", "panel")
@@ -68,7 +69,7 @@ def plain_texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 yield id(call), text_of(text)
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize("room", slow_but([room for room in ROOMS if room != "planning"], ROOMS))
 def test_no_error_shows_a_page_a_word_of_the_bus_or_of_the_command_line(room: str) -> None:
     paths = [path for path in sorted((HOST / room).rglob("*.py")) if path.parent.name not in ELSEWHERE]
     made = [each for path in paths for each in errors_in(path)]

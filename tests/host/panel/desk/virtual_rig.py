@@ -95,14 +95,15 @@ class VirtualLink:
 
 
 class VirtualRig(Rig):
-    """A Rig whose `served` is an embedded board."""
+    """A Rig on an embedded board."""
 
     def __init__(self, board: EmbeddedBoard, desk: Desk, turns: Turns) -> None:
         super().__init__(board, desk)
+        self.board = board
         self._turns = turns
 
     def now_s(self) -> float:
-        return self.served.now_s()
+        return self.board.now_s()
 
     def await_true(self, condition: Callable[[], bool], what: str) -> None:
         until_s = self.now_s() + LONGEST_S

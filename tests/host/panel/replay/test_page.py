@@ -74,6 +74,7 @@ def test_counts_without_a_plan_are_shown_as_such() -> None:
     visit((replay,), look)
 
 
+@pytest.mark.slow
 def test_steps_and_marks_move_the_cursor_and_the_table_follows() -> None:
     replay = Replay(RUN, [MARK])
     first = replay.edge_after(START_COUNTS)

@@ -194,6 +194,7 @@ def test_pulses_that_are_too_short_are_broken_at_a_rate_that_tells(evidence: Evi
     assert told[0].limit.limit == pytest.approx(30.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_which_drivers_would_miss_pulses(evidence: Evidence, tmp_path: Path) -> None:
     run = judged(probes_of(evidence), tmp_path)
     told = {each.name: each for each in by_each_driver(run.capture, ROBOT, run.signals, run.clock)}

@@ -51,6 +51,7 @@ def test_the_shoulder_alone_turns_both_motors(fast_kernel: Kernel) -> None:
     assert report.passed
 
 
+@pytest.mark.slow
 def test_the_verifier_needs_the_coupling(fast_kernel: Kernel) -> None:
     """Judged as the pulses of a robot whose joints have motors of their own, or other belts, the same run fails."""
     made = carried(coupled_robot())

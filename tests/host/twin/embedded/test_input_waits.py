@@ -179,6 +179,7 @@ class TestLive:
         assert wait.stood_s == pytest.approx(LEAD_MS / 1000, abs=0.03)
         assert outcome.to_dict()["duration_s"] == pytest.approx(0.01 + wait.stood_s)
 
+    @pytest.mark.slow
     def test_a_time_out_leaves_the_machine_at_rest(self, board: EmbeddedBoard, session: Session) -> None:
         with refusing(WaitTimeoutError):
             execute_live(session, PLAN, "waits")

@@ -254,6 +254,7 @@ def test_the_last_motion_with_a_plan_may_have_been_paused(fast_kernel: Kernel, t
     assert 0.0 < th1.time_s[0] < th1.time_s[-1] < 0.1
 
 
+@pytest.mark.slow
 def test_counts_without_any_plan_are_shown(
     fast_kernel: Kernel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,12 +54,6 @@ def test_one_board_lags_and_two_leave_the_path(
     assert (beside_path_mm, from_place_mm) == pytest.approx((beside, behind), abs=5e-4)
 
 
-def test_a_short_motion_leaves_the_path_on_two_boards_only(fast_kernel: Kernel) -> None:
-    motion = planned('robot = "ar4-mk3"\n[[step]]\ngo = { J1 = 5.0, J5 = 85.0 }\n')
-    on_one, on_two = (beside_mm(fast_kernel, motion, *ppm)[0] for ppm in ((1000,), (1000, -1000)))
-    assert on_one < ROUNDING_MM < on_two
-
-
 @pytest.mark.slow
 def test_it_is_farther_beside_its_path_the_longer_it_goes_on(fast_kernel: Kernel) -> None:
     """Three rounds instead of one: 10.04 s more, at some 0.039 mm a second."""

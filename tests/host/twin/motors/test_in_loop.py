@@ -93,6 +93,7 @@ def test_the_payload_hangs_while_the_output_is_on(fast_kernel: Kernel) -> None:
 class TestAnotherPayload:
     """A scenario that changes the payload of the teaching robot, which always hangs, in the middle of its motion."""
 
+    @pytest.mark.slow
     def test_hangs_until_its_end(self, fast_kernel: Kernel, outcomes: tuple[Outcome, Outcome]) -> None:
         """The rotors are those of an arm that takes it and leaves it again, and of the usual one before."""
         _, usual = outcomes
@@ -116,6 +117,7 @@ class TestAnotherPayload:
         assert_same(ran.rotors, usual.rotors, taken)
         assert not np.array_equal(ran.rotors.load_deg[taken], usual.rotors.load_deg[taken])
 
+    @pytest.mark.slow
     def test_that_is_too_heavy_makes_motors_slip(self, fast_kernel: Kernel, capsys: pytest.CaptureFixture[str]) -> None:
         """Nothing on the board tells it: the drivers have counted what was planned."""
         ran, report = played(fast_kernel, '[[fault]]\nat_s = 0.3\ndo = "payload"\npayload_kg = 100\n', motors=True)
@@ -254,6 +256,7 @@ def start_homing(board: BoardUnderTest, robot: Robot, name: str, acceleration: f
     return masters[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joint", "elbow"), [("lab-scara", "th2", "th3"), ("calibration-scara", "th1", "th2")])
 @pytest.mark.parametrize("too_steep", [False, True])
 def test_a_stretched_arm_homes_as_its_file_says_and_slips_if_it_homes_faster(

@@ -157,11 +157,17 @@ def test_weights_and_masses_at_the_rotors(name: str, joints_deg: FloatArray) -> 
 @pytest.mark.parametrize(
     ("name", "margins", "currents_a"),
     [
-        ("ar4-mk3", {"J1": 95, "J2": 54, "J3": 70, "J4": 93, "J5": 87, "J6": 96}, [2.37, 2.84, 2.37, 1.0, 2.37, 1.46]),
-        (
+        pytest.param(
+            "ar4-mk3",
+            {"J1": 95, "J2": 54, "J3": 70, "J4": 93, "J5": 87, "J6": 96},
+            [2.37, 2.84, 2.37, 1.0, 2.37, 1.46],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             "parol6",
             {"J1": 36, "J2": -2, "J3": 22, "J4": 68, "J5": 61, "J6": 73},
             [2.404, 2.404, 2.284, 2.044, 2.044, 1.16],
+            marks=pytest.mark.slow,
         ),
         ("thor", {"J1": 59, "J2": 37, "J3": 44, "J4": 39, "J5": 54, "J6": 55}, [1.0, 0.57, 0.57, 0.57, 0.57, 0.57]),
     ],

@@ -23,6 +23,7 @@ def homing_at(name: str, acceleration: float) -> Robot:
     return replace(LAB, joints=tuple(changed if each.name == name else each for each in LAB.joints))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "what"), [("th2", "th2: homing stalls at"), ("th3", "th3: homing turns th2 out of step at")]
 )
@@ -38,6 +39,7 @@ def test_homings_beyond_what_motors_manage_are_told(joint: str, what: str) -> No
     assert what in " ".join(steep_homings(homing_at(joint, homing.managed), replace(own, current_a=0.8)))
 
 
+@pytest.mark.slow
 def test_other_drivers_have_settings_of_their_own() -> None:
     """A module lowers the current of a shoulder that stands while the elbow homes; what the file says is not of it."""
     homing = ramps_of(LAB)[LAB.index_of("th3")].homing

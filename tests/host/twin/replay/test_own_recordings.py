@@ -219,7 +219,11 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
     ("fault", "bus_faults"),
     [
         ('at_s = 0.4\ndo = "estop"\npressed = true', ()),
-        ('at_position = { joint = "th1", value = -20 }\ndo = "supply"\nsupply_v = 8\nfor_s = 0.1', ()),
+        pytest.param(
+            'at_position = { joint = "th1", value = -20 }\ndo = "supply"\nsupply_v = 8\nfor_s = 0.1',
+            (),
+            marks=pytest.mark.slow,
+        ),
         ('at_s = 0.3\ndo = "slip"\njoint = "th2"\nfull_steps = 8', ()),
         ('at_s = 0.3\ndo = "host"\nhow = "death"', ()),
         ('at_s = 0.3\ndo = "stranger"\nid = 0x211\ndata = "02 00 07"', ()),

@@ -49,7 +49,7 @@ def test_no_false_alarm(quiet: Real, jitter_us: int, ppm: float, fast_kernel: Ke
     assert shadow.frames > 500
 
 
-@pytest.mark.parametrize("stand_at", ELSEWHERE)
+@pytest.mark.parametrize("stand_at", [ELSEWHERE[0], pytest.param(ELSEWHERE[1], marks=pytest.mark.slow)])
 def test_where_the_machine_stood_need_not_be_known(quiet: Real, stand_at: list[float], fast_kernel: Kernel) -> None:
     """Until it is homed: then the twin searches its switches for as long as it needs."""
     told, shadow = shadowed(ROBOT, quiet.heard(jitter_us=300), fast_kernel, stand_at)
@@ -65,6 +65,7 @@ def test_no_false_alarm_by_any_jitter(quiet: Real, seed: int, jitter_us: int, pp
     assert told == []
 
 
+@pytest.mark.slow
 def test_positions_in_units_of_a_masters_choice(fast_kernel: Kernel) -> None:
     """Thousandths of a degree of the motor, by gear ratio and feed constant (6091h, 6092h)."""
     real = homed(ROBOT, fast_kernel, NEAR)
@@ -119,6 +120,7 @@ def test_a_state_that_only_the_board_is_in(fast_kernel: Kernel) -> None:
     assert states == [(name, "FAULT", "OPERATION ENABLED") for name in ROBOT.axis_names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("full_steps", [4, -4, 40])
 def test_a_homing_tells_the_lost_steps(full_steps: int, fast_kernel: Kernel) -> None:
     """A rotor that has slipped by 4 full steps, a cycle, is 64 steps from where the board counts it."""
@@ -194,6 +196,7 @@ def test_an_answer_that_is_missing(quiet: Real, fast_kernel: Kernel) -> None:
     assert [(each.axis, each.kind, each.board) for each in told] == [("th2", DiscrepancyKind.ANSWER, "nothing")]
 
 
+@pytest.mark.slow
 def test_it_goes_on_from_a_recording(quiet: Real, fast_kernel: Kernel) -> None:
     """The recording may have ended hours ago by another clock, if the machine has stood still since."""
     heard = quiet.heard()
@@ -219,7 +222,7 @@ def jogged(fast_kernel: Kernel) -> Real:
     real = homed(ROBOT, fast_kernel, NEAR)
     for i in range(6):
         jog(real.session, "d3", (1 - 2 * (i % 2)) * 0.9 * ROBOT.joints[2].speed_max, 0.25 + 0.0017 * i)
-        real.board.wait(0.02 * (i % 3) if i < 5 else 0.4)
+        real.board.wait(0.02 * (i % 3) if i < 4 else 0.4)
     return real
 
 
