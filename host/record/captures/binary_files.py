@@ -185,6 +185,7 @@ def _read_file(name: str, file: BinaryIO) -> tuple[int, float, float, FloatArray
     times = np.frombuffer(data[: len(data) - len(data) % 8], "<f8")
     if len(data) != 8 * count or not np.isfinite([begin_s, end_s, *times[:1], *times[-1:]]).all():
         raise InputError(f"{name}: says {count} changes, but has {len(data) / 8:g}")
-    if not (np.diff(np.concatenate(([begin_s], times, [end_s]))) >= 0.0).all():
+    instants = np.concatenate(([begin_s], times, [end_s]))
+    if not (instants[1:] >= instants[:-1]).all():
         raise InputError(f"{name}: its changes are not in order of time")
     return level & 1, begin_s, end_s, times.astype(np.float64)

@@ -101,8 +101,9 @@ def _by_change(file: TextIO, head: _Head) -> Capture:
     times, values = _read(file, len(names) + 1, 1)
     if not times.size:
         raise InputError("has no rows")
-    if (np.diff(times) < 0.0).any():
-        row = int(np.argmax(np.diff(times) < 0.0)) + 2
+    back = times[1:] < times[:-1]
+    if back.any():
+        row = int(np.argmax(back)) + 2
         raise InputError(f"row {row}: its time {times[row - 1]:g} s is before that of the row above")
     check_lasts(float(times[-1]) - float(times[0]))
     at = np.rint((times - times[0]) / _TICK_S).astype(np.int64)
