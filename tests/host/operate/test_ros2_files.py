@@ -145,6 +145,10 @@ def test_every_robot_whose_axes_move_one_by_one_has_the_files(name: str) -> None
         assert axis["node_id"] == NODE + number
         assert axis["scale_pos_to_dev"] == pytest.approx(joint.transmission.wire_units_per_unit * per_unit, rel=1e-9)
         assert axis["scale_pos_to_dev"] * axis["scale_pos_from_dev"] == pytest.approx(1.0, rel=1e-9)
+        types = [pdo["transmission"] for way in ("rpdo", "tpdo") for pdo in axis[way].values()]
+        assert types == [1, 1, 1, 1], "controlword and target act together, with SYNC"
+        methods = [each["value"] for each in axis["sdo"] if each["index"] == 0x6098]
+        assert methods == [joint.homing.method if joint.homing else 0]
     control = ET.fromstring(files["ros2_control.urdf"])
     assert [each.get("name") for each in control.findall("joint")] == list(robot.joint_names)
 
