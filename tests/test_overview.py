@@ -70,6 +70,7 @@ def members() -> set[str]:
     return {name for path in files for name in names_of(ast.parse(path.read_text(encoding="utf-8"))) if "." in name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_place_exists(page: str, members: set[str]) -> None:
     spans = code_spans((DOCS / f"{page}.md").read_text(encoding="utf-8"))

@@ -41,6 +41,7 @@ def words_of(pose: tuple[float, ...]) -> str:
     return ", ".join(f"{key} = {value!r}" for key, value in zip(("x", "y", "z", "phi"), pose, strict=True))
 
 
+@pytest.mark.slow
 def test_a_straight_line_in_the_station_takes_the_same_steps(
     robot: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

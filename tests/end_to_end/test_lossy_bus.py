@@ -46,6 +46,7 @@ def test_a_lost_sync_is_noticed(fast_kernel: Kernel) -> None:
     assert outcome.scenario.passed, outcome.scenario.reasons
 
 
+@pytest.mark.slow
 def test_a_dead_line_never_starts(fast_kernel: Kernel) -> None:
     with refusing(BusError):
         drawer_pull(fast_kernel, losing(1.0))

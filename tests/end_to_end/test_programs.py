@@ -170,6 +170,7 @@ def test_the_page_s_first_program_runs(capsys: pytest.CaptureFixture[str], tmp_p
     assert run_json(capsys, "run", "teaching-scara", str(file))["passed"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", slow_but([text for text in BLOCKS[1:] if "pallets" not in text], BLOCKS[1:]))
 def test_the_page_s_steps_can_be_made(block: str) -> None:
     findings = Findings()
@@ -179,6 +180,7 @@ def test_the_page_s_steps_can_be_made(block: str) -> None:
     plan(robot, compile_program(program, robot).trajectory)
 
 
+@pytest.mark.slow
 def test_inputs_change_at_their_times(waiting: str, capsys: pytest.CaptureFixture[str]) -> None:
     document = run_json(capsys, "run", "teaching-scara", waiting, "--input", "part_ready=on@0.9")
     first, second = document["waits"]

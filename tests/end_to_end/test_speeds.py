@@ -138,6 +138,7 @@ def test_without_a_change_nothing_is_said(fast_kernel: Kernel) -> None:
     assert (report.speeds, "speeds" in report.to_dict()) == ((), False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("percent", slow_but([150], [101, 110, 123, 137, 150]))
 def test_at_the_highest_speed_the_driver_is_at_its_limit_and_not_beyond(fast_kernel: Kernel, percent: int) -> None:
     """Motors that could do anything: the driver's step rate alone limits a lift that leaves so many percent to it.

@@ -36,6 +36,7 @@ def told_stretch(line: str) -> float:
     return float(line.rsplit("times slower passes (--stretch ", 1)[1].removesuffix(")"))
 
 
+@pytest.mark.slow
 def test_what_a_refusal_names_passes_and_less_does_not(motion: str, capsys: pytest.CaptureFixture[str]) -> None:
     factor = told_stretch(refusal(capsys, "run", ROBOT, motion))
     document = run_json(capsys, "run", ROBOT, motion, "--stretch", str(factor))

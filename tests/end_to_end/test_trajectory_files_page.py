@@ -20,6 +20,7 @@ def test_there_are_files_and_commands() -> None:
     assert len(COMMANDS) == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", COMMANDS, ids=lambda lines: lines[0])
 def test_a_command_prints_what_the_page_shows(
     lines: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -51,6 +51,7 @@ KINDS: Final[dict[str, tuple[Callable[[], str], Callable[[str], object], int]]] 
 """Each kind of file: a valid one, who reads it, and which part of all junk is tried: one of so many."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "sparser"),
     [

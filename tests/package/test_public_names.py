@@ -20,6 +20,8 @@ from steptwin.protocol.objects import ENTRIES
 from steptwin.protocol.od import REVISION_NUMBER, SOFTWARE_VERSION
 from tests.package.wheels import ROOT
 
+pytestmark = pytest.mark.slow
+
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 HEAVY = ["can", "canopen", "matplotlib", "numba", "numpy", "rich", "scipy", "typer"]
 _SECTION = re.compile(r"^### `((\w+).*?)`\n(.*?)(?=^##|\Z)", flags=re.MULTILINE | re.DOTALL)

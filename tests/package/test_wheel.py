@@ -15,6 +15,8 @@ from steptwin.emulator.kernel_c import kernel_files
 from steptwin.host.studies.campaign.campaign import digest_of
 from tests.package.wheels import ROOT, build, contents, install, run_installed
 
+pytestmark = pytest.mark.slow
+
 OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
 """StepTwin's folders, whose names a user's project may give to packages of its own."""
 OWN_TEST = """

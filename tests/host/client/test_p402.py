@@ -58,6 +58,7 @@ def test_profile_velocity(board: EmbeddedBoard, node: Node402) -> None:
     assert node.status() & Status.ZERO_SPEED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period_ms", [1, 10])
 def test_cyclic_synchronous_position(board: EmbeddedBoard, node: Node402, period_ms: int) -> None:
     """The axis moves half a turn and back by RPDO3 and SYNC; the host knows only the entries it reads."""

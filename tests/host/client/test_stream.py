@@ -45,6 +45,7 @@ def test_records_that_wait_for_a_place_in_a_full_queue_are_sent_once(board: Embe
     assert [len(frames_to(board, 0x510 + axis)) for axis in range(AXES)] == [100] * AXES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point_ms", [1, 2, 3])
 def test_short_segments_do_not_starve(fast_kernel: Kernel, point_ms: int) -> None:
     """A queue of 64 records of 1 ms lasts 64 ms, so the board must report free places more often."""

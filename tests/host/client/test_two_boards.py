@@ -114,6 +114,7 @@ def test_all_axes_move_by_profile_velocity(simulation: Simulation, nodes: list[N
     assert all(node.statusword & Status.ZERO_SPEED for node in nodes)
 
 
+@pytest.mark.slow
 def test_one_sync_sets_all_axes_of_both_boards_going(
     simulation: Simulation, network: EmbeddedNetwork, nodes: list[Node402]
 ) -> None:

@@ -193,6 +193,7 @@ def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_a
     assert 1000 <= machine.holds_ms[0] <= 1000 + LEAD_MS + 2 * HOLD_MS
 
 
+@pytest.mark.slow
 def test_the_time_out_stands_while_the_motion_is_halted(board: EmbeddedBoard, machine: Machine) -> None:
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     machine.wait(0.8)

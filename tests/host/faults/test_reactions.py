@@ -232,6 +232,7 @@ def test_every_documented_reaction_has_a_case() -> None:
     assert {case.what for case in CASES} == {row.what for row in DOCUMENTED}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.what}: {case.fault}".replace("\n", ", "))
 def test_the_machine_answers_as_documented(fast_kernel: Kernel, case: Case) -> None:
     text = f"[[fault]]\n{case.when}\n{case.fault}\n"

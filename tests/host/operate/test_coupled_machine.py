@@ -166,6 +166,7 @@ def test_the_fastest_jog() -> None:
         check_jog(slow, "th1", 0.0017)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("coupling", "stand"),
     [

@@ -59,6 +59,7 @@ def requests_of_a_reset(session: Session) -> int:
     return len(made)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("numbers", [slice(None, None, 7), pytest.param(slice(None), marks=pytest.mark.slow)], ids=str)
 def test_an_emergency_stop_amid_a_reset_stays(session: Session, other: Session, numbers: slice) -> None:
     count = requests_of_a_reset(session)
@@ -107,6 +108,7 @@ ACTIONS: dict[str, Callable[[Session], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [30, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("action", ACTIONS)
 def test_what_was_asked_for_before_a_stop_and_its_reset_never_moves(

@@ -64,6 +64,7 @@ def test_an_axis_that_ends_elsewhere_is_seen(session: Session, pull: Plan, monke
     assert [axis.passed for axis in outcome.axes] == [False, *[True] * 5]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "interfere",
     [stop, emergency_stop],
@@ -155,6 +156,7 @@ def test_repetitions(session: Session, there_and_back: Plan) -> None:
     assert outcome.to_dict()["repetitions"] == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off_steps", [1, -1])
 def test_no_repetition_follows_one_that_ended_elsewhere(
     board: EmbeddedBoard, session: Session, there_and_back: Plan, off_steps: int
@@ -285,6 +287,7 @@ def test_an_approach_through_the_shelf_is_refused(board: EmbeddedBoard, session:
     assert board.driver_positions() == before
 
 
+@pytest.mark.slow
 def test_an_approach_past_the_shelf_is_made(session: Session) -> None:
     move(session, [0.0, 0.0, 100.0, -60.0, 60.0, 30.0])
     beyond = Composer(ROBOT, np.array([1900.0, 0.0, 150.0, -60.0, 60.0, 30.0]))

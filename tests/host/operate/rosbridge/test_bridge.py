@@ -36,6 +36,8 @@ from tests.host.operate.rosbridge.stub_rosbridge import (
 from tests.host.operate.sessions import HALF_STEPS, HOME, ROBOT, board_at
 from tests.messages import refusing
 
+pytestmark = pytest.mark.slow
+
 TH1 = ROBOT.joint_names.index("th1")
 
 

@@ -69,6 +69,7 @@ def plain_texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 yield id(call), text_of(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", slow_but([room for room in ROOMS if room != "planning"], ROOMS))
 def test_no_error_shows_a_page_a_word_of_the_bus_or_of_the_command_line(room: str) -> None:
     paths = [path for path in sorted((HOST / room).rglob("*.py")) if path.parent.name not in ELSEWHERE]

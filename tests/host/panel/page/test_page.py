@@ -46,6 +46,8 @@ from steptwin.host.planning.tool_by_hand import StepFrame
 from steptwin.host.robots import load_robot, robot_names
 from tests.host.panel.page.scripted_desk import ScriptedDesk
 
+pytestmark = pytest.mark.slow
+
 LAB = load_robot("lab-scara")
 
 

@@ -33,6 +33,7 @@ def children() -> set[str]:
     return {child for task in tasks for child in task.read_text().split()}
 
 
+@pytest.mark.slow
 def test_the_plan_and_its_errors_are_those_of_this_process() -> None:
     apart, asked = asyncio.run(plan_apart(ROBOT, "parts.toml", PROGRAM, 2.0))
     here, asked_here = plan_upload(ROBOT, "parts.toml", PROGRAM, 2.0)
@@ -47,6 +48,7 @@ def test_the_plan_and_its_errors_are_those_of_this_process() -> None:
     assert (str(told.value), told.value.plain) == (str(told_here.value), told_here.value.plain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ar4-mk3", "corexy-gantry", "turntable"])
 def test_what_is_planned_apart_has_a_path_here(name: str) -> None:
     """The tool's task of another process is the one of this: of six axes nothing was shown."""
@@ -80,6 +82,7 @@ def test_it_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert children() == before
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_process_that_asked() -> None:
     """The panel may be killed: then the stdin of its child ends, also in the middle of its work."""
     request = pickle.dumps((ROBOT, "slow.toml", SLOW, 1.0, "deg,mm"))

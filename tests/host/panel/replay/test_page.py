@@ -58,6 +58,7 @@ def table(user: User) -> str:
     return str(found)
 
 
+@pytest.mark.slow
 def test_counts_without_a_plan_are_shown_as_such() -> None:
     comparison = counts_alone(RUN.robot, RUN.comparison.evidence)
     report = replace(RUN.report, passed=None)
@@ -97,6 +98,7 @@ def test_steps_and_marks_move_the_cursor_and_the_table_follows() -> None:
     visit((replay,), steps)
 
 
+@pytest.mark.slow
 def test_a_click_on_what_happened_goes_there() -> None:
     async def click(user: User) -> None:
         user.find("0.500000 s · th1: CLK too short").click()
@@ -105,6 +107,7 @@ def test_a_click_on_what_happened_goes_there() -> None:
     visit((Replay(RUN, [MARK]),), click)
 
 
+@pytest.mark.slow
 def test_the_slider_and_the_choice_of_an_axis() -> None:
     replay = Replay(RUN, ())
 
@@ -123,6 +126,7 @@ def test_the_slider_and_the_choice_of_an_axis() -> None:
     visit((replay,), slide)
 
 
+@pytest.mark.slow
 def test_two_runs_side_by_side() -> None:
     async def look(user: User) -> None:
         await user.should_see("not verified")

@@ -41,6 +41,7 @@ def test_offset_and_ratio_are_found(offset_s: float, ppm: float, lost: list[int]
     assert abs(clock.offset_s - offset_s - 2.0) < 0.1e-6
 
 
+@pytest.mark.slow
 def test_an_axis_that_turns_the_other_way_and_two_that_are_swapped() -> None:
     there = [seen(plan, 1.0, 20.0, [], 0) for plan in IDEAL]
     turned = [there[0], SeenSteps(there[1].time_s, -there[1].signs), there[2]]

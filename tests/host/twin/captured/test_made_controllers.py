@@ -69,11 +69,13 @@ def check(seed: int, rule: str, fault: int, moves: int = 2) -> None:
         assert [axis.unmatched_steps for axis in run.report.axes] == wrong, (seed, rule, fault)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 def test_what_was_planned_passes(rule: str) -> None:
     check(3, rule, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rule", "fault"), [("floor", -1), ("int", -3), ("accumulator", 1), (SEGMENTS, -3)])
 def test_what_was_lost_or_too_many_is_counted(rule: str, fault: int) -> None:
     check(4, rule, fault)
@@ -87,6 +89,7 @@ def test_many_captures(seed: int, rule: str) -> None:
         check(seed, rule, fault, moves=6)
 
 
+@pytest.mark.slow
 def test_a_refusal_says_how_far_off_other_controllers_are() -> None:
     """Steps in segments are up to 2 off; of one step more the refusal names both tolerances."""
     run, _ = judged(4, "floor", -3)

@@ -95,6 +95,7 @@ def test_programs_on_the_bus_see_it(client: ControlClient, served: ServedBoard) 
     assert served.report()["real_time"]["frames"]["count"] > 4
 
 
+@pytest.mark.slow
 def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.CaptureFixture[str]) -> None:
     assert served.control
     address = served.control.address
@@ -199,6 +200,7 @@ def test_the_command(served: ServedBoard, client: ControlClient, capsys: pytest.
     assert not client.state().estop
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_happens(served: ServedBoard, capsys: pytest.CaptureFixture[str]) -> None:
     """Each command of docs/control-port.md for this robot works, and each request gets the answer that it shows."""
     assert served.control

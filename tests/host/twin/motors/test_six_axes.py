@@ -154,6 +154,7 @@ def test_weights_and_masses_at_the_rotors(name: str, joints_deg: FloatArray) -> 
     assert inertias == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "margins", "currents_a"),
     [

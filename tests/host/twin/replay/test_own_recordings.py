@@ -215,6 +215,7 @@ def test_a_log_of_another_robots_nodes(tmp_path: Path, fast_kernel: Kernel) -> N
         replay(read_bus(log), robot, MachineAtPowerUp(), fast_kernel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "bus_faults"),
     [
