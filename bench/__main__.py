@@ -51,7 +51,12 @@ def main() -> None:
     """Print each table as soon as it is measured."""
     console = Console(highlight=False, width=110)
     chosen, *options = sys.argv[1:] or [""]
-    for table in _WORDS[chosen](*options) if chosen in _WORDS else _all():
+    if chosen in ("-h", "--help"):
+        print(__doc__)
+        return
+    if chosen and (chosen not in _WORDS or (options and chosen != "live-motors")):
+        sys.exit(f"{' '.join(sys.argv[1:])}: its words are {', '.join(_WORDS)}, or none for all; --help tells more")
+    for table in _WORDS[chosen](*options) if chosen else _all():
         console.print(table)
 
 

@@ -100,6 +100,11 @@ def print_json_line(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document))
 
 
+def say_compiling() -> None:
+    """Say on stderr that the first use compiles: it takes long, once."""
+    say("numba compiles the motion's functions for this computer: once, up to a minute", err=True)
+
+
 def warn(text: str) -> None:
     """Print a warning on stderr; the command goes on."""
     say(f"steptwin: warning: {text}", err=True)

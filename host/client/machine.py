@@ -237,6 +237,11 @@ class Machine:
         """How long the last trajectory has stood still at each of its waits that it has come to."""
         return self._waits.holds_ms if self._waits is not None else ()
 
+    @property
+    def waits_for(self) -> str:
+        """What the trajectory under way waits for, in words; empty while the machine moves."""
+        return self._waits.standing if self._waits is not None and self._stream is not None else ""
+
     def now_s(self) -> float:
         """Return the seconds on the link's clock."""
         return self.link.now_s()

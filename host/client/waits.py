@@ -97,6 +97,7 @@ class InputWait(NamedTuple):
         at_s: time of the trajectory when the machine stands, where one record ends and the next begins.
         timeout_s: longest wait, in trajectory time.
         timeout_text: message of the error after the time-out.
+        title: what is waited for, in words.
     """
 
     axis: int
@@ -105,6 +106,7 @@ class InputWait(NamedTuple):
     at_s: float
     timeout_s: float
     timeout_text: str
+    title: str = ""
 
 
 class Leg(NamedTuple):
@@ -163,6 +165,8 @@ class Waits:
                 self._holds_ms[0] += HOLD_MS
         self._begin_ms = first_ms
         """Executed time when the present wait begins."""
+        self.standing: str = ""
+        """What the machine waits for where it stands now, in words; empty while it moves."""
         self.timed_out: bool = False
         """True once the time-out of the present wait has passed: no more records are fed, and the motion ends there."""
 
@@ -196,10 +200,12 @@ class Waits:
         begin_s = self._begin_ms / 1000
         if has_come(begin_s, reached, self._axes[0], now_s):
             if bool(self._axes[wait.axis].read(od.DIGITAL_INPUTS) & wait.input) is wait.on:
+                self.standing = ""
                 self._release(feeds, reached, schedule)
                 return
+            self.standing = wait.title
             if has_come(begin_s + wait.timeout_s, reached, self._axes[0], now_s):
-                self.timed_out = True
+                self.timed_out, self.standing = True, ""
                 return
         released_ms = self._begin_ms + self._holds_ms[self._over]
         while released_ms - 1000 * reached.most_s(now_s) < LEAD_MS:

@@ -95,7 +95,14 @@ def streamed_motion(plan: Plan) -> StreamedMotion:
         for each in plan.trajectory.switchings
     ]
     waits = [
-        InputWait(*inputs[wait.input], wait.on, _standstill_s(plan, wait), wait.timeout_s, _timeout_text(wait))
+        InputWait(
+            *inputs[wait.input],
+            wait.on,
+            _standstill_s(plan, wait),
+            wait.timeout_s,
+            _timeout_text(wait),
+            wait.input if wait.on else f"{wait.input} to go off",
+        )
         for wait in waits_of(plan.trajectory)
     ]
     return StreamedMotion(plan.records(), plan.start_units, tuple(commands), tuple(waits))

@@ -18,7 +18,7 @@ from steptwin.host.cli.live.served_programs import (
     require_free,
 )
 from steptwin.host.cli.options import option, switch
-from steptwin.host.cli.output import Columns, print_rows, say, warn
+from steptwin.host.cli.output import Columns, print_rows, say, say_compiling, warn
 from steptwin.host.cli.run.faults_on_purpose import end_unless_struck, print_struck
 from steptwin.host.cli.run.verdict_text import USUAL_DRIVERS
 from steptwin.host.common import listening as socketcand
@@ -100,6 +100,7 @@ def serve(
     it, which finds the server's HOST:PORT in STEPTWIN_CAN and the control port's in STEPTWIN_CONTROL.
     """
     from steptwin.host.twin.live.served_board import ServedBoard
+    from steptwin.host.twin.machine.kernels import telling_of_compiling
 
     loaded = which.robot(robot)
     panel = page.wanted()
@@ -109,7 +110,7 @@ def serve(
     if machine.motors:
         _warn_of_steep_homings(loaded, machine.driver_profile)
     with panel_process(wanted=panel, to_stderr=which.as_json) as open_panel:
-        with naming_machine_options(*_NAMED):
+        with telling_of_compiling(say_compiling), naming_machine_options(*_NAMED):
             served = ServedBoard(
                 loaded,
                 host=endpoint.host,

@@ -14,7 +14,7 @@ from steptwin.host.cli.app import command, end_unless
 from steptwin.host.cli.arguments import RobotName, check_standing, naming_machine_options, run_folder
 from steptwin.host.cli.live.connection import LiveOptions
 from steptwin.host.cli.options import Without, naming_options, option, switch
-from steptwin.host.cli.output import say, warn
+from steptwin.host.cli.output import say, say_compiling, warn
 from steptwin.host.common.errors import InputError
 from steptwin.host.twin.machine.machine_options import MachineOptions
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from steptwin.host.record.recorded_bus import RecordedFrame
     from steptwin.host.robots.robot import Robot
+    from steptwin.host.twin.live.recording_report import UnplannedRun
     from steptwin.host.twin.replay import MachineAtPowerUp
     from steptwin.host.twin.shadow import ClockStep, Discrepancy, NodeValues, Shadow
     from steptwin.protocol.frame import Frame
@@ -74,6 +75,7 @@ def shadow(
     """
     from steptwin.host.client.links.bus_link import open_bus
     from steptwin.host.twin.live.recording_report import UnplannedRun
+    from steptwin.host.twin.machine.kernels import telling_of_compiling
     from steptwin.host.twin.shadow import Shadow, joints_told
 
     loaded = live.robot(robot)
@@ -84,7 +86,7 @@ def shadow(
     telling = _Telling(as_json=live.as_json)
 
     def twin_at(stood: "MachineAtPowerUp") -> "tuple[Shadow, UnplannedRun | None]":
-        with naming_machine_options():
+        with telling_of_compiling(say_compiling), naming_machine_options():
             twin = Shadow(loaded, stood, telling.tell, keep=to is not None, tell_step=telling.tell_step)
         return twin, None if to is None else UnplannedRun(twin.machine, "shadow")
 
@@ -119,9 +121,7 @@ def shadow(
             telling.flush()
     discrepancies = telling.discrepancies
     if run is not None and to is not None:
-        with naming_options("out"):
-            run.save(to)
-        _keep(to, kept, discrepancies)
+        _keep(run, to, kept, discrepancies)
         live.add_files("the twin's run, the board's frames and the discrepancies are", to)
     _sum_up(live, twin, discrepancies)
     end_unless(twin.joined and not discrepancies)
@@ -274,8 +274,12 @@ def _told_joined(twin: "Shadow") -> bool:
     return twin.joined
 
 
-def _keep(folder: Path, frames: "list[tuple[int, Frame]]", discrepancies: "list[Discrepancy]") -> None:
-    """Write what was heard, as candump -L does, and what was told beside the twin's run."""
+def _keep(
+    run: "UnplannedRun", folder: Path, frames: "list[tuple[int, Frame]]", discrepancies: "list[Discrepancy]"
+) -> None:
+    """Write the twin's run, what was heard, as candump -L does, and what was told."""
+    with naming_options("out"):
+        run.save(folder)
     lines = [f"({us / 1e6:.6f}) can0 {frame.cob_id:03X}#{frame.data.hex().upper()}\n" for us, frame in frames]
     (folder / BOARD_LOG).write_text("".join(lines), encoding="ascii")
     told = "".join(f"{json.dumps(each.to_dict())}\n" for each in discrepancies)

@@ -130,7 +130,13 @@ def new(
     with prefixed("--set "):
         geometry, joints = with_settings(kind, given)
     write_whole(path, robot_text(path.stem, kind, geometry, joints))
-    _tell(answer, file, {"kind": kind, "dimensions": geometry, "joints": [joint.name for joint in joints]})
+    notes = [
+        f"{key}: {text} of a full step is written as microsteps = {text[2:]}"
+        for key, text in given.items()
+        if key.endswith(".microsteps") and text.startswith("1/")
+    ]
+    document = {"kind": kind, "dimensions": geometry, "joints": [joint.name for joint in joints]}
+    _tell(answer, file, document | ({"notes": notes} if notes else {}))
 
 
 def _copy(answer: AnswerOptions, path: Path, original: str, foreign: list[str]) -> None:

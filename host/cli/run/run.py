@@ -1,6 +1,7 @@
 """`steptwin run ROBOT JOB|FILE`: plan a motion, stream it to a board, verify the pulses."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from steptwin.host.cli.app import command, end_unless
@@ -11,11 +12,13 @@ from steptwin.host.cli.output import fixed, print_table, progress_bar, say
 from steptwin.host.cli.run.chosen_motion import ChosenMotion, FileOptions, SpeedOptions, choose_motion
 from steptwin.host.cli.run.verdict_text import print_waits
 from steptwin.host.cli.run.virtual_run import VirtualRunOptions, choose_errand, run_virtual
+from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
 
 if TYPE_CHECKING:
     from steptwin.host.operate.running import LiveOutcome
+    from steptwin.host.robots.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,8 @@ def run(
         "ROBOT JOB|FILE [BOX]",
         "The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
         " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON or YAML in"
-        " the shape of ROS' JointTrajectory, in s, mm and degrees. With --inventory, the name of the box.",
+        " the shape of ROS' JointTrajectory, in s, mm and degrees. A program that names its robot may stand alone."
+        " With --inventory, the name of the box.",
     ),
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
@@ -71,7 +75,7 @@ def run(
     With --connect or -i it runs on a live board instead, which must stand at the motion's start. Then the positions
     at the end are compared with the plan.
     """
-    robot, rest = live.robot_and_rest(words)
+    robot, rest = _robot_and_rest(live, words)
     job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
     errand = choose_errand(robot, job, chosen.by_name(), virtual.inventory, box)
     with planning.bounded():
@@ -83,6 +87,21 @@ def run(
         virtual.refuse()
         motion.say_summary(live)
         run_live(live, motion)
+
+
+def _robot_and_rest(live: LiveRunOptions, words: list[str] | None) -> "tuple[Robot, list[str]]":
+    """Return the robot and the words after it; a program without a robot before it may name its own."""
+    from steptwin.host.planning.programs import SUFFIX, read_program
+    from steptwin.host.planning.programs.program import load_own_robot
+
+    first = words[0] if words else ""
+    if live.robot_file is not None or not first.endswith(SUFFIX) or not Path(first).is_file():
+        return live.robot_and_rest(words)
+    program = read_program(first)
+    if program.robot is None:
+        raise InputError(f"{first}: names no robot: write it as `robot` in the file, or before the file")
+    with prefixed(f"{first}: "):
+        return load_own_robot(program), words or []
 
 
 def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
 from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, option
-from steptwin.host.cli.output import progress_bar, say
+from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
 from steptwin.host.cli.run.motor_report import (
@@ -164,12 +164,15 @@ def _executed(
 ) -> "tuple[Outcome, Path | None]":
     """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
     from steptwin.host.twin.embedded.execution import execute
+    from steptwin.host.twin.machine.kernels import soonest_is_compiled, telling_of_compiling
 
     robot = motion.plan.robot
     folder = None if options.out is None else run_folder(options.out)
     machine = options.machine_for(robot)
     motion.say_summary(answer)
+    compiled = options.kernel == "numba" or bool(options.motors) or soonest_is_compiled(motion.plan)
     with (
+        telling_of_compiling(say_compiling, wanted=compiled and options.kernel in ("auto", "numba")),
         progress_bar(f"{robot.name} {motion.job}") as progress,
         naming_machine_options(cut_stream_s="--cut-stream"),
         telling_of_faults(answer),

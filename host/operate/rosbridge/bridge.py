@@ -45,6 +45,8 @@ PORT: Final = 9090
 """Port of rosbridge_server's WebSocket."""
 _MESSAGE_BYTES_MAX: Final = 16 * MIB
 """A goal of six joints with 10 000 points has some 6 MB."""
+_AT_ONCE: Final = 100
+"""Messages that are read in a turn, which take some ms: a stream that is not tended meanwhile runs dry."""
 _PING_S: Final = 1.0
 """Time from one ping to the next; a server that is silent for twice as long is lost."""
 
@@ -64,7 +66,7 @@ class RosChannel(Protocol):
         ...
 
     def received(self) -> Iterable[str | bytes]:
-        """Return the messages that have come, without waiting; raise RosbridgeLostError as `send`."""
+        """Return messages that have come, some at a time, without waiting; raise RosbridgeLostError as `send`."""
         ...
 
 
@@ -130,7 +132,7 @@ class RosBridge:
     # --- what the server says, and what it is told
 
     def _look(self) -> None:
-        """Read what has come, and tell where the joints are when it is time."""
+        """Read what has come, some of it at a time, and tell where the joints are when it is time."""
         for text in self._channel.received():
             try:
                 heard = self._names.heard(text)
@@ -303,17 +305,18 @@ class RosbridgeSocket:
             raise self._lost() from error
 
     def received(self) -> list[str | bytes]:
-        """Return the messages that have come, without waiting; raise RosbridgeLostError as `send`."""
+        """Return messages that have come, some at a time, without waiting; raise RosbridgeLostError as `send`."""
         from websockets.exceptions import ConnectionClosed
 
         messages: list[str | bytes] = []
         try:
-            while True:
+            while len(messages) < _AT_ONCE:
                 messages.append(self._connection.recv(timeout=0))
         except TimeoutError:
-            return messages
+            pass
         except (OSError, ConnectionClosed) as error:
             raise self._lost() from error
+        return messages
 
     def _lost(self) -> RosbridgeLostError:
         return RosbridgeLostError(f"{self._title}: the connection has ended; a motion that was under way has stopped")

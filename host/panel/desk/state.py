@@ -140,6 +140,7 @@ class Activity:
         paused: True while the machine rests amid its trajectory.
         pausable: True if it can be paused: only trajectories can.
         foreign: True if another program moves the machine, not the desk.
+        waits_for: the input for which a program stands, in words; empty while it does not.
     """
 
     name: str
@@ -147,6 +148,7 @@ class Activity:
     paused: bool
     pausable: bool
     foreign: bool = False
+    waits_for: str = ""
 
     @property
     def jogging(self) -> bool:
@@ -311,9 +313,9 @@ class DeskState:
 
     # --- what waits for the worker, and what it does
 
-    def begin(self, name: str, fraction: float | None) -> None:
-        """Say what the worker does, and which part is done; None for a jog, which has no end."""
-        self.activity = Activity(name, fraction, paused=False, pausable=False)
+    def begin(self, name: str, fraction: float | None, waits_for: str = "") -> None:
+        """Say what the worker does, which part is done, None for a jog without an end, and for what it stands."""
+        self.activity = Activity(name, fraction, paused=False, pausable=False, waits_for=waits_for)
 
     def end(self) -> None:
         """Say that the worker does nothing any more."""

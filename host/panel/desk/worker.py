@@ -4,7 +4,6 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from threading import Event as Flag
 from threading import Thread, get_ident
 from typing import Final
@@ -148,7 +147,10 @@ class ConnectedMachine:
         state, command, title = self._state, order.command, order.command.title
         with self._telling(title), self.session.one_action():
             seen_s = state.shown.require(order.shown)
-            progress = partial(state.begin, title)
+
+            def progress(fraction: float) -> None:
+                state.begin(title, fraction, self.session.machine.waits_for)
+
             text = command.perform(Work(self.session, state.limits, state.events, state.runs, progress, seen_s))
             self._slow_questions_s = float("-inf")
             self._read = self._read and not command.changes_settings

@@ -106,6 +106,8 @@ def machine_state(snapshot: Snapshot) -> tuple[str, Tone]:
 
 def activity_words(activity: Activity) -> str:
     """Return what the machine does, with the part that is done."""
+    if activity.waits_for and not activity.paused:
+        return f"{activity.name} waits for {activity.waits_for}"
     part = "" if activity.fraction is None else f" {100 * activity.fraction:.0f} %"
     return f"{activity.name}{part}{', paused' if activity.paused else ''}"
 
@@ -132,6 +134,7 @@ class Banner:
         """Show the most important reason."""
         text, tone, remedy = obstacle(snapshot)
         self._text.set_text(text or _READY)
+        self._text.props["title"] = text
         self._reset.set_visibility(remedy == "reset")
         self._home.set_visibility(remedy == "home")
         if tone != self._tone:
@@ -203,6 +206,7 @@ class EventLogView:
         self._log = visitor.desk.events
         self._told = max((event.number for event in self._log.since()), default=0)
         """Number of the last event that this browser need not be told of as a message."""
+        self._faulty = False
         self._filter = "all"
         self._shown: list[int] = []
         """Numbers of the events in the list, the oldest first."""
@@ -220,7 +224,10 @@ class EventLogView:
         self._show(self._wanted())
 
     def _tell(self, snapshot: Snapshot) -> None:
-        """Show what has failed as a message, too, since the log is at the page's end."""
+        """Show what has failed as a message, too, since the log is at the page's end; a reset takes messages away."""
+        was_faulty, self._faulty = self._faulty, snapshot.emergency_stopped or any(j.error for j in snapshot.drives)
+        if was_faulty and not self._faulty and snapshot.connected:
+            self._visitor.withdraw()
         for event in self._log.since(self._told):
             self._told = event.number
             if event.severity is Severity.ERROR and snapshot.connected:  # the banner says that it is not

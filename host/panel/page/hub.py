@@ -253,7 +253,14 @@ class Hub:
                 None if snapshot.speed_percent is None else round(snapshot.speed_percent),
             ),
             tuple((joint.homed, joint.state, joint.error, joint.hindrance) for joint in snapshot.drives),
-            activity and (activity.name, activity.paused, activity.pausable, round(100 * (activity.fraction or 0))),
+            activity
+            and (
+                activity.name,
+                activity.paused,
+                activity.pausable,
+                activity.waits_for,
+                round(100 * (activity.fraction or 0)),
+            ),
             (tuple(snapshot.inputs.items()), tuple(snapshot.outputs.items())),
             self._desk.operators.holder,
             self._desk.events.span,

@@ -99,10 +99,16 @@ def serve_page(
         server_header=False,
         timeout_graceful_shutdown=_GRACE_S,
     )
+    logging.getLogger("uvicorn.error").addFilter(is_own_fault)
     # A page is ten thousand objects in circles. And NiceGUI looks for the server among all objects that are not spared:
     # one of canopen's raises an error when looked at.
     with collecting_often():
         _Server(config, lambda: announce(url)).run(sockets=[listener])
+
+
+def is_own_fault(record: logging.LogRecord) -> bool:
+    """Return whether the server's log is to have a record: text that is no UTF-8 is a client's fault."""
+    return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
 
 
 def _tell_in_lines() -> None:

@@ -123,6 +123,12 @@ class Visitor:
         with self.page:
             ui.notify(text, type=_KINDS[tone], position="bottom-left", timeout=6000)
 
+    def withdraw(self) -> None:
+        """Take the messages of errors away: what they told of is over."""
+        self._told = ""
+        with self.page:
+            ui.run_javascript("window.withdrawErrors?.()")
+
 
 _SPACE: Final = "/"
 _EVENT: Final = "event"

@@ -1,6 +1,8 @@
 """Give host programs the forms of the firmware's kernel: plain Python, compiled, on an emulated Cortex-M3, and C."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Final
 
 import numpy as np
@@ -14,7 +16,16 @@ from steptwin.host.common.extras import installing
 from steptwin.host.planning.plan import Plan
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
-__all__ = ["KERNELS", "Kernel", "fastest_kernel", "kernel_files", "kernel_named", "soonest_kernel"]
+__all__ = [
+    "KERNELS",
+    "Kernel",
+    "fastest_kernel",
+    "kernel_files",
+    "kernel_named",
+    "soonest_is_compiled",
+    "soonest_kernel",
+    "telling_of_compiling",
+]
 
 
 def _cortex_m3() -> Kernel:
@@ -61,12 +72,49 @@ def soonest_kernel(plan: Plan) -> Kernel:
 
     A short motion is over in plain Python before the compiled kernel would be loaded.
     """
+    return python_kernel() if _is_short(plan) and not _is_loaded() else fastest_kernel()
+
+
+def soonest_is_compiled(plan: Plan) -> bool:
+    """Return whether `soonest_kernel` returns the compiled one, where numba is installed."""
+    return _is_loaded() or not _is_short(plan)
+
+
+def _is_loaded() -> bool:
+    return compiled_kernel.cache_info().currsize > 0
+
+
+def _is_short(plan: Plan) -> bool:
     ticks = plan.points_units.shape[1] * int(plan.times_ms[-1]) * TICKS_PER_MS
     microsteps = np.array([joint.transmission.microsteps for joint in plan.robot.axes])
     steps = float((np.abs(np.diff(plan.points_units, axis=0)).sum(axis=0) * microsteps).sum()) / UNITS_PER_FULL_STEP
-    loaded = compiled_kernel.cache_info().currsize > 0
-    short = ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S < _LOADING_S
-    return python_kernel() if short and not loaded else fastest_kernel()
+    return ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S < _LOADING_S
+
+
+@contextmanager
+def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> Iterator[None]:
+    """Call `tell` once, before it begins, if numba compiles something within the block.
+
+    What an earlier process has compiled is loaded, which is quick and not told. Where the block does not load numba it
+    is not `wanted`: to watch numba loads it.
+    """
+    if not (wanted and find_spec("numba")):
+        yield
+        return
+    from numba.core import event
+
+    class Told(event.Listener):  # type: ignore[misc]
+        told = False
+
+        def on_start(self, _event: object) -> None:
+            if not self.told:
+                self.told = True
+                tell()
+
+        def on_end(self, _event: object) -> None: ...
+
+    with event.install_listener("numba:compile", Told()):
+        yield
 
 
 def kernel_files() -> dict[str, str]:

@@ -247,6 +247,10 @@
     document.querySelector(".live-plot")?.livePlot?.add(now.t, now.q, now.v, now.e);
   }
 
+  window.withdrawErrors = () => {
+    for (const note of document.querySelectorAll(".q-notification.bg-negative")) note.style.display = "none";
+  };
+
   // A server that has stopped sending is as good as a machine that is not seen: grey everything. A page that was held up
   // itself has not looked at what has come meanwhile: that is no silence.
   setInterval(() => {
