@@ -60,7 +60,7 @@ PROMISES = [
     Promise("docs/panel.md", "if that state is more than a second old", shown.AGE_MAX_S, 1.0),
     Promise("docs/panel.md", "position, speed and following error of the last 20 s", plot.WINDOW_S, 20.0),
     Promise("docs/panel.md", "A browser that is gone loses its place after 20 s", server._RECONNECT_S, 20.0),
-    Promise("docs/panel.md", "or program of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),
+    Promise("docs/panel.md", "or a program, of at most 10 MB", guard.BODY_BYTES_MAX, 10_000_000),
     # --- who is in charge, and who is lost
     Promise("docs/canopen.md", "sends a heartbeat every 100 ms as node 0x7F", lease.PERIOD_S, 0.1),
     Promise("docs/canopen.md", "0x1016:01 = 0x7F015E, which is 350 ms", lease.WATCH_HOST, 0x7F015E),

@@ -147,7 +147,9 @@ def test_a_stored_run_has_the_pictures_of_the_run(
 def test_the_folder_holds_the_evidence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "deep" / "folder"
     report = run_json(capsys, *QUICK, "--out", str(out))
-    assert json.loads((out / "report.json").read_text()) == report
+    stored = json.loads((out / "report.json").read_text())
+    assert set(stored.pop("files")) | {"report.json", "trace.vcd"} == FILES
+    assert stored == report
     assert report["folder_version"] == 1
     assert {path.name for path in out.iterdir()} == FILES
     header, first, *rest = (out / "trajectory.csv").read_text().splitlines()

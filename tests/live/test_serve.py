@@ -88,8 +88,10 @@ def test_a_session_and_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
             one.close()
     assert (code, stderr) == (0, "")
     report = json.loads(stdout)
-    assert json.loads((out / "report.json").read_text()) == report | {"folder_version": 1}
     files = {"report.json", "robot.toml", "trajectory.csv", "edges.npz", "bus.log"}
+    stored = json.loads((out / "report.json").read_text())
+    assert set(stored.pop("files")) == files - {"report.json"}
+    assert stored == report | {"folder_version": 1}
     assert {path.name for path in out.iterdir()} == files
     th1 = report["axes"][3]
     assert (th1["steps_start"], th1["steps_end"], th1["pulses"], th1["violations"]) == (0, 25, 55, 0)

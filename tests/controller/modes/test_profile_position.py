@@ -162,13 +162,22 @@ def test_quick_stop_at_speed(pp: ProfileBench) -> None:
     assert pp.value(od.POSITION_DEMAND) == stood_at, "a set-point must not outlive a stop"
 
 
-def test_a_set_point_given_during_a_quick_stop_starts_after_it(pp: ProfileBench) -> None:
+def test_a_set_point_given_during_a_quick_stop_moves_nothing(pp: ProfileBench) -> None:
+    """Option code 2 leads to SWITCH ON DISABLED, whatever the controlword says meanwhile."""
     pp.set_point(2000 * STEP)
     pp.wait(200)
     pp.write(od.CONTROLWORD, 0x02)
     pp.word()
+    pp.write(od.TARGET_POSITION, 0)
+    pp.word(NEW)
+    pp.wait(1000)
+    assert pp.state() is State.SWITCH_ON_DISABLED
+    stood_at = pp.value(od.POSITION_DEMAND)
+    assert stood_at == pytest.approx((4000 * 0.15 + 4000 * 0.025) * STEP, rel=0.05)
+    pp.enable(Mode.PROFILE_POSITION)
+    pp.wait(100)
+    assert pp.value(od.POSITION_DEMAND) == stood_at
     pp.set_point(0)
-    assert pp.state() is State.OPERATION_ENABLED
     pp.until(Status.TARGET_REACHED)
     assert (pp.value(od.POSITION_DEMAND), pp.value(od.POSITION_ACTUAL)) == (0, 0)
 

@@ -163,7 +163,7 @@ def test_the_longest_record_and_the_slowest_ramp_are_no_error(board: EmbeddedBoa
     assert pause_trajectory(machine)
     assert board.now_s() - asked_s == pytest.approx(16.33, abs=0.02)
     resume_trajectory(machine)
-    machine.wait(30.0)
+    machine.wait(60.0)
     assert run.ended
 
 

@@ -31,7 +31,7 @@ HALF_BELT = "\n[coupling]\nX = { X = 1.0, Y = 0.5 }\nY = { X = -0.75, Y = 1.0 }\
 def machine(
     kernel: Kernel, here: list[float], coupling: str = COREXY, driver: str = "a4988"
 ) -> tuple[BoardUnderTest, Session]:
-    robot = parse_robot(belts_text(coupling).replace("a4988", driver), "belts.toml")
+    robot = parse_robot(belts_text(coupling).replace("a4988", driver).replace("_ns = 500", "_ns = 700"), "belts.toml")
     board = BoardUnderTest(robot, stand_at=here, kernel=kernel)
     return board, Session(board, robot)
 
