@@ -83,8 +83,13 @@ def _present() -> _Clock | None:
     return clock if clock is not None and clock.thread == get_ident() else None
 
 
+def processor_s() -> float:
+    """Return the processor time of this thread in s."""
+    return time.thread_time()
+
+
 @contextmanager
-def plan_within(seconds: float = PLANNING_S, now_s: Callable[[], float] = time.thread_time) -> Iterator[None]:
+def plan_within(seconds: float = PLANNING_S, now_s: Callable[[], float] = processor_s) -> Iterator[None]:
     """Bound the processor time, in s, that all planning in the block takes together; other work does not count.
 
     `now_s` tells the processor time of this thread. Raises InputError unless the bound is above 0.
