@@ -29,7 +29,10 @@ def machine(
     kernel: Kernel, second: str = SECOND, *, known: bool = True, driver: str = "a4988"
 ) -> tuple[BoardUnderTest, Session]:
     """Return a gantry that stands at X 5 mm and Y 10 mm, and a session with it."""
-    robot, here = parse_robot(gantry_text(second).replace("a4988", driver).replace("_ns = 500", "_ns = 700"), "gantry.toml"), [5.0, 10.0]
+    robot, here = (
+        parse_robot(gantry_text(second).replace("a4988", driver).replace("_ns = 500", "_ns = 700"), "gantry.toml"),
+        [5.0, 10.0],
+    )
     board = BoardUnderTest(robot, stand_at=here, kernel=kernel)
     session = Session(board, robot)
     if known:

@@ -19,7 +19,7 @@ from steptwin.protocol.drivers import DriverFigures
 RATE_HZ = 8e6
 ROBOT = load_robot("teaching-scara")
 MAPS = ("th1=0,1,2", "th2=3,4", "d3=5,6", "th4=7,8")
-GENERIC = DriverFigures(microsteps=(16,), steplen_ns=1_000, stepspace_ns=1_000, dirsetup_ns=1_000, dirhold_ns=1_000)
+GENERIC = DriverFigures(microsteps=(8, 16), steplen_ns=1_000, stepspace_ns=1_000, dirsetup_ns=1_000, dirhold_ns=1_000)
 
 
 def alone(
