@@ -6,8 +6,8 @@ one whose changes the drive announces (`ANNOUNCED`) or, if none of these is mapp
 announced, such as positions, are sampled. A receive PDO of type 0 to 240 takes effect with the next SYNC.
 
 The values that take effect together, those of one frame or of all receive PDOs that wait for one SYNC, are one process
-image: they act in the order of `Turn`, whatever the order of mappings and PDOs. So a target that comes together with
-the controlword is in place when the controlword acts on it.
+image: they act in the order of `ImageStage`, whatever the order of mappings and PDOs. So a target that comes together
+with the controlword is in place when the controlword acts on it.
 
 PDOs are rebuilt from the dictionary's communication and mapping entries whenever one of these changes. Their values are
 decoded and encoded by shifting one integer, so a mapping of any widths costs the same few operations. A receive PDO may
@@ -59,7 +59,7 @@ _DUMMIES: Final = frozenset(address_of(index) << 8 | bits for index, bits in DUM
 """The dummies as a mapping names them."""
 
 
-class Turn(IntEnum):
+class ImageStage(IntEnum):
     """When a value acts within a process image."""
 
     PARAMETER = 0
@@ -72,18 +72,18 @@ class Turn(IntEnum):
     CONTROLWORD = 4
 
 
-_ALL_TURNS: Final = tuple(Turn)
+_ALL_STAGES: Final = tuple(ImageStage)
 _AT_ONCE: Final = (None,)
-"""The turns of a single PDO: its own order is that of the turns."""
-_TURNS: Final = {
-    od.PVT_DISPLACEMENT: Turn.RECORD,
-    od.PVT_END_VELOCITY: Turn.RECORD,
-    od.PVT_DURATION_MS: Turn.RECORD,
-    od.PVT_SEQUENCE: Turn.RECORD,
-    od.MODE_OF_OPERATION: Turn.MODE,
-    od.TARGET_POSITION: Turn.TARGET,
-    od.TARGET_VELOCITY: Turn.TARGET,
-    od.CONTROLWORD: Turn.CONTROLWORD,
+"""The stages of a single PDO: its own order is that of the stages."""
+_STAGES: Final = {
+    od.PVT_DISPLACEMENT: ImageStage.RECORD,
+    od.PVT_END_VELOCITY: ImageStage.RECORD,
+    od.PVT_DURATION_MS: ImageStage.RECORD,
+    od.PVT_SEQUENCE: ImageStage.RECORD,
+    od.MODE_OF_OPERATION: ImageStage.MODE,
+    od.TARGET_POSITION: ImageStage.TARGET,
+    od.TARGET_VELOCITY: ImageStage.TARGET,
+    od.CONTROLWORD: ImageStage.CONTROLWORD,
 }
 
 
@@ -164,18 +164,18 @@ class _Target(NamedTuple):
     plain: bool
 
 
-def _by_turn(fields: list[_Field]) -> list[list[_Target]]:
-    """Return the fields of a receive PDO by their turns; the number that queues a record is the last of its fields.
+def _by_stage(fields: list[_Field]) -> list[list[_Target]]:
+    """Return the fields of a receive PDO by their stages; the number that queues a record is the last of its fields.
 
     Fields of a record whose number comes by another PDO are parameters: they must be in place before it.
     """
     has_number = any(field.address == od.PVT_SEQUENCE for field in fields)
-    targets: list[list[_Target]] = [[] for _ in Turn]
+    targets: list[list[_Target]] = [[] for _ in ImageStage]
     for field in sorted(fields, key=lambda each: each.address == od.PVT_SEQUENCE):
-        turn = _TURNS.get(field.address, Turn.PARAMETER)
-        if turn is Turn.RECORD and not has_number:
-            turn = Turn.PARAMETER
-        targets[turn].append(_Target(field, field.cell, field.cell.plain))
+        stage = _STAGES.get(field.address, ImageStage.PARAMETER)
+        if stage is ImageStage.RECORD and not has_number:
+            stage = ImageStage.PARAMETER
+        targets[stage].append(_Target(field, field.cell, field.cell.plain))
     return targets
 
 
@@ -196,8 +196,8 @@ class ReceivePdo:
         self.deadline_us: int | None = None
         """Time when the next frame is late; None while none is awaited."""
         fields, self._length = _fields(dictionary, parameters.mapping)
-        self._by_turn = _by_turn(fields)
-        self._in_order = [target for targets in self._by_turn for target in targets]
+        self._by_stage = _by_stage(fields)
+        self._in_order = [target for targets in self._by_stage for target in targets]
         self._latched: bytes | None = None
         self._on_refused = on_refused
 
@@ -224,9 +224,9 @@ class ReceivePdo:
         data, self._latched = self._latched, None
         return data
 
-    def act(self, data: bytes, turn: Turn | None = None) -> None:
-        """Let the values of a frame act: all in their order, or those whose turn it is."""
-        targets = self._in_order if turn is None else self._by_turn[turn]
+    def act(self, data: bytes, stage: ImageStage | None = None) -> None:
+        """Let the values of a frame act: all in their order, or those of one stage."""
+        targets = self._in_order if stage is None else self._by_stage[stage]
         bits = _integer(data[: self._length], "little")
         for field, cell, plain in targets:
             value = ((bits >> field.shift & field.mask) ^ field.sign_bit) - field.sign_bit
@@ -242,9 +242,9 @@ class ReceivePdo:
 def act_on_sync(pdos: Iterable[ReceivePdo]) -> None:
     """Let all frames act that were latched for this SYNC, as one process image."""
     latched = [(pdo, data) for pdo in pdos if (data := pdo.take_latched()) is not None]
-    for turn in _ALL_TURNS if len(latched) > 1 else _AT_ONCE:
+    for stage in _ALL_STAGES if len(latched) > 1 else _AT_ONCE:
         for pdo, data in latched:
-            pdo.act(data, turn)
+            pdo.act(data, stage)
 
 
 class TransmitPdo:
