@@ -19,7 +19,7 @@ from steptwin.host.record.folder.layout import (
     TEST_JOB,
     VERSION_KEY,
     ContradictionError,
-    Stop,
+    RecordedStop,
     StoppedError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
@@ -57,8 +57,8 @@ __all__ = [
     "Mark",
     "Piece",
     "PlanRows",
+    "RecordedStop",
     "Recording",
-    "Stop",
     "StoppedError",
     "StoredRun",
     "check_axes",

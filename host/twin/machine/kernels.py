@@ -103,7 +103,7 @@ def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> It
         return
     from numba.core import event
 
-    class Told(event.Listener):  # type: ignore[misc]
+    class _CompilationListener(event.Listener):  # type: ignore[misc]
         told = False
 
         def on_start(self, _event: object) -> None:
@@ -113,7 +113,7 @@ def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> It
 
         def on_end(self, _event: object) -> None: ...
 
-    with event.install_listener("numba:compile", Told()):
+    with event.install_listener("numba:compile", _CompilationListener()):
         yield
 
 
