@@ -19,7 +19,7 @@ SEGMENTS = "segments"
 
 def captured(steps: Sequence[Steps], rate_hz: float) -> Capture:
     """Return a capture of STEP and DIR of each axis."""
-    channels = []
+    channels: list[Channel] = []
     for each in steps:
         for times_s in wires(each, 2.0 / rate_hz):
             edges = np.ceil(times_s * rate_hz).astype(np.int64)
@@ -56,7 +56,8 @@ def faulty(steps: Steps, fault: int) -> Steps:
     longest = int(np.argmax(np.diff(turns)))
     at = int(turns[longest] + turns[longest + 1]) // 2
     if fault < 0:
-        return Steps(*(np.delete(each, slice(at, at - fault)) for each in steps))
+        gone = slice(at, at - fault)
+        return Steps(np.delete(steps.time_s, gone), np.delete(steps.signs, gone))
     between = steps.time_s[at] + (steps.time_s[at + 1] - steps.time_s[at]) * np.arange(1, fault + 1) / (fault + 1)
     return Steps(np.insert(steps.time_s, at + 1, between), np.insert(steps.signs, at + 1, [steps.signs[at]] * fault))
 
