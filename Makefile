@@ -31,11 +31,15 @@ TOGETHER := --numprocesses auto --dist worksteal
 test: $(VENV)/.installed-dev
 	$(PYTEST) $(TOGETHER) -m "not slow and not live"
 
-# The rest too: slow tests; those with a browser, a server or processes in real time, one after the other; the lowest
-# versions of libraries; linters.
+# Tests that hold buttons in a browser: beside others a slow computer is too slow for them.
+ALONE := tests/live/test_held_network.py tests/live/test_browser.py
+
+# The rest too: slow tests; those with a server or processes in real time, of which more run at once than there are cores, since
+# they wait as long as they compute; those with a browser, one after the other; the lowest versions of libraries; linters.
 test-all: test $(LOWEST)/.installed
 	$(PYTEST) $(TOGETHER) -m "slow and not live"
-	$(PYTEST) -m live
+	$(PYTEST) --numprocesses 5 --dist loadfile --no-loadscope-reorder -m live $(ALONE:%=--ignore %)
+	$(PYTEST) $(ALONE)
 	$(MAKE) test-lowest
 	$(MAKE) lint
 

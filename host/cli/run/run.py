@@ -94,7 +94,7 @@ def _robot_and_rest(live: LiveRunOptions, words: list[str] | None) -> "tuple[Rob
     from steptwin.host.planning.programs import SUFFIX, read_program
     from steptwin.host.planning.programs.program import load_own_robot
 
-    first = words[0] if words else ""
+    first = words[0] if words and len(words) == 1 else ""
     if live.robot_file is not None or not first.endswith(SUFFIX) or not Path(first).is_file():
         return live.robot_and_rest(words)
     program = read_program(first)
