@@ -33,6 +33,9 @@ b = {{ d1 = 100.0, th2 = 40.0, th3 = -20.0, th4 = 90.0 }}
 [[step]]
 go = "b"
 speed_percent = 100.0
+[[step]]
+go = "a"
+speed_percent = 100.0
 """
 LIMITS = '[limits]\nfrom = "motors"\nleft_percent = {left}'
 
