@@ -82,11 +82,13 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 
 
 def _without_places(message: str, item: pytest.Item) -> str:
-    """Replace the folders that differ between runs and computers."""
+    """Replace the folders and ports that differ between runs and computers."""
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if folder is not None:
         message = message.replace(str(folder), "TMP")
     message = re.sub(r"/[^\s:'\"]*/pytest-\d+(/popen-gw\d+)?", "BASE", message)
+    message = re.sub(r"/tmp/tmp\w+", "TMP", message)
+    message = re.sub(r"127\.0\.0\.1:\d{4,5}\b", "127.0.0.1:PORT", message)
     return message.replace(str(PROJECT), "PROJECT")
 
 
