@@ -164,6 +164,7 @@ def test_no_example_is_left_out() -> None:
     assert sorted(path.stem for path in (ROOT / "docs" / "programs").glob("*.toml")) == sorted(robot_names())
 
 
+@pytest.mark.slow
 def test_the_page_s_first_program_runs(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "pick.toml"
     file.write_text(BLOCKS[0])

@@ -48,6 +48,7 @@ def test_it_beats_while_the_client_waits(board: EmbeddedBoard, machine: Machine)
     assert emergencies(board) == []
 
 
+@pytest.mark.slow
 def test_it_beats_between_the_frames_of_a_long_dialogue(board: EmbeddedBoard, machine: Machine) -> None:
     began_s = board.now_s()
     for _ in range(2200):

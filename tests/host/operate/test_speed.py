@@ -141,6 +141,7 @@ def test_refusals_are_one_line(steptwin: CommandLine, words: str, says: str | No
         assert err == f"steptwin: {says}\n"
 
 
+@pytest.mark.slow
 def test_a_second_program_is_no_disturbance(
     board: EmbeddedBoard, session: Session, pull: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
