@@ -208,7 +208,9 @@ def test_the_operator_changes_the_speed_of_a_run(shared: Rig) -> None:
     assert desk.snapshot.speed_percent is None
     with pytest.raises(RefusedError, match=r"^nothing to make slower or faster: no trajectory runs$"):
         desk.change_speed(ANN, 50, desk.snapshot.number)
-    shared.ask(demo(desk))
+    made = demo(desk)
+    highest = highest_speed(made.plan).percent  # before it runs: the motors turn for it
+    shared.ask(made)
     await_true(lambda: desk.snapshot.speed_percent == 100, "run")
     with pytest.raises(RefusedError, match=r"^Ann operates the machine"):
         desk.change_speed(BOB, 50, desk.snapshot.number)
@@ -222,7 +224,6 @@ def test_the_operator_changes_the_speed_of_a_run(shared: Rig) -> None:
     desk.pause("Bob")
     await_true(lambda: desk.snapshot.speed_percent == 0, "paused")
     desk.resume(ANN, desk.snapshot.number)
-    highest = highest_speed(demo(desk).plan).percent
     desk.change_speed(ANN, highest, desk.snapshot.number)
     await_true(lambda: desk.snapshot.speed_percent == highest, "as fast as it may be")
     if highest < 150:
