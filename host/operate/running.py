@@ -109,6 +109,7 @@ def execute_live(
         BusError: another program is in charge, or a node does not answer.
     """
     check_repeatable(plan, repeat)
+    highest_percent = highest_speed(plan).percent  # before anything waits for it: motors turn beforehand
     with session.charge("run") as charge:
         try:
             if approach:
@@ -118,7 +119,6 @@ def execute_live(
         except InputError as error:
             says = f"approach=True: {error}" if approach else f"{error}; approach=True moves it there first"
             raise InputError(says).plainly(str(error) if approach else says) from error
-        highest_percent = highest_speed(plan).percent
         return run_plan(
             charge, plan, job, repeat=repeat, progress=progress, begun=begun, highest_percent=highest_percent
         )
