@@ -19,7 +19,7 @@ from steptwin.host.record.folder.layout import (
     TEST_JOB,
     VERSION_KEY,
     ContradictionError,
-    RecordedStop,
+    MachineStop,
     StoppedError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
@@ -54,10 +54,10 @@ __all__ = [
     "ContradictionError",
     "FolderVerdict",
     "Header",
+    "MachineStop",
     "Mark",
     "Piece",
     "PlanRows",
-    "RecordedStop",
     "Recording",
     "StoppedError",
     "StoredRun",

@@ -17,7 +17,7 @@ from steptwin.host.common.tables import Table, json_table, number_at
 from steptwin.host.common.whole_file import write_json
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, RecordedStop, check_version, existing_file
+from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, MachineStop, check_version, existing_file
 from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.verify import (
@@ -98,7 +98,7 @@ class StoredReport:
     capture: StoredCapture | None = None
     on_purpose: tuple[StoredFault, ...] = ()
     slips: tuple[RotorSlip, ...] = ()
-    stop: RecordedStop | None = None
+    stop: MachineStop | None = None
 
     @property
     def gates(self) -> Gates:
@@ -137,13 +137,13 @@ def _report(table: Table) -> StoredReport:
     )
 
 
-def _stop(table: Table) -> RecordedStop:
+def _stop(table: Table) -> MachineStop:
     with table.section("stopped") as stopped:
         at_s = _duration_s(stopped, "at_s")
-        return RecordedStop(round(at_s * COUNTS_PER_SECOND), stopped.text("by"), stopped.truth("in_motion"))
+        return MachineStop(round(at_s * COUNTS_PER_SECOND), stopped.text("by"), stopped.truth("in_motion"))
 
 
-def stop_document(stop: RecordedStop | None) -> dict[str, Any] | None:
+def stop_document(stop: MachineStop | None) -> dict[str, Any] | None:
     """Return a stop as report.json has it under `stopped`."""
     if stop is None:
         return None

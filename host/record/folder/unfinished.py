@@ -39,7 +39,7 @@ from steptwin.host.record.folder.layout import (
     LIVE_JOB,
     RECORDING,
     VERSION_KEY,
-    RecordedStop,
+    MachineStop,
     check_version,
 )
 from steptwin.host.record.folder.npz_file import Arrays
@@ -144,11 +144,11 @@ class Mark:
     wall_s: float = 0.0
 
     @property
-    def stop(self) -> RecordedStop | None:
+    def stop(self) -> MachineStop | None:
         """What has stopped the machine since that motion began; None if nothing has."""
-        return RecordedStop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
+        return MachineStop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
 
-    def with_stop(self, stop: RecordedStop | None) -> "Mark":
+    def with_stop(self, stop: MachineStop | None) -> "Mark":
         """Return the mark with what has stopped the machine."""
         if stop is None:
             return self
