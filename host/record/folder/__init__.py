@@ -19,7 +19,7 @@ from steptwin.host.record.folder.layout import (
     TEST_JOB,
     VERSION_KEY,
     ContradictionError,
-    Stop,
+    MachineStop,
     StoppedError,
 )
 from steptwin.host.record.folder.motion import trajectory_head, trajectory_row
@@ -54,11 +54,11 @@ __all__ = [
     "ContradictionError",
     "FolderVerdict",
     "Header",
+    "MachineStop",
     "Mark",
     "Piece",
     "PlanRows",
     "Recording",
-    "Stop",
     "StoppedError",
     "StoredRun",
     "check_axes",

@@ -32,7 +32,7 @@ RECORDING: Final = "recording.part"
 """Folder in the folder: a live board's recording that has no end yet, or has lost it."""
 
 
-class Stop(NamedTuple):
+class MachineStop(NamedTuple):
     """What has stopped a live board's machine.
 
     Attributes:

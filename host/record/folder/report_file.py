@@ -17,7 +17,7 @@ from steptwin.host.common.tables import Table, json_table, number_at
 from steptwin.host.common.whole_file import write_json
 from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, Stop, check_version, existing_file
+from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, MachineStop, check_version, existing_file
 from steptwin.host.record.folder.npz_file import INSTANT_MAX
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.verify import OWN_FIRMWARE, BusReport, Gates, RunInfo, ShelfEvent, ShelfEvidence, any_step_rule
@@ -87,7 +87,7 @@ class StoredReport:
     next_motion_s: float | None = None
     capture: StoredCapture | None = None
     on_purpose: tuple[StoredFault, ...] = ()
-    stop: Stop | None = None
+    stop: MachineStop | None = None
 
     @property
     def gates(self) -> Gates:
@@ -125,13 +125,13 @@ def _report(table: Table) -> StoredReport:
     )
 
 
-def _stop(table: Table) -> Stop:
+def _stop(table: Table) -> MachineStop:
     with table.section("stopped") as stopped:
         at_s = _duration_s(stopped, "at_s")
-        return Stop(round(at_s * COUNTS_PER_SECOND), stopped.text("by"), stopped.truth("in_motion"))
+        return MachineStop(round(at_s * COUNTS_PER_SECOND), stopped.text("by"), stopped.truth("in_motion"))
 
 
-def stop_document(stop: Stop | None) -> dict[str, Any] | None:
+def stop_document(stop: MachineStop | None) -> dict[str, Any] | None:
     """Return a stop as report.json has it under `stopped`."""
     if stop is None:
         return None

@@ -34,7 +34,14 @@ from steptwin.host.record.folder.edges_file import (
     evidence_until,
     header_arrays,
 )
-from steptwin.host.record.folder.layout import FOLDER_VERSION, LIVE_JOB, RECORDING, VERSION_KEY, Stop, check_version
+from steptwin.host.record.folder.layout import (
+    FOLDER_VERSION,
+    LIVE_JOB,
+    RECORDING,
+    VERSION_KEY,
+    MachineStop,
+    check_version,
+)
 from steptwin.host.record.folder.npz_file import Arrays
 from steptwin.host.verify import SIXTEENTHS, BusReport, DriverLimit, Evidence, RunInfo
 from steptwin.protocol.drivers import ActiveEdge
@@ -137,11 +144,11 @@ class Mark:
     wall_s: float = 0.0
 
     @property
-    def stop(self) -> Stop | None:
+    def stop(self) -> MachineStop | None:
         """What has stopped the machine since that motion began; None if nothing has."""
-        return Stop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
+        return MachineStop(self.stopped_counts, self.stopped_by, self.stopped_in_motion) if self.stopped_by else None
 
-    def with_stop(self, stop: Stop | None) -> "Mark":
+    def with_stop(self, stop: MachineStop | None) -> "Mark":
         """Return the mark with what has stopped the machine."""
         if stop is None:
             return self

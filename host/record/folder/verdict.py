@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.digests import of_other_runs
-from steptwin.host.record.folder.layout import BUS_LOG, REPORT, Stop, existing_file
+from steptwin.host.record.folder.layout import BUS_LOG, REPORT, MachineStop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import StoredFault
 from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
@@ -52,7 +52,7 @@ class FolderVerdict:
     simulated: bool = True
     on_purpose: tuple[StoredFault, ...] = ()
     of_other_runs: tuple[str, ...] = ()
-    stop: Stop | None = None
+    stop: MachineStop | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:

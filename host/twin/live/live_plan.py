@@ -22,7 +22,7 @@ import numpy as np
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.host.client.words import error_words
 from steptwin.host.faults.target import Target
-from steptwin.host.record.folder import PlanRows, Stop, trajectory_head, trajectory_row
+from steptwin.host.record.folder import MachineStop, PlanRows, trajectory_head, trajectory_row
 from steptwin.host.robots.robot import Robot
 from steptwin.protocol import od
 from steptwin.protocol.cia402 import ErrorCode, State
@@ -251,7 +251,7 @@ class RecordedMotion:
     in_motion: bool = False
     plan_number: int = 0
     next_counts: int = 0
-    stop: Stop | None = None
+    stop: MachineStop | None = None
 
 
 class FollowedMotion:
@@ -277,7 +277,7 @@ class FollowedMotion:
         """Last instant when one was seen to move."""
         self._caused = False
         """True if the cause of the stop is known."""
-        self._stop: Stop | None = None
+        self._stop: MachineStop | None = None
         """What has stopped the machine since its last motion began."""
         self._names = dict(enumerate(machine.robot.axis_names, start=FIRST_NODE_ID))
 
@@ -306,7 +306,7 @@ class FollowedMotion:
             if went and not self.plan.going and self.plan.lacking is None:
                 self._complete = RecordedMotion(self.start_counts, None, plan_number=self.plan.number)
             elif went and not self.plan.going and self._switched_off(self.plan.moving):
-                self._note_stop(Stop(now_counts, BY_HOST, in_motion=True))
+                self._note_stop(MachineStop(now_counts, BY_HOST, in_motion=True))
 
     def recorded(self, *, ended: bool) -> RecordedMotion:
         """Return the motion that a recording shows: one that is under way only if the recording has not `ended`."""
@@ -325,15 +325,15 @@ class FollowedMotion:
         cut = self.plan is not None and self.plan.lacking == ENDED_ELSEWHERE
         in_motion = self.in_motion or (cut and counts - self._moved_counts < _TOGETHER_COUNTS)
         if code == ErrorCode.ESTOP:
-            stop = Stop(counts, error_words(code), in_motion)
+            stop = MachineStop(counts, error_words(code), in_motion)
             self._note_stop(stop)
             if self._complete and not self._complete.stop:
                 self._complete = replace(self._complete, stop=stop)
         elif in_motion:
             name = self._names[frame.cob_id & NODE_ID_MAX]
-            self._note_stop(Stop(counts, f"{name}: {error_words(code)}", in_motion), cause=code != _FOLLOWS)
+            self._note_stop(MachineStop(counts, f"{name}: {error_words(code)}", in_motion), cause=code != _FOLLOWS)
 
-    def _note_stop(self, stop: Stop, *, cause: bool = True) -> None:
+    def _note_stop(self, stop: MachineStop, *, cause: bool = True) -> None:
         """Note a stop, unless one was before; the cause may be told after what follows from it."""
         before = self._stop
         if before is not None and (self._caused or stop.counts - before.counts > _TOGETHER_COUNTS):

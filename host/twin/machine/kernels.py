@@ -88,7 +88,8 @@ def _is_short(plan: Plan) -> bool:
     ticks = plan.points_units.shape[1] * int(plan.times_ms[-1]) * TICKS_PER_MS
     microsteps = np.array([joint.transmission.microsteps for joint in plan.robot.axes])
     steps = float((np.abs(np.diff(plan.points_units, axis=0)).sum(axis=0) * microsteps).sum()) / UNITS_PER_FULL_STEP
-    return ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S < _LOADING_S
+    longer_s: float = ticks * _PLAIN_TICK_S + steps * _PLAIN_STEP_S
+    return longer_s < _LOADING_S
 
 
 @contextmanager
@@ -103,7 +104,7 @@ def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> It
         return
     from numba.core import event
 
-    class Told(event.Listener):  # type: ignore[misc]
+    class FirstCompiling(event.Listener):
         told = False
 
         def on_start(self, _event: object) -> None:
@@ -113,7 +114,7 @@ def telling_of_compiling(tell: Callable[[], None], *, wanted: bool = True) -> It
 
         def on_end(self, _event: object) -> None: ...
 
-    with event.install_listener("numba:compile", Told()):
+    with event.install_listener("numba:compile", FirstCompiling()):
         yield
 
 
