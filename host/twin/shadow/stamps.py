@@ -7,8 +7,8 @@ others by that clock tells of a step.
 
 from typing import Final
 
-BACK_US: Final = 5_000
-"""Time by which a stamp may be before the last one: more than frames change places."""
+BACK_US: Final = 20_000
+"""Time by which a stamp may be before the last one: several programs on a bus may stamp frames late."""
 SILENCE_US: Final = 1_000_000
 """Silence of a machine at rest that the stamps alone tell."""
 MOVING_SILENCE_US: Final = 250_000
