@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from steptwin.host.record.captures import fit_clock
-from steptwin.host.record.captures.clock_fit import SeenSteps
+from steptwin.host.record.captures.clock_line import SeenSteps
 from steptwin.host.verify.oracle import IdealSteps, ideal_steps
 from tests.host.verify.motions import expect, motion, sines, trapezoid
 

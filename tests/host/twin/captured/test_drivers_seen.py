@@ -19,7 +19,7 @@ from steptwin.protocol.drivers import DriverFigures
 RATE_HZ = 8e6
 ROBOT = load_robot("teaching-scara")
 MAPS = ("th1=0,1,2", "th2=3,4", "d3=5,6", "th4=7,8")
-GENERIC = DriverFigures(microsteps=(16,), steplen_ns=1_000, stepspace_ns=1_000, dirsetup_ns=1_000, dirhold_ns=1_000)
+GENERIC = DriverFigures(microsteps=(8, 16), steplen_ns=1_000, stepspace_ns=1_000, dirsetup_ns=1_000, dirhold_ns=1_000)
 
 
 def alone(
@@ -100,7 +100,7 @@ def test_kept_limits_show_the_stricter_figure() -> None:
 def test_step_and_dir_exchanged_are_named() -> None:
     run = alone(None, ())
     step, direction = run.signals[0].step, run.signals[0].direction
-    signals = replace(run.signals[0], direction=direction._replace(times_s=np.arange(100) * 1e-3), step=step)
+    signals = replace(run.signals[0], direction=direction._replace(times_s=np.linspace(0.0, 0.1, 100)), step=step)
     wrong = replace(run, signals=(signals, *run.signals[1:]))
     assert wrong.reasons == ("th1: STEP and DIR look exchanged: map=th1=1,0,2",)
 
