@@ -22,6 +22,7 @@ from steptwin.host.verify.gates import (
     SEGMENTS_TOLERANCE_STEPS,
     THRESHOLD_TOLERANCE_STEPS,
     Gates,
+    any_step_rule,
 )
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
@@ -224,8 +225,8 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
 
 
 def _usual(gates: Gates) -> str:
-    """Return what is usual of controllers that a limit for the usual ones may be too narrow for."""
-    if gates.step_rule or gates.position_error_steps >= SEGMENTS_TOLERANCE_STEPS:
+    """Return what is usual of controllers for which the usual limit is too narrow; a limit of a user's own is known."""
+    if gates != any_step_rule():
         return ""
     return f", usual; of controllers that move in segments, such as grbl, {SEGMENTS_TOLERANCE_STEPS:g} is"
 
