@@ -32,6 +32,9 @@ _SAME_STEP: Final = 1.0
 _LATE_STEPS: Final = 2.0
 """Tolerance from which on a step may be nearer to the crossing after its own, or before it."""
 
+_BEYOND_STEPS: Final = 4 * THRESHOLD_TOLERANCE_STEPS
+"""Distance by which a step may be further from an end of its run than the rule explains: the tolerances of two steps."""
+
 WHOLE_STEPS: Final = 1.2
 """Distance that a count at whole steps keeps from the plan, with what a timer adds; with a step lost it is 1.5."""
 
@@ -56,6 +59,17 @@ def match_any_rule(
         The pairs. `unmatched` is the sum over the runs of the steps missing or too many, and `grazing` the number of
         steps that the rule explains.
     """
+    at_once = int(np.searchsorted(ideal.time_s, 0.0, side="right"))
+    if at_once:  # nobody makes the steps by which a count is cut at the start
+        moved = replace(
+            ideal,
+            start_steps=ideal.start_steps + int(ideal.signs[:at_once].sum()),
+            time_s=ideal.time_s[at_once:],
+            signs=ideal.signs[at_once:],
+            speeds_hz=ideal.speeds_hz[at_once:],
+        )
+        matching = match_any_rule(moved, counted, position_at, tolerance_steps)
+        return replace(matching, ideal=matching.ideal + at_once, grazing=matching.grazing + at_once)
     matching = match_steps(ideal, counted)
     off = _off_steps(ideal, counted, matching, position_at)
     off_steps = float(np.abs(off).max(initial=0.0))
@@ -69,7 +83,7 @@ def match_any_rule(
     time_s = np.concatenate([ideal.time_s[missing], counted.time_s[extra]])
     moves = np.concatenate([-ideal.signs[missing], counted.signs[extra]])
     runs = _runs(ideal, time_s)
-    grazing = _near_an_end(time_s, ideal, position_at, min(off_steps, 1.0) + 2 * THRESHOLD_TOLERANCE_STEPS)
+    grazing = _near_an_end(time_s, ideal, position_at, min(off_steps, 1.0) + _BEYOND_STEPS)
     if _at_whole_steps(counted, position_at):
         grazing |= np.abs(position_at(time_s)) <= 1.0 + WHOLE_STEPS
     left = _net_moves(runs, moves, ~grazing)

@@ -17,7 +17,13 @@ from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps, pulse_facts
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
 from steptwin.host.verify.evidence import Evidence
-from steptwin.host.verify.gates import OWN_FIRMWARE, SEGMENTS_TOLERANCE_STEPS, Gates, threshold_tolerance_steps
+from steptwin.host.verify.gates import (
+    OWN_FIRMWARE,
+    SEGMENTS_TOLERANCE_STEPS,
+    Gates,
+    any_step_rule,
+    threshold_tolerance_steps,
+)
 from steptwin.host.verify.net_counts import any_rule_end
 from steptwin.host.verify.oracle import THRESHOLD_STEPS
 from steptwin.host.verify.report import (
@@ -223,8 +229,8 @@ def _reasons(comparison: Comparison, index: int, axis: AxisReport) -> list[str]:
 
 
 def _usual(gates: Gates) -> str:
-    """Return what is usual of controllers that a limit for the usual ones may be too narrow for."""
-    if gates.step_rule or gates.position_error_steps >= SEGMENTS_TOLERANCE_STEPS:
+    """Return what is usual of controllers for which the usual limit is too narrow; a limit of a user's own is known."""
+    if gates != any_step_rule():
         return ""
     return f", usual; of controllers that move in segments, such as grbl, {SEGMENTS_TOLERANCE_STEPS:g} is"
 

@@ -87,16 +87,18 @@ def fit_clock(ideal: Sequence[IdealSteps], seen: Sequence[SeenSteps]) -> ClockFi
         planned = min((steps.time_s[0] for steps in ideal if steps.time_s.size), default=0.0)
         return ClockFit(float(min(first, default=0.0) - planned), 1.0, np.inf, np.inf, 0, found=False)
     moving = [i for i, steps in enumerate(ideal) if steps.time_s.size and seen[i].time_s.size]
-    inverted = tuple(i for i in moving if likeness[i, i] < 0.0)
+    swapped = _swapped(likeness, moving)
+    of_plan = {i: i for i in moving} | {i: j for pair in swapped for i, j in (pair, pair[::-1])}
+    inverted = tuple(i for i in moving if likeness[i, of_plan[i]] < 0.0)
     turned = [SeenSteps(steps.time_s, -steps.signs if i in inverted else steps.signs) for i, steps in enumerate(seen)]
-    pairs = [(ideal[i], turned[i]) for i in moving]
+    pairs = [(ideal[of_plan[i]], turned[i]) for i in moving]
     found: list[_Found] = []
     for line, until_s in alignments(pairs, coarse_s):
         found.append(_fitted(pairs, line, until_s))
         if found[-1].near >= _ALL_NEAR * found[-1].pairs:
             break  # the others cannot be better
     line, errors, count = _best(found)
-    return ClockFit(line.offset_s, line.ratio, *errors, count, inverted, _swapped(likeness, moving))
+    return ClockFit(line.offset_s, line.ratio, *errors, count, inverted, swapped)
 
 
 def begun_by_steps(expected: Expectation, evidence: Evidence) -> Evidence:

@@ -12,7 +12,7 @@ import numpy as np
 from steptwin.host.common.errors import InputError
 from steptwin.host.record.captures import AxisSignals, Capture, ClockFit
 from steptwin.host.robots.robot import Robot
-from steptwin.host.twin.captured.drivers_seen import Reading, drivers_of, see
+from steptwin.host.twin.captured.drivers_seen import Reading, counted_for_certain, drivers_of
 from steptwin.host.twin.captured.judging import CapturedRun, CaptureJudge, judge_alone, judge_capture, slack_counts
 from steptwin.host.verify import AxisEvidence
 from steptwin.host.verify.counted import powerless_steps
@@ -55,7 +55,7 @@ def by_each_driver(
         except InputError as error:
             found.append(DriverAnswer(name, refused=str(error)))
             continue
-        evidence = see(drivers, signals, clock, [0] * len(signals), reading).evidence
+        evidence = counted_for_certain(drivers, signals, clock, reading)
         missed = sum(_missed(axis) + powerless_steps(axis, evidence.start_counts) for axis in evidence.axes)
         broken = [int(axis.violations.counts[0]) for axis in evidence.axes if axis.violations.counts.size]
         first_s = (min(broken) - evidence.start_counts) / COUNTS_PER_SECOND if broken else None

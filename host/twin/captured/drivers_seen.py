@@ -107,11 +107,6 @@ class FittedDriver:
     microsteps: int
     grades: Mapping[str, Grade]
 
-    @property
-    def steps_at_falls(self) -> bool:
-        """Whether it steps at STEP's falls."""
-        return self.module.active_edge is ActiveEdge.FALLING
-
     def read_within(self, slack_counts: int) -> "FittedDriver":
         """Return the driver with limits that are so much wider."""
         return replace(self, module=read_within(self.module, slack_counts))
@@ -191,16 +186,15 @@ def see(
         starts: each axis' count before the first edge.
         reading: how the edges are read.
     """
-    edges, start_counts = _in_counts(at_active_edges(signals, drivers), clock)
-    drivers, slack_counts = [driver.at_rises() for driver in drivers], reading.slack_counts
-    worst, best = ([getattr(each, how)(slack_counts) for each in edges] for how in ("at_worst", "at_best"))
-    narrow = [axis.violations for axis in _fed(_read(drivers, -slack_counts), worst, starts)]
+    slack_counts = reading.slack_counts
+    drivers, edges, start_counts = _wired_up(drivers, signals, clock)
+    narrow = _fed(_read(drivers, -slack_counts), [each.at_worst(slack_counts) for each in edges], starts)
     own = [axis.violations.limits for axis in _fed(drivers, [_no_edges(each) for each in edges], starts)]
-    wide = _fed(_read(drivers, slack_counts), best, starts, currents=reading.currents)
+    wide = _seen_at_best(drivers, edges, starts, reading)
     limits = [
         answer
         for driver, axis, figures, perhaps in zip(drivers, wide, own, narrow, strict=True)
-        for answer in answers(axis.name, figures, axis.violations, perhaps, driver.grades)
+        for answer in answers(axis.name, figures, axis.violations, perhaps.violations, driver.grades)
     ]
     axes = [
         _in_plans_time(replace(axis, violations=replace(axis.violations, limits=figures)), clock, start_counts)
@@ -210,14 +204,46 @@ def see(
     return Seen(Evidence(start_counts, tuple(axes)), tuple(limits), lasts_s)
 
 
+def counted_for_certain(
+    drivers: Sequence[FittedDriver], signals: Sequence[AxisSignals], clock: ClockFit, reading: Reading
+) -> Evidence:
+    """Return what the drivers make of the edges in the pulses' favour, without a word on limits that were kept."""
+    drivers, edges, start_counts = _wired_up(drivers, signals, clock)
+    axes = _seen_at_best(drivers, edges, [0] * len(edges), reading)
+    return Evidence(start_counts, tuple(_in_plans_time(axis, clock, start_counts) for axis in axes))
+
+
+def _wired_up(
+    drivers: Sequence[FittedDriver], signals: Sequence[AxisSignals], clock: ClockFit
+) -> tuple[list[FittedDriver], list[SeenEdges], int]:
+    """Return the drivers, inverted where that is needed, the edges for them, and the count at the plan's t = 0."""
+    edges, start_counts = _in_counts(at_active_edges(signals, drivers), clock)
+    pairs = zip(signals, drivers, strict=True)
+    return [driver.at_rises() if _at_falls(axis, driver) else driver for axis, driver in pairs], edges, start_counts
+
+
+def _seen_at_best(
+    drivers: Sequence[FittedDriver], edges: Sequence[SeenEdges], starts: Sequence[int], reading: Reading
+) -> list[AxisEvidence]:
+    best = [each.at_best(reading.slack_counts) for each in edges]
+    return _fed(_read(drivers, reading.slack_counts), best, starts, currents=reading.currents)
+
+
 def _no_edges(edges: SeenEdges) -> SeenEdges:
     return SeenEdges(edges.name, PinEdges([], []), [])
 
 
 def at_active_edges(signals: Sequence[AxisSignals], drivers: Sequence[FittedDriver]) -> list[AxisSignals]:
-    """Return signals whose rises of STEP are the edges at which the drivers step."""
+    """Return signals in which a pulse begins with an active edge, or shortly before one.
+
+    Where STEP rests high and the driver steps at falls, a fall begins a pulse: STEP is inverted then.
+    """
     pairs = zip(signals, drivers, strict=True)
-    return [axis.inverted() if driver.steps_at_falls else axis for axis, driver in pairs]
+    return [axis.inverted() if _at_falls(axis, driver) else axis for axis, driver in pairs]
+
+
+def _at_falls(signals: AxisSignals, driver: FittedDriver) -> bool:
+    return driver.module.active_edge is ActiveEdge.FALLING and signals.step.level == 1
 
 
 def _read(drivers: Sequence[FittedDriver], slack_counts: int) -> list[FittedDriver]:

@@ -134,8 +134,8 @@ class CapturedRun:
         """Whether each axis goes where the plan goes, turn by turn, but not when: by another speed law."""
         if self.clock.swapped or self.clock.inverted:
             return False
-        pairs = zip(self.comparison.ideal, self.comparison.counted, strict=True)
-        off = [_runs_off(ideal.signs, counted.signs) for ideal, counted in pairs]
+        pairs = zip(self.comparison.ideal, self.comparison.evidence.axes, strict=True)
+        off = [_runs_off(ideal.signs, axis.step_signs) for ideal, axis in pairs]
         if None in off:
             return False
         apart = sum(filter(None, off))
@@ -213,8 +213,12 @@ _OTHER_LAW: Final = (
 
 
 def _runs_off(planned: Int8Array, made: Int8Array) -> int | None:
-    """Return by how many steps an axis' runs between turning points differ; None if they are others than planned."""
-    runs, own = _run_lengths(planned), _run_lengths(made)
+    """Return by how many steps an axis' last runs between turning points are off; None if they are others than planned.
+
+    What comes before them may be homing. Where the plan begins is not asked: by another law nobody can tell exactly.
+    """
+    runs = _run_lengths(planned)
+    own = _run_lengths(made)[max(_run_lengths(made).size - runs.size, 0) :]
     if runs.size != own.size or (np.abs(runs - own) > 1).any():
         return None
     return int(np.abs(runs - own).sum())

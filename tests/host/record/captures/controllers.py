@@ -52,12 +52,19 @@ class Moves:
 
     @classmethod
     def random(
-        cls, random: np.random.Generator, names: Sequence[str], count: int, start: Floats, speed: float, rough: float
+        cls,
+        random: np.random.Generator,
+        names: Sequence[str],
+        count: int,
+        start: Floats,
+        speed: float,
+        rough: float,
+        reach: float = 60.0,
     ) -> "Moves":
-        """Return some moves of up to 60 units in all directions, some of them without one of the joints."""
+        """Return some moves of up to `reach` units in all directions, some of them without one of the joints."""
         made, at_s, place = cls(tuple(names)), 0.0, start.astype(np.float64)
         for _ in range(count):
-            way = random.uniform(-60.0, 60.0, place.size)
+            way = random.uniform(-reach, reach, place.size)
             if random.random() < 0.3 and place.size > 1:
                 way[random.integers(place.size)] = 0.0
             distance = float(np.linalg.norm(way))

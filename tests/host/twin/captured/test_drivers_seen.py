@@ -100,7 +100,7 @@ def test_kept_limits_show_the_stricter_figure() -> None:
 def test_step_and_dir_exchanged_are_named() -> None:
     run = alone(None, ())
     step, direction = run.signals[0].step, run.signals[0].direction
-    signals = replace(run.signals[0], direction=direction._replace(times_s=np.linspace(0.0, 0.099, 100)), step=step)
+    signals = replace(run.signals[0], direction=direction._replace(times_s=np.linspace(0.0, 0.1, 100)), step=step)
     wrong = replace(run, signals=(signals, *run.signals[1:]))
     assert wrong.reasons == ("th1: STEP and DIR look exchanged: map=th1=1,0,2",)
 
