@@ -1,7 +1,7 @@
 """Fixtures for tests of whole runs."""
 
 from collections.abc import Callable
-from contextlib import redirect_stdout
+from contextlib import chdir, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
@@ -29,9 +29,9 @@ def example_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
     made: dict[str, Path] = {}
 
     def write(robot: str, folder: Path) -> None:
-        program = ROOT / "docs" / "programs" / f"{robot}.toml"
-        with redirect_stdout(StringIO()) as printed:
-            assert run(["run", robot, str(program), *EXAMPLE_INPUTS.get(robot, []), "--out", str(folder / "run")]) == 0
+        words = ["run", robot, f"docs/programs/{robot}.toml", *EXAMPLE_INPUTS.get(robot, [])]
+        with chdir(ROOT), redirect_stdout(StringIO()) as printed:
+            assert run([*words, "--out", str(folder / "run")]) == 0
         (folder / "printed.txt").write_text(printed.getvalue(), encoding="utf-8")
 
     def folder_of(robot: str) -> Path:

@@ -81,6 +81,7 @@ def test_each_robot_has_an_example(
     assert run(["verify", str(folder)]) == 0
 
 
+@pytest.mark.slow
 def test_an_output_may_be_told_the_level_that_it_has(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file, folder = tmp_path / "again.toml", str(tmp_path / "out")
     levels = ("false", "true", "true", "false")
@@ -191,6 +192,7 @@ def test_inputs_change_at_their_times(waiting: str, capsys: pytest.CaptureFixtur
     assert "waited: part_ready off for 0.2" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_time_out_is_exit_code_3_with_input_step_and_seconds(
     waiting: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -66,7 +66,7 @@ def pulled(duration_s: float) -> Plan:
 @pytest.mark.parametrize(
     ("duration_s", "changes"),
     [
-        pytest.param(2.0, [(0.8, 50)], id="a short one"),
+        pytest.param(1.4, [(0.5, 50)], id="a short one"),
         pytest.param(10.0, [(2.0, 50)], id="slower", marks=pytest.mark.slow),
         pytest.param(10.0, [(2.0, 150)], id="faster", marks=pytest.mark.slow),
         pytest.param(

@@ -51,9 +51,9 @@ def test_it_beats_while_the_client_waits(board: EmbeddedBoard, machine: Machine)
 @pytest.mark.slow
 def test_it_beats_between_the_frames_of_a_long_dialogue(board: EmbeddedBoard, machine: Machine) -> None:
     began_s = board.now_s()
-    for _ in range(2200):
+    for _ in range(1600):
         machine.axes[0].read(od.DEVICE_TYPE)
-    assert board.now_s() - began_s > 4 * PERIOD_S
+    assert board.now_s() - began_s > 3 * PERIOD_S
     assert np.diff(beats_s(board)) == pytest.approx(PERIOD_S, abs=0.002)
     assert emergencies(board) == []
 

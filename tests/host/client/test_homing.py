@@ -68,7 +68,7 @@ def _each_alone(robot: Robot) -> bool:
 
 
 EACH_ALONE = [name for name in robot_names() if _each_alone(load_robot(name))]
-CHEAP = ("teaching-scara", "calibration-scara")
+CHEAP = ("teaching-scara",)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ def test_a_refused_record_ends_the_run_with_its_number(board: EmbeddedBoard, ref
     assert machine.axes[TH1].error_codes == [0xFF03]
 
 
+@pytest.mark.slow
 def test_records_that_wait_for_a_place_in_a_full_queue_are_sent_once(board: EmbeddedBoard) -> None:
     """Segments of 255 ms free a place four times a second; the client must not take the wait for a loss."""
     run(ready(board), still(100, 255))

@@ -53,6 +53,7 @@ def sent_records(board: EmbeddedBoard, axis: int) -> list[PvtRecord]:
     return [PvtRecord(signed(data[:3]), signed(data[3:6]), data[6], data[7]) for data in frames]
 
 
+@pytest.mark.slow
 def test_all_axes_hold_the_same_records_until_the_input_has_its_level(board: EmbeddedBoard, machine: Machine) -> None:
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4),)))
     machine.wait(2.0)
@@ -100,6 +101,7 @@ def test_a_level_that_has_gone_before_the_machine_comes_does_not_count(board: Em
     assert run.ended
 
 
+@pytest.mark.slow
 def test_waits_for_both_levels_one_after_the_other(board: EmbeddedBoard, machine: Machine) -> None:
     """At the very start, between the travels, and in the last record; outputs keep their places in the motion."""
     records = joined(joined(still(1, 10), there_and_on()), still(1, 10))
@@ -175,7 +177,7 @@ def test_a_time_out_is_named_though_its_last_records_are_lost(
     assert [axis.error_codes for axis in machine.axes] == [[]] * AXES
 
 
-@pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize(("on_after_s", "passes"), [(0.9, True), pytest.param(1.1, False, marks=pytest.mark.slow)])
 def test_both_sides_of_the_time_out(board: EmbeddedBoard, machine: Machine, on_after_s: float, passes: bool) -> None:
     run = machine.start(StreamedMotion(there_and_on(), [0] * AXES, (), (wait(0.4, timeout_s=1.0),)))
     go_on_until(machine, board, 0.4 + on_after_s)

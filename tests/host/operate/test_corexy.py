@@ -106,6 +106,7 @@ def after_s(session: Session, board: BoardUnderTest, ready: Callable[[], bool], 
     session.link.wait = wait  # type: ignore[method-assign]
 
 
+@pytest.mark.slow
 def test_no_joint_is_known_before_the_last_is_found(fast_kernel: Kernel) -> None:
     """Y's search fails: then X is not known either, though its switch was found."""
     board, session = machine(fast_kernel, [5.0, 200.0])

@@ -33,6 +33,7 @@ def offline(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, 
     return exit_code, out, err
 
 
+@pytest.mark.slow
 def test_save_and_return(steptwin: CommandLine, board: EmbeddedBoard, session: Session) -> None:
     """In the same wire units, from anywhere."""
     move(session, PLACE)

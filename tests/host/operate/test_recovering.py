@@ -147,6 +147,7 @@ def test_no_node_answers(monkeypatch: pytest.MonkeyPatch, board: EmbeddedBoard) 
             do(session)
 
 
+@pytest.mark.slow
 def test_a_reset_needs_the_cause_to_be_gone(steptwin: CommandLine, session: Session) -> None:
     axis = session.machine.axes[TH2]
     session.machine.disable()

@@ -221,7 +221,7 @@ def test_the_command(steptwin: CommandLine) -> None:
         assert steptwin.run(f"run warehouse-scara pull-line {options}") == (2, "", f"steptwin: {message}\n")
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".toml"])
+@pytest.mark.parametrize("suffix", [".csv", pytest.param(".toml", marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("session")
 def test_a_stretched_file_or_program(suffix: str, board: EmbeddedBoard, steptwin: CommandLine, tmp_path: Path) -> None:
     """Too fast as it is; as slow as the refusal says the machine makes it, in the time that this takes."""

@@ -58,7 +58,11 @@ def run_s(session: Session, made: Plan, act: Callable[[], None], part: float = 0
 
 @pytest.mark.parametrize(
     ("percent", "least_s", "most_s"),
-    [(50, 6.0, 8.0), pytest.param(10, 25.0, 40.0, marks=pytest.mark.slow), (150, 2.65, 3.5)],
+    [
+        pytest.param(50, 6.0, 8.0, marks=pytest.mark.slow),
+        pytest.param(10, 25.0, 40.0, marks=pytest.mark.slow),
+        (150, 2.65, 3.5),
+    ],
 )
 def test_it_takes_longer_or_less_and_ends_where_planned(
     session: Session, steptwin: CommandLine, pull: Plan, percent: int, least_s: float, most_s: float

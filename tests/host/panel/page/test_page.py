@@ -39,6 +39,7 @@ from steptwin.host.panel.desk.settings import Setting
 from steptwin.host.panel.desk.state import Activity
 from steptwin.host.panel.page import visitor
 from steptwin.host.panel.page.hub import Hub, tick_of
+from steptwin.host.panel.page.motions import Planned, plan_upload
 from steptwin.host.panel.page.visitor import SHOWN, note_shown
 from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.planner import plan
@@ -155,6 +156,16 @@ async def opened(desk: ScriptedDesk, folder: Path, control: Any = None) -> Async
         await asyncio.sleep(0)
         await rig.look()
         yield rig
+
+
+@pytest.fixture(autouse=True)
+def _planned_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plan uploaded files in a thread, not in a process, which test_planning_apart tries."""
+
+    async def plan_here(*asked: Any) -> Planned:
+        return await asyncio.to_thread(plan_upload, *asked)
+
+    monkeypatch.setattr("steptwin.host.panel.page.run.plan_apart", plan_here)
 
 
 Body = Callable[[Rig], Coroutine[Any, Any, None]]

@@ -59,6 +59,7 @@ def test_a_name_that_no_file_has(folder: str) -> None:
     assert refusal("p.toml", own, park=PARK).endswith("is no name of a file")
 
 
+@pytest.mark.slow
 def test_gcode_alone_and_in_a_program() -> None:
     x_mm, y_mm = 100.0, 100.0
     content = f"G21 G90\nG0 X{x_mm} Y{y_mm} Z-40\nG1 Y{y_mm + 40} F1200\n".encode()

@@ -94,6 +94,7 @@ def test_joints_and_counts(replay: Replay, arrays: dict[str, Any], instants: Int
         assert shown.tool_error_mm == pytest.approx(np.linalg.norm(tool_mm[1] - tool_mm[0]))
 
 
+@pytest.mark.slow
 def test_levels_currents_and_the_edges_around(replay: Replay, arrays: dict[str, Any], instants: Int64Array) -> None:
     edges = sorted(every_edge(arrays), key=lambda edge: edge.counts)
     all_counts = [edge.counts for edge in edges]

@@ -20,6 +20,8 @@ from steptwin.host.record.folder.reading import counts_alone
 from tests.host.record.machines import perfect_run
 from tests.host.verify.motions import START_COUNTS
 
+pytestmark = pytest.mark.slow
+
 RUN = perfect_run("teaching-scara", "carry")
 FAILED = replace(RUN, report=replace(RUN.report, passed=False))
 MARK = RunMark(MarkKind.VIOLATION, START_COUNTS + 36_000_000, START_COUNTS + 36_000_000, "th1", "CLK too short")
@@ -58,7 +60,6 @@ def table(user: User) -> str:
     return str(found)
 
 
-@pytest.mark.slow
 def test_counts_without_a_plan_are_shown_as_such() -> None:
     comparison = counts_alone(RUN.robot, RUN.comparison.evidence)
     report = replace(RUN.report, passed=None)
@@ -75,7 +76,6 @@ def test_counts_without_a_plan_are_shown_as_such() -> None:
     visit((replay,), look)
 
 
-@pytest.mark.slow
 def test_steps_and_marks_move_the_cursor_and_the_table_follows() -> None:
     replay = Replay(RUN, [MARK])
     first = replay.edge_after(START_COUNTS)
@@ -98,7 +98,6 @@ def test_steps_and_marks_move_the_cursor_and_the_table_follows() -> None:
     visit((replay,), steps)
 
 
-@pytest.mark.slow
 def test_a_click_on_what_happened_goes_there() -> None:
     async def click(user: User) -> None:
         user.find("0.500000 s · th1: CLK too short").click()
@@ -107,7 +106,6 @@ def test_a_click_on_what_happened_goes_there() -> None:
     visit((Replay(RUN, [MARK]),), click)
 
 
-@pytest.mark.slow
 def test_the_slider_and_the_choice_of_an_axis() -> None:
     replay = Replay(RUN, ())
 
@@ -126,7 +124,6 @@ def test_the_slider_and_the_choice_of_an_axis() -> None:
     visit((replay,), slide)
 
 
-@pytest.mark.slow
 def test_two_runs_side_by_side() -> None:
     async def look(user: User) -> None:
         await user.should_see("not verified")

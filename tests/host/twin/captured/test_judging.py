@@ -137,6 +137,7 @@ def test_an_inverted_dir_is_named(evidence: Evidence, tmp_path: Path) -> None:
     assert run.clock.ppm == pytest.approx(PPM, abs=0.2)
 
 
+@pytest.mark.slow
 def test_swapped_channels_are_named(evidence: Evidence, tmp_path: Path) -> None:
     maps = ["th1=D2,D3", "th2=D0,D1", *MAPS[2:]]
     run = judged(probes_of(evidence), tmp_path, judge=CaptureJudge(maps=maps))
@@ -165,6 +166,7 @@ def test_another_motion_is_not_found(tmp_path: Path) -> None:
     assert not run.passed
 
 
+@pytest.mark.slow
 def test_glitches_are_named_and_dropped_on_demand(evidence: Evidence, tmp_path: Path) -> None:
     probes = probes_of(evidence)
     times_s = probes[TH2_STEP].times_s

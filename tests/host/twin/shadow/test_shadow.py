@@ -49,7 +49,8 @@ def test_no_false_alarm(quiet: Real, jitter_us: int, ppm: float, fast_kernel: Ke
     assert shadow.frames > 500
 
 
-@pytest.mark.parametrize("stand_at", [ELSEWHERE[0], pytest.param(ELSEWHERE[1], marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("stand_at", ELSEWHERE)
 def test_where_the_machine_stood_need_not_be_known(quiet: Real, stand_at: list[float], fast_kernel: Kernel) -> None:
     """Until it is homed: then the twin searches its switches for as long as it needs."""
     told, shadow = shadowed(ROBOT, quiet.heard(jitter_us=300), fast_kernel, stand_at)
@@ -233,7 +234,10 @@ def test_a_jog_may_end_a_segment_earlier_or_later(jogged: Real, seed: int, fast_
     assert told == []
 
 
-@pytest.mark.parametrize(("part", "found"), [(0.8, False), (1.2, True), (-1.2, True)])
+@pytest.mark.parametrize(
+    ("part", "found"),
+    [pytest.param(0.8, False, marks=pytest.mark.slow), pytest.param(1.2, True, marks=pytest.mark.slow), (-1.2, True)],
+)
 def test_a_jog_that_ends_elsewhere(jogged: Real, part: float, found: bool, fast_kernel: Kernel) -> None:
     """Its speed rises and falls once, each change within a segment of 16 ms; 2.25 ms are jitter."""
     units_per_s = 0.9 * ROBOT.joints[2].speed_max * float(ROBOT.wire_units_per_unit[2])
