@@ -1,9 +1,9 @@
 """Charge each test the processor time that it uses, and fail one that uses too much without the mark `slow`.
 
 Processor time includes that of ended child processes. It hardly depends on what else the computer does, but it depends
-on the computer, so the budget holds for a reference computer, and a short loop tells how fast this one is. A test that
-uses too much runs a second time: the first test of a process pays for imports and caches that the others find. Fixtures
-that tests share are charged by their own names, not to the test that happens to ask first.
+on the computer: the budget holds for a reference computer and faster ones, and a short loop tells how much slower this
+one is. A test that uses too much runs a second time: the first test of a process pays for imports and caches that the
+others find. Fixtures that tests share are charged by their own names, not to the test that happens to ask first.
 """
 
 import os
@@ -102,7 +102,7 @@ def _is_bounded(item: pytest.Item) -> bool:
 
 
 def _limit_s() -> float:
-    return TOLERANCE * BUDGET_S * turns_s() / REFERENCE_TURNS_S
+    return TOLERANCE * BUDGET_S * max(1.0, turns_s() / REFERENCE_TURNS_S)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -82,12 +82,13 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 
 
 def _without_places(message: str, item: pytest.Item) -> str:
-    """Replace the folders and ports that differ between runs and computers."""
+    """Replace the folders, programs and ports that differ between runs and computers."""
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if folder is not None:
         message = message.replace(str(folder), "TMP")
     message = re.sub(r"/[^\s:'\"]*/pytest-\d+(/popen-gw\d+)?", "BASE", message)
     message = re.sub(r"/tmp/tmp\w+", "TMP", message)
+    message = re.sub(r"[^\s'\"(]*bin/python[\d.]*", "PYTHON", message)
     message = re.sub(r"127\.0\.0\.1:\d{4,5}\b", "127.0.0.1:PORT", message)
     return message.replace(str(PROJECT), "PROJECT")
 
@@ -101,17 +102,23 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write the golden file: entries of tests that ran are new, those of tests that are gone go."""
+    """Write the golden file: entries of functions that ran are new, those of functions that are gone go."""
     if not session.config.getoption("update_messages") or hasattr(session.config, "workerinput"):
         return
-    entries = {**_golden, **_updated}
+    ran = set(map(_function_of, _updated))
+    others = {name: messages for name, messages in _golden.items() if _function_of(name) not in ran}
+    entries = {**others, **_updated}
     kept = {name: messages for name, messages in sorted(entries.items()) if messages and exists(name)}
     GOLDEN.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
+def _function_of(name: str) -> str:
+    return name.partition("[")[0]
+
+
 def exists(name: str) -> bool:
     """Return whether the file of a test, given by its node id, still has its function."""
-    path, _, function = name.partition("[")[0].partition("::")
+    path, _, function = _function_of(name).partition("::")
     file = PROJECT / path
     return file.exists() and f"def {function.split('::')[-1]}(" in file.read_text(encoding="utf-8")
 

@@ -33,7 +33,7 @@ _LATE_STEPS: Final = 2.0
 """Tolerance from which on a step may be nearer to the crossing after its own, or before it."""
 
 _BEYOND_STEPS: Final = 4 * THRESHOLD_TOLERANCE_STEPS
-"""Distance by which a step may be further from an end of its run than the rule explains: the tolerances of two steps."""
+"""Distance by which a step may be further from an end of its run than the rule explains: two steps' tolerances."""
 
 WHOLE_STEPS: Final = 1.2
 """Distance that a count at whole steps keeps from the plan, with what a timer adds; with a step lost it is 1.5."""

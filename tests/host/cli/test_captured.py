@@ -73,6 +73,7 @@ def test_without_a_plan_and_by_every_driver(carry: Path, capsys: pytest.CaptureF
     words = [*MAPS, "--plan", "teaching-scara carry", "--driver-profile", "all"]
     code, said, _ = told(capsys, "verify", "--capture", str(carry / "a.sr"), *words)
     assert code == 0
+    assert "with slow-blue-board: misses 5128 pulses, from 0.0" in said
     assert "with tmc2209: misses none" in said
 
 
