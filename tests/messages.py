@@ -9,6 +9,7 @@ messages end in the words of Python or of a library, so they are compared only w
 
 import json
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -124,4 +125,6 @@ def exists(name: str) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(pytest.main(["--update-messages", "--numprocesses", "auto", "--quiet", *sys.argv[1:]]))
+    # In a process of its own: pytest must be the first to import what it rewrites, and this module imports Hypothesis.
+    command = [sys.executable, "-m", "pytest", "--update-messages", "--numprocesses", "auto", "--quiet", *sys.argv[1:]]
+    sys.exit(subprocess.run(command, check=False).returncode)

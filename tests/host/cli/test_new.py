@@ -294,9 +294,8 @@ def test_every_number_has_a_comment_or_a_plain_name() -> None:
         assert all(" # " in line for line in lines)
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in robot_names() else ()) for kind in KINDS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_is_homed_as_it_stands(kind: str, fast_kernel: Kernel) -> None:
     """A board is made for the file; all axes find their limit switches, go to home and are fit to move."""
     robot = read_robot(robot_text("mine", kind, *with_settings(kind, {})))
