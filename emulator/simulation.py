@@ -19,7 +19,6 @@ from steptwin.emulator.faults.bus import Babble, HostBitRate
 from steptwin.emulator.faults.harm import Operation
 from steptwin.emulator.faults.machine import PowerUp
 from steptwin.emulator.motors.rotor_watch import MotorWiring, RotorWatch
-from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND, COUNTS_PER_US
 
@@ -29,16 +28,16 @@ _SILENCE_MAX_S: Final = 1
 """Greatest time from a frame until the bus is silent again: some 1000 frames at 125 kbit/s."""
 
 
-class Attendant(Protocol):
-    """Watches a simulation and acts on it, as a scenario of faults does."""
+class Participant(Protocol):
+    """Takes part in simulated time beside boards and bus: a further node, the rotors, a scenario of faults, a shelf."""
 
     @property
-    def next_counts(self) -> int | None:
-        """Instant when it must look even if nothing happens then; None while it waits only for events."""
+    def next_due_counts(self) -> int | None:
+        """Instant when it must be stepped even if nothing happens then; None while it waits only for events."""
         ...
 
-    def attend(self, now_counts: int) -> None:
-        """Look at what has happened at this instant, and act; it may operate machines, but not let time pass."""
+    def step(self, now_counts: int) -> None:
+        """See what has happened up to this instant, and act; it may operate machines, but not let time pass."""
         ...
 
 
@@ -58,9 +57,9 @@ class Simulation:
         boards: Sequence[Board],
         bus: Bus,
         schedule: Iterable[Scheduled] = (),
-        shelf: ShelfWiring | None = None,
         motors: MotorWiring | None = None,
         nodes: Sequence[SimpleNode] = (),
+        joining: Iterable["Joining"] = (),
     ) -> None:
         """Switch the boards on.
 
@@ -68,9 +67,9 @@ class Simulation:
             boards: the boards.
             bus: the bus that joins them.
             schedule: operations on their machines, and the instants of these.
-            shelf: the shelf at which the machine works; None if there is none.
             motors: the motors at the boards' drivers; None: rotors are where the drivers' steps put them.
             nodes: further nodes on the bus, switched on with the boards.
+            joining: makes each further participant, before the boards boot; in this order they are stepped.
         """
         self._schedule = Schedule(schedule)
         self._down_until_counts: dict[int, int] = {}
@@ -99,27 +98,38 @@ class Simulation:
             None if motors is None else RotorWatch(motors, self.boards, lambda: self.now_counts)
         )
         """The rotors of the machine's motors; None if they are where the drivers' steps put them."""
-        self.shelf_watch: ShelfWatch | None = (
-            None if shelf is None else ShelfWatch(shelf, self.boards, self.rotors_full_steps)
-        )
-        """The shelf beside the machine; None if there is none."""
         self._stranger_station: CanController | None = None
         self.strange: list[tuple[int, Frame]] = []
         """Frames that the stranger has sent, with the instant when each became valid."""
-        self.attendant: Attendant | None = None
-        """Looks after each event; None: nobody does."""
+        self._participants: tuple[Participant, ...] = ()
+        """What takes part beside boards and bus, in the order of their steps; replaced, never changed."""
+        self._step_at_once = False
+        """True if the participants must be stepped though no time passes."""
         self.on_operation: Callable[[Scheduled], None] = lambda _: None
-        """Called with each operation on a machine as it is executed; not with what the shelf's sensors do."""
+        """Called with each operation on a machine as it is executed; not with what a participant does by `apply`."""
+        for node in self.nodes:
+            self.join(node)
+        if self.rotor_watch is not None:
+            self.join(self.rotor_watch)
+        for join in joining:
+            self.join(join(self))
         for board in self.boards:
             board.boot(0)
         for node in self.nodes:
             node.boot(0)
 
+    def join(self, participant: Participant) -> None:
+        """Step a participant from now on, after all others."""
+        self._participants = (*self._participants, participant)
+
+    def leave(self, participant: Participant) -> None:
+        """Step a participant no more."""
+        self._participants = tuple(each for each in self._participants if each is not participant)
+
     def power_cycle(self, number: int = 0) -> None:
         """Switch a board off and on again; the other boards, the host and the clock go on."""
         self._exchanging(number, lambda board, now_counts: board.power_cycle(now_counts))
-        if self.shelf_watch is not None and self.shelf_watch.is_due(self.now_counts):
-            self._let_shelf_look(self.shelf_watch)
+        self._step_at_once = True
 
     def switch_node(self, node: SimpleNode, *, on: bool) -> None:
         """Take the supply from a further node, or give it back; a frame that it was sending breaks off."""
@@ -141,13 +151,14 @@ class Simulation:
     def operate(self, operation: Operation, number: int = 0) -> None:
         """Execute an operation on a board or its machine, or on the bus, now."""
         self.on_operation(Scheduled(self.now_counts, operation, number))
-        self._operate(operation, number)
+        self.apply(operation, number)
 
-    def _operate(self, operation: Operation, number: int) -> None:
+    def apply(self, operation: Operation, number: int) -> None:
+        """Execute an operation now that nobody has requested, such as a sensor's change of an input."""
         operation.apply(self, number)
         self.boards[number].poll(self.now_counts)
         if self.rotor_watch is not None:
-            self.rotor_watch.look()
+            self.rotor_watch.step(self.now_counts)
 
     def start(self, number: int) -> None:
         """Let a board begin that is down, unless it is to stay so."""
@@ -237,28 +248,18 @@ class Simulation:
         begin_counts = self.bus.next_event_counts
         if begin_counts is None:
             return
-        rotors_counts = None if self.rotor_watch is None else self.rotor_watch.next_counts
         scheduled_counts = self._schedule.next_counts
-        undisturbed = (rotors_counts is None or rotors_counts > begin_counts) and (
-            scheduled_counts is None or scheduled_counts > begin_counts
-        )
+        undisturbed = not self._step_at_once and (scheduled_counts is None or scheduled_counts > begin_counts)
         if begin_counts > self.now_counts and undisturbed:
-            if self.attendant is not None and self._attends_by(self.attendant, begin_counts):
-                return
+            for participant in self._participants:
+                due_counts = participant.next_due_counts
+                if due_counts is not None and due_counts <= begin_counts:
+                    return
             for board in self.boards:
                 if not board.quiet_until(begin_counts):
                     return
-            for node in self.nodes:
-                if node.next_due_counts is not None and node.next_due_counts <= begin_counts:
-                    return
             self.now_counts = begin_counts
         self.bus.step(self.now_counts)
-
-    @staticmethod
-    def _attends_by(attendant: Attendant, counts: int) -> bool:
-        """Return whether the attendant must look at an instant or before it."""
-        look_counts = attendant.next_counts
-        return look_counts is not None and look_counts <= counts
 
     def run_until(self, until_counts: int) -> None:
         """Let time pass up to an instant."""
@@ -282,20 +283,12 @@ class Simulation:
             due_counts = board.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
-        for node in self.nodes:
-            due_counts = node.next_due_counts
+        for participant in self._participants:
+            due_counts = participant.next_due_counts
             if due_counts is not None and due_counts < goal:
                 goal = due_counts
-        if self.rotor_watch is not None and self.rotor_watch.next_counts < goal:
-            goal = self.rotor_watch.next_counts
-        if self.shelf_watch is not None and self.shelf_watch.shelf.held:
-            look_counts = self.shelf_watch.next_counts
-            if look_counts is not None and look_counts < goal:
-                goal = look_counts
-        if self.attendant is not None:
-            look_counts = self.attendant.next_counts
-            if look_counts is not None and look_counts < goal:
-                goal = look_counts
+        if self._step_at_once:
+            goal = self.now_counts
         return goal
 
     def _advance_to(self, until_counts: int) -> None:
@@ -314,25 +307,15 @@ class Simulation:
                 item.operation.apply(self, item.board)
         for board in self.boards:
             board.poll(now_counts)
-        for node in self.nodes:
-            node.poll(now_counts)
-        if self.rotor_watch is not None:
-            self.rotor_watch.look()
-        if self.attendant is not None:
-            self.attendant.attend(now_counts)
-        if self.shelf_watch is not None and self.shelf_watch.is_due(now_counts):
-            self._let_shelf_look(self.shelf_watch)
+        self._step_at_once = False
+        for participant in self._participants:
+            participant.step(now_counts)
 
     def rotors_full_steps(self) -> list[float]:
         """Return the position of each rotor since power-up, board by board."""
         if self.rotor_watch is not None:
             return self.rotor_watch.positions_full_steps()
         return [full_steps for board in self.boards for full_steps in board.positions_full_steps()]
-
-    def _let_shelf_look(self, watch: ShelfWatch) -> None:
-        """Let the shelf see what has changed, and the boards what its sensors see."""
-        for number, change in watch.look(self.now_counts):
-            self._operate(change, number)
 
     def _advance_boards(self, goal_counts: int) -> int:
         """Let time pass on all boards; return the instant that all of them have reached.
@@ -351,3 +334,7 @@ class Simulation:
         for board in by_motion:
             reached_counts = board.advance(reached_counts)
         return reached_counts
+
+
+Joining = Callable[[Simulation], Participant]
+"""Makes a participant of a simulation whose boards have no power yet."""

@@ -126,8 +126,8 @@ class Board:
         """True while a driver tells that a protection holds its outputs off."""
         self._watching_outputs = False
         """True if the board must note each change of a digital output at once."""
-        self.output_changed: bool = False
-        """True if a digital output has changed; the reader resets it."""
+        self.output_change_count: int = 0
+        """Number of changes of digital outputs since the machine was switched on."""
         self.rotor_of: Callable[[int], Shaft] | None = None
         """Tells where an axis' rotor is, if motors turn with the board."""
         self._power_up()
@@ -215,7 +215,7 @@ class Board:
         """Switch the supply off, until `start`: as `power_cycle`, but the new controller stays off the bus."""
         self._take_pins()
         self.drivers.drop_pins(now_counts)
-        self.output_changed = True
+        self.output_change_count += 1
         self.drivers.supply(reversed(SUPPLIES), now_counts, 0)
         self._fall_silent(self.drivers.cut_off(self.motion.take_edges(), now_counts), now_counts)
 
@@ -226,7 +226,7 @@ class Board:
         """
         self._take_pins()
         self.drivers.release_pins(now_counts)
-        self.output_changed = True
+        self.output_change_count += 1
         self._fall_silent(self.drivers.cut_short(self.motion.take_edges(), now_counts), now_counts)
 
     def _fall_silent(self, last_edges: list[PinEdges], now_counts: int) -> None:
@@ -500,7 +500,7 @@ class Board:
     def _take_pins(self) -> None:
         for change in self.running.take_pins():
             self.drivers.set_pin(change)
-            self.output_changed |= change.pin in OUTPUT_PINS
+            self.output_change_count += change.pin in OUTPUT_PINS
             self._look_at_once |= self._hot and change.pin not in OUTPUT_PINS  # RESET may end the thermal shutdown
 
     @property
@@ -509,7 +509,7 @@ class Board:
         return self.drivers.pin_changes
 
     def watch_outputs(self) -> None:
-        """Let `output_changed` tell of each change at once."""
+        """Let `output_change_count` count each change at once."""
         self._watching_outputs = True
 
     def output_level(self, axis: int, pin: Pin) -> int:

@@ -299,7 +299,7 @@ class SimpleNode:
 
     # --- frames out
 
-    def poll(self, now_counts: int) -> None:
+    def step(self, now_counts: int) -> None:
         """Do what is due: emergencies from outside, heartbeat, TPDOs by events."""
         if self.next_due_counts is None or self.next_due_counts > now_counts:
             return

@@ -34,8 +34,8 @@ from steptwin.emulator.motors.rotor_kernel import (
     EVENT_ON,
 )
 from steptwin.emulator.motors.rotors import Drive, RotorRecord, Rotors
-from steptwin.emulator.world.shelf_watch import OutputWire
 from steptwin.emulator.world.switches import WEIGHT_ONE
+from steptwin.emulator.world.wires import OutputWire
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -139,7 +139,7 @@ class RotorWatch:
         self._pieces: Iterator[None] | None = None
         """What is left of a stretch that `work` has begun."""
         self._end_tick = 1
-        self.next_counts: int = TICK_COUNTS - 1
+        self.next_due_counts: int = TICK_COUNTS - 1
         """Instant just before the end of the stretch: the boards have computed what comes before, and no more."""
 
     def _reader(self, board: Board, first: int) -> Callable[[int], Shaft]:
@@ -156,7 +156,7 @@ class RotorWatch:
 
     # --- time
 
-    def look(self) -> None:
+    def step(self, now_counts: int) -> None:
         """See what has happened by now: outputs that have switched, and whether a stretch has ended."""
         wire = self._wiring.held_by
         if wire is not None:
@@ -166,9 +166,9 @@ class RotorWatch:
                 self._carry()
         if any(board.slipped_full_steps != known for board, known in zip(self._boards, self._slipped, strict=True)):
             self._see_slips()
-        if self._now() >= self.next_counts:
+        if now_counts >= self.next_due_counts:
             self._complete()
-            while self._now() >= self.next_counts:
+            while now_counts >= self.next_due_counts:
                 self._turn(self._end_tick)
         elif self._still and any(board.moving for board in self._boards):
             self._turn_to_now()
@@ -352,7 +352,7 @@ class RotorWatch:
         if self._changes:
             end = min(end, self._changes[0][0])
         self._end_tick = max(end, self._tick + 1)
-        self.next_counts = self._end_tick * TICK_COUNTS - 1
+        self.next_due_counts = self._end_tick * TICK_COUNTS - 1
 
     @property
     def _still(self) -> bool:

@@ -7,35 +7,18 @@ it looks less often, only to see whether the drawer can follow.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-from steptwin.controller.node.pins import Pin
-from steptwin.emulator.board.board import Board
 from steptwin.emulator.faults.machine import SetInput
+from steptwin.emulator.simulation import Simulation
 from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
-from steptwin.protocol.cia402 import DigitalInput
+from steptwin.emulator.world.wires import InputWire, OutputWire
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 LOOK_COUNTS: Final = COUNTS_PER_SECOND // 100
 """10 ms: a drawer that is pulled with 30 mm/s moves by 0.3 mm between two looks."""
 IDLE_LOOK_COUNTS: Final = COUNTS_PER_SECOND // 10
 """The same without sensors."""
-
-
-class OutputWire(NamedTuple):
-    """An output to which a device of the hand is wired: number of the board, axis on it, pin."""
-
-    board: int
-    axis: int
-    pin: Pin
-
-
-class InputWire(NamedTuple):
-    """An input to which a sensor is wired: number of the board, axis on it, input."""
-
-    board: int
-    axis: int
-    input: DigitalInput
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +44,23 @@ class ShelfWiring:
 class ShelfWatch:
     """A shelf beside the boards of a simulation."""
 
-    def __init__(self, wiring: ShelfWiring, boards: Sequence[Board], rotors: Callable[[], Sequence[float]]) -> None:
-        """Stand beside boards; `rotors` tells where their rotors are, as `ShelfWiring.tip_at` takes it."""
+    def __init__(self, wiring: ShelfWiring, simulation: Simulation) -> None:
+        """Stand beside the boards of a simulation."""
         self.shelf: MovingShelf = MovingShelf(wiring.shelf)
         self._wiring = wiring
-        self._boards = tuple(boards)
-        self._rotors = rotors
+        self._simulation = simulation
+        self._boards = simulation.boards
+        self._seen_changes = 0
+        """Changes of outputs up to the last look."""
         self._looked_counts = 0
         self._rested = True
         """True if nothing has moved since the last look."""
         self._seen = Sensed()
-        for board in boards:
+        for board in self._boards:
             board.watch_outputs()
 
     @property
-    def next_counts(self) -> int | None:
+    def next_due_counts(self) -> int | None:
         """Instant of the next look that is due by itself; None while no drawer moves."""
         if not self.shelf.held or (self._rested and not self._moving):
             return None
@@ -86,29 +71,23 @@ class ShelfWatch:
     def _moving(self) -> bool:
         return any(board.moving for board in self._boards)
 
-    def is_due(self, now_counts: int) -> bool:
-        """Return whether an output has changed since the last call or a look is due by itself."""
-        changed = False
-        for board in self._boards:
-            if board.output_changed:
-                board.output_changed, changed = False, True
-        if changed or not self.shelf.held:
-            return changed
-        due_counts = self.next_counts
-        return due_counts is not None and due_counts <= now_counts
-
-    def look(self, now_counts: int) -> list[tuple[int, SetInput]]:
-        """Look; return the boards' inputs that change, with the numbers of the boards."""
+    def step(self, now_counts: int) -> None:
+        """Look if an output has changed, or if a look is due by itself; let the boards see what the sensors see."""
+        changes = sum(board.output_change_count for board in self._boards)
+        if changes == self._seen_changes:
+            due_counts = self.next_due_counts
+            if due_counts is None or due_counts > now_counts:
+                return
+        self._seen_changes = changes
         self.look_now(now_counts)
-        return list(self._sensor_changes())
+        for number, change in list(self._sensor_changes()):
+            self._simulation.apply(change, number)
 
     def look_now(self, now_counts: int) -> None:
         """Look whatever has changed, as at the end of a run; no input changes."""
         self._rested, self._looked_counts = not self._moving, now_counts
-        wiring = self._wiring
-        self.shelf.look(
-            now_counts, wiring.tip_at(self._rotors()), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet)
-        )
+        wiring, rotors = self._wiring, self._simulation.rotors_full_steps()
+        self.shelf.look(now_counts, wiring.tip_at(rotors), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet))
 
     def _on(self, wire: OutputWire | None) -> bool:
         return wire is not None and bool(self._boards[wire.board].output_level(wire.axis, wire.pin))

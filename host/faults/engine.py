@@ -144,7 +144,7 @@ class _Changed:
 
 
 class Engine:
-    """Plays one scenario; the simulation's attendant.
+    """Plays one scenario; a participant of the simulation.
 
     After `begin` it looks at what has happened at the end of every event. An operation is executed at the very instant
     when its trigger is due; the firmware sees inputs with its next tick.
@@ -181,8 +181,8 @@ class Engine:
         target.simulation.bus.faults.reseed(scenario.seed)
         target.simulation.bus.faults.on_strike = self._note_strike
         target.simulation.bus.listen(self._hear)
-        target.simulation.attendant = self
-        self.attend(target.simulation.now_counts)  # what is due at power-up comes before the first frame
+        target.simulation.join(self)
+        self.step(target.simulation.now_counts)  # what is due at power-up comes before the first frame
 
     def _watch(self, trigger: Trigger) -> Watch:
         target = self.target
@@ -217,11 +217,11 @@ class Engine:
                 each.watch.hear(cob_id)
 
     @property
-    def next_counts(self) -> int | None:
+    def next_due_counts(self) -> int | None:
         """Instant when the next trigger is due or must be looked at; None while all wait for events."""
         return earliest(each.watch for each in self._waiting if each.watch is not None) if self._waiting else None
 
-    def attend(self, now_counts: int) -> None:
+    def step(self, now_counts: int) -> None:
         """Begin and end the faults that are due; those of one instant in the scenario's order."""
         if self._sync_counts is not None and self.target.interpolating:
             self._note_start(self._sync_counts)
@@ -231,7 +231,7 @@ class Engine:
                     self._act(each, now_counts)
             self._waiting = [each for each in self._waiting if each.watch is not None]
         if not self._waiting and self.start_counts is not None:
-            self.target.simulation.attendant = None  # nothing is left to do: each event would cost another look
+            self.target.simulation.leave(self)  # nothing is left to do: each event would cost another look
 
     def _note_start(self, sync_counts: int) -> None:
         """Note t = 0 of the motion, the first tick after the SYNC."""

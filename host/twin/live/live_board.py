@@ -276,7 +276,7 @@ class LiveBoard:
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.faults.struck.clear()
-        if watch := self._machine.simulation.shelf_watch:
+        if watch := self._machine.shelf_watch:
             self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
             watch.shelf.events.clear()
         lines, self._lines = self._lines, []
@@ -349,7 +349,7 @@ class LiveBoard:
 
     def shelf(self) -> dict[str, Any] | None:
         """Return what happened at the shelf, the boxes and the open drawers; None if the robot has no shelf."""
-        watch = self._machine.simulation.shelf_watch
+        watch = self._machine.shelf_watch
         if watch is None:
             return None
         now = shelf_evidence(watch.shelf, self._machine.parts.stock)

@@ -1,7 +1,7 @@
 """Put an emulated machine together: its boards with their drivers, the shelf beside it, the motors at the drivers."""
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.native import FirmwareError
-from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.world.shelf_watch import ShelfWiring
+from steptwin.emulator.simulation import Joining, Simulation
+from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
 from steptwin.host.common.errors import InputError
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.requests import request_of
@@ -175,7 +175,7 @@ class EmulatedMachine(Target):
         self.bus: Bus = Bus(options.bits_per_s(robot), log)
         try:
             simulation = Simulation(
-                parts.boards, self.bus, schedule, parts.shelf, parts.motors, tuple(parts.nodes.values())
+                parts.boards, self.bus, schedule, parts.motors, tuple(parts.nodes.values()), self._joining(parts)
             )
         except FirmwareError as error:
             raise InputError(f"firmware={error}") from error
@@ -184,6 +184,17 @@ class EmulatedMachine(Target):
         self.host: HostCondition = HostCondition()
         scenario = options.scenario_for(robot)
         self.engine: Engine | None = None if scenario is None else Engine(scenario, self, self.host)
+
+    def _joining(self, parts: MachineParts) -> Iterator[Joining]:
+        """Yield what makes the participants beside boards, bus, nodes and motors."""
+        self.shelf_watch: ShelfWatch | None = None
+        if (wiring := parts.shelf) is not None:
+
+            def join(simulation: Simulation) -> ShelfWatch:
+                self.shelf_watch = ShelfWatch(wiring, simulation)
+                return self.shelf_watch
+
+            yield join
 
     def switch_node(self, node_id: int, *, on: bool) -> None:
         """Take the supply from a further node, or give it back; KeyError if there is none of this id."""
@@ -200,7 +211,7 @@ class EmulatedMachine(Target):
 
     def shelf_evidence(self) -> ShelfEvidence | None:
         """Look at the shelf; return what has happened there since power-up, None if there is none."""
-        watch = self.simulation.shelf_watch
+        watch = self.shelf_watch
         if watch is None:
             return None
         watch.look_now(self.simulation.now_counts)

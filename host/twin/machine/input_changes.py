@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from steptwin.controller.node.pins import Pin
 from steptwin.emulator.faults.machine import SetInput
-from steptwin.emulator.world.shelf_watch import InputWire, OutputWire
+from steptwin.emulator.world.wires import InputWire, OutputWire
 from steptwin.host.faults.requests import wired_input
 from steptwin.host.faults.target import Places
 from steptwin.host.robots.robot import Robot

@@ -273,6 +273,6 @@ def test_junk_from_the_bus_never_raises(junk: list[tuple[int, bytes]]) -> None:
     node.can.received(Frame(0, bytes((START, ID))), 72)
     for number, (cob_id, data) in enumerate(junk, start=2):
         node.can.received(Frame(cob_id, data), 72 * number)
-        node.poll(72 * number)
+        node.step(72 * number)
     node.can.received(Frame(0, bytes((RESET, 0))), 72_000_000)
     assert node.value(SET_POINT) == 0
