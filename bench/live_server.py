@@ -146,7 +146,7 @@ def seven_axes() -> Robot:
         for joint in robot.joints
     ]
     more = [replace(joints[-1], name=f"more{i}") for i in range(AXES - len(joints))]
-    return replace(robot, joints=(*joints, *more), home=(*robot.home, *[0.0] * len(more)), shelf=None)
+    return replace(robot, joints=(*joints, *more), home=(*robot.home, *[0.0] * len(more)), sections={})
 
 
 def main() -> None:

@@ -56,10 +56,8 @@ from steptwin.host.faults.triggers import AtState as AtState
 from steptwin.host.faults.triggers import AtTime as AtTime
 from steptwin.host.faults.triggers import Direction as Direction
 from steptwin.host.faults.triggers import OnFrame as OnFrame
-from steptwin.host.planning.errand import Carry as Carry
-from steptwin.host.planning.errand import Errand as Errand
 from steptwin.host.planning.fastest import fastest_again as fastest_again
-from steptwin.host.planning.jobs import job_carries as job_carries
+from steptwin.host.planning.jobs import job_extras as job_extras
 from steptwin.host.planning.jobs import job_names as job_names
 from steptwin.host.planning.jobs import job_options as job_options
 from steptwin.host.planning.jobs import make_job as make_job

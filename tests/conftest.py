@@ -173,3 +173,15 @@ def _written(
             assert run(["run", *words, "--kernel", kernel.name, "--out", str(folder)]) == exit_code
 
     return made_once(factory, name, write)
+
+
+@pytest.fixture(scope="session")
+def store_run(tmp_path_factory: pytest.TempPathFactory, fast_kernel: Kernel) -> Path:
+    """Return the folder of a quick `run warehouse-scara store`: 9 s, in which outputs switch and the shelf is told."""
+    words = ["run", "warehouse-scara", "store", "-o", "pull_s=1", "-o", "approach_mm=5", "-o", "law=fastest"]
+
+    def write(folder: Path) -> None:
+        with without_pictures():
+            assert run([*words, "--kernel", fast_kernel.name, "--out", str(folder)]) == 0
+
+    return made_once(tmp_path_factory, "store-quick", write)

@@ -14,6 +14,8 @@ from matplotlib.patches import Rectangle
 
 from docs.generate.commands import DOCS
 from docs.generate.robots_page import PICTURE_KINDS, picture
+from steptwin.features.shelf import shelf_of
+from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.findings import Findings
 from steptwin.host.planning.jobs import make_job
@@ -28,7 +30,6 @@ from steptwin.host.robots.kinematics.chain import Chain
 from steptwin.host.robots.kinematics.links import Role
 from steptwin.host.robots.new_file import robot_text, with_settings
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.shelf import Shelf
 from steptwin.host.studies.calibration import identify_errors, simulate_measurements
 from steptwin.host.studies.calibration.residuals import draw_residuals
 from steptwin.host.studies.motors.motor_pictures import draw_torque
@@ -137,7 +138,7 @@ def write_warehouse_picture() -> None:
 
 def _draw() -> Figure:
     robot = load_robot(_ROBOT)
-    shelf = robot.shelf
+    shelf = shelf_of(robot)
     if shelf is None:
         raise ValueError(f"{_ROBOT} has no shelf")
     motion = make_job(robot, "store", _OPTIONS)

@@ -66,7 +66,7 @@ def session() -> str:
 
 def _played() -> EmbeddedBoard:
     whole = load_robot("teaching-scara")
-    robot = replace(whole, joints=whole.joints[:1], home=whole.home[:1], outputs={}, boxes={}, shelf=None)
+    robot = replace(whole, joints=whole.joints[:1], home=whole.home[:1], outputs={}, boxes={}, sections={})
     board = EmbeddedBoard(robot, fastest_kernel(), MachineOptions(stand_at=[0.0]))
     machine = Machine(board, robot.joint_names)
     machine.connect()

@@ -15,6 +15,7 @@ from steptwin.host.cli.output import print_json, say, say_no_pictures, warn
 from steptwin.host.common import numbers
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.planning_time import PLANNING_S, PlanningTimeError, plan_within
 from steptwin.host.twin.machine.machine_options import SPELLING, MachineOptions
 
@@ -293,8 +294,12 @@ class OrientationOptions:
 
 def naming_machine_options(*parameters: str, **options: str) -> AbstractContextManager[None]:
     """Name the command line's options in errors about the machine, and about further parameters."""
+    classes = (MachineOptions, *(made() for _, made in giving("machine_options")))
     spelled = {
-        field.name: field.metadata[SPELLING].option for field in fields(MachineOptions) if field.name != "motors"
+        field.name: field.metadata[SPELLING].option
+        for made in classes
+        for field in fields(made)
+        if SPELLING in field.metadata and field.name != "motors"
     }
     return naming_options(*parameters, **spelled, **options)
 

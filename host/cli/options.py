@@ -15,7 +15,8 @@ from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin
 import typer
 
 from steptwin.host.common.errors import StepTwinError
-from steptwin.host.twin.machine.machine_options import SPELLING, Spelling
+from steptwin.host.common.features import giving
+from steptwin.host.twin.machine.machine_options import OF_FEATURES, SPELLING, Spelling
 
 MACHINE_PANEL: Final = "Emulated machine"
 """Title of the box of options, in a command's help, that only an emulated machine has."""
@@ -108,6 +109,11 @@ def switch(says: str, *names: str, **told: Any) -> Any:
     return option("", says, *names, default=False, **told)
 
 
+def of_features(attribute: str) -> Any:
+    """Return, as the default of a group's field, the options that features give by an attribute of theirs."""
+    return field(default=(), metadata={OF_FEATURES: attribute})
+
+
 class Without(NamedTuple):
     """Mark of a group, in `Annotated`: fields that are no options here and keep their defaults."""
 
@@ -131,14 +137,22 @@ class _Group:
             made, without = annotation.__origin__, annotation.__metadata__[0].names
         if not isinstance(made, type) or not is_dataclass(made):
             return None
-        return cls.made_of((each for each in fields(made) if each.name not in without), made)
+        return cls.made_of((each for each in fields(made) if each.name not in without and _is_option(each)), made)
 
     @classmethod
     def made_of(cls, members: Iterable[Field[Any]], make: Callable[..., Any]) -> "_Group":
         """Return the group of these fields; a class or a function makes its object of them."""
-        found = {each.name: (each, cls.of(each.type)) for each in members}
+        found = {each.name: (each, cls._of_features(each) or cls.of(each.type)) for each in members}
         own = {name: each for name, (each, group) in found.items() if group is None}
         return cls(make, own, {name: group for name, (_, group) in found.items() if group})
+
+    @classmethod
+    def _of_features(cls, member: Field[Any]) -> "_Group | None":
+        """Return the group of the options that features give for a field; None for a field of another kind."""
+        if OF_FEATURES not in member.metadata:
+            return None
+        inner = {feature.name: cls.of(made()) for feature, made in giving(member.metadata[OF_FEATURES])}
+        return cls(lambda **made: tuple(made.values()), {}, {name: group for name, group in inner.items() if group})
 
     def options(self) -> Iterator[Field[Any]]:
         """Yield the fields that are options, then those of the groups in it."""
@@ -172,8 +186,16 @@ def given_options(group: Any) -> dict[str, Any]:
     values = {name: getattr(group, name) for name in found.own}
     given = {_names(found.own[name])[0]: value for name, value in values.items() if value != found.own[name].default}
     for name in found.inner:
-        given |= given_options(getattr(group, name))
+        inner = getattr(group, name)
+        for each in inner if isinstance(inner, tuple) else (inner,):
+            given |= given_options(each)
     return given
+
+
+def _is_option(each: Field[Any]) -> bool:
+    """Return whether a field of a dataclass is an option, or stands for several."""
+    described = {SPELLING, _DESCRIBED, OF_FEATURES} & set(each.metadata)
+    return bool(described) or get_origin(each.type) is Annotated or is_dataclass(each.type)
 
 
 def _field_of(parameter: Parameter) -> Field[Any]:

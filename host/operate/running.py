@@ -10,10 +10,10 @@ import numpy as np
 from steptwin.host.client import Machine, Progress
 from steptwin.host.client.reports import check_enabled, check_faults
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.operate.inputs_outputs import WaitMade, plan_made, streamed_motion, waits_document, waits_made
 from steptwin.host.operate.moving import move_within
 from steptwin.host.operate.session import MachineCharge, Session
-from steptwin.host.planning.clearance import check_way
 from steptwin.host.planning.plan import PLANNED_PERCENT, Plan, highest_speed
 from steptwin.protocol.od import UNITS_PER_FULL_STEP
 
@@ -113,7 +113,8 @@ def execute_live(
     with session.charge("run") as charge:
         try:
             if approach:
-                check_way(plan.robot, charge.start.joints, plan.start_joints)
+                for _, check in giving("check_travel"):
+                    check(plan.robot, charge.start.joints, plan.start_joints)
             else:
                 plan.check_start(charge.start.joints)
         except InputError as error:

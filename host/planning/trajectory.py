@@ -1,8 +1,8 @@
 """The interface of a trajectory: joint positions and velocities as functions of time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Protocol, runtime_checkable
+from typing import Any, Final, Protocol, runtime_checkable
 
 from steptwin.host.common.arrays import FloatArray
 
@@ -116,19 +116,10 @@ class Waiting(Protocol):
         ...
 
 
-@runtime_checkable
-class LeavingOpen(Protocol):
-    """A trajectory that pulls drawers out and leaves them so; others need not have the attribute."""
-
-    @property
-    def leaves_open(self) -> tuple[str, ...]:
-        """The slots of the shelf whose drawers stay out at the end."""
-        ...
-
-
-def left_open(trajectory: Trajectory) -> tuple[str, ...]:
-    """Return the slots of the shelf whose drawers a trajectory leaves out."""
-    return trajectory.leaves_open if isinstance(trajectory, LeavingOpen) else ()
+def expected_of(trajectory: Trajectory) -> Mapping[str, Any]:
+    """Return what features are to find at the end of a trajectory, by key; others need not have the attribute."""
+    found: Mapping[str, Any] = getattr(trajectory, "expects", {})
+    return found
 
 
 def waits_of(trajectory: Trajectory) -> tuple[PlannedWait, ...]:

@@ -12,6 +12,7 @@ from typing import Final
 
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.file_limits import ROBOT_BYTES_MAX
 from steptwin.host.common.own_files import is_file, read_text
 from steptwin.host.robots.reader import parse_robot, read_robot
@@ -51,10 +52,15 @@ def robot_names() -> tuple[str, ...]:
 
 
 def brought_text(name: str) -> str:
-    """Return the robot file that StepTwin brings for a robot; raise InputError, with the nearest, for another name."""
+    """Return the robot file that StepTwin brings for a robot, with the tables that features add to it.
+
+    Raises:
+        InputError: there is no such robot; the message has the nearest name.
+    """
     if name not in robot_names():
         raise unknown("robot", name, robot_names())
-    return {**_PAPERS, **_MACHINES}[name].read_text(encoding="utf-8")
+    text = {**_PAPERS, **_MACHINES}[name].read_text(encoding="utf-8")
+    return text + "".join(tables(name) for _, tables in giving("robot_tables"))
 
 
 def load_robot(name: Path | str) -> Robot:

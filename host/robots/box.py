@@ -1,4 +1,4 @@
-"""A box around the machine, such as a shelf or a drawer: pictures show it, and a shelf is made of such boxes."""
+"""A box around the machine, such as a table or a drawer: pictures show it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -14,6 +14,7 @@ from typing import Final, NoReturn, TypeVar
 
 from steptwin.host.common.bad_input import apart, at_most, prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
 from steptwin.host.common.findings import Findings, UnreadError, check_all, judged, part_of
 from steptwin.host.common.tables import Reading, Table, check_name, integer_from, number_at, number_from, toml_table
@@ -30,7 +31,6 @@ from steptwin.host.robots.link_errors import QUANTITIES, LinkErrors
 from steptwin.host.robots.motor import MOTOR_KEYS, Dynamics, JointLink, JointMotor
 from steptwin.host.robots.poses.base_frame import BaseFrame
 from steptwin.host.robots.robot import Dimension, Robot
-from steptwin.host.robots.shelf import SENSORS, Point, Shelf, Spot
 from steptwin.host.robots.switches import JointHoming, JointSwitches
 from steptwin.protocol.drivers import ActiveEdge, DriverFigures
 from steptwin.protocol.od import MICROSTEPS_CHOICES, TIMING_NS_MAX
@@ -65,10 +65,13 @@ def read_robot(text: str) -> Robot:
 def _robot(table: Table) -> Robot:
     """Return the robot, or the part of it that is right; what is wrong goes to the table's findings."""
     kind = _kind_ahead(table)
+    sections = {feature.name: read for feature, read in giving("section")}
     values = table.gather(
         {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)},
-        {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)},
+        {**_ROBOT_OPTIONAL, **sections, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)},
     )
+    read = {name: values.pop(name, None) for name in sections}
+    values["sections"] = {name: section for name, section in read.items() if section is not None}
     joints: dict[str, Joint] = values.get("joints", {})
     if joints:
         values["joints"] = tuple(joints.values())
@@ -148,7 +151,7 @@ def _kind_ahead(table: Table) -> _Mechanism:
 
 def _joints(kind: _Mechanism, table: Table, key: str) -> dict[str, Joint]:
     """Return the joints of the file and of the kind; of those that are wrong, the parts that are right."""
-    joints = _each(partial(_joint, kind), table, key)
+    joints = each_of(partial(_joint, kind), table, key)
     with table.section(key) as section:
         if kind.joints:
             with table.findings.collecting():
@@ -217,7 +220,7 @@ def _coupling(kind: _Mechanism, table: Table, key: str) -> Coupling:
     before = len(table.findings.messages)
     with table.findings.collecting(f"{key}: "):
         Coupling.check_names(names, rows)
-    elements = _each(_places, table, key)
+    elements = each_of(_places, table, key)
     if len(table.findings.messages) > before:
         raise UnreadError(key)
     with prefixed(f"{key}: "):
@@ -241,13 +244,13 @@ def _dh_errors(kind: _Mechanism, table: Table, key: str) -> dict[str, LinkErrors
     if kind.dh:
         with table.section(key) as section, table.findings.collecting(f"{key}: "):
             check_links(kind.name, kind.dh, kind.joints, section)
-    return _each(_link_errors, table, key)
+    return each_of(_link_errors, table, key)
 
 
 # --- tables whose keys are names
 
 
-def _each(read: Callable[[Table, str], _Made], table: Table, key: str) -> dict[str, _Made]:
+def each_of(read: Callable[[Table, str], _Made], table: Table, key: str) -> dict[str, _Made]:
     """Return what `read` makes of every key in the table under a key, where the keys are names."""
     with table.section(key) as section:
         return section.gather({name: read if _is_name(section, name) else _not_read for name in section})
@@ -265,13 +268,13 @@ def _not_read(_: Table, key: str) -> NoReturn:
 
 
 def _places(table: Table, key: str) -> dict[str, float]:
-    positions = _each(Table.number, table, key)
+    positions = each_of(Table.number, table, key)
     if not positions and table.values[key]:
         raise UnreadError(key)
     return positions
 
 
-def _settings(make: type[_Made], required: dict[str, Reading], optional: dict[str, Reading]) -> Reading:
+def settings(make: type[_Made], required: dict[str, Reading], optional: dict[str, Reading]) -> Reading:
     """Return a reading of a table whose keys are the fields of `make`."""
 
     def read(table: Table, key: str) -> _Made:
@@ -289,7 +292,7 @@ def _range(table: Table, key: str) -> Range:
     return first, last
 
 
-def _point(table: Table, key: str) -> Point:
+def read_point(table: Table, key: str) -> tuple[float, float, float]:
     coordinates = table.elements(key)
     if len(coordinates) != len(_COORDINATES):
         raise InputError(f"{key}: has {len(coordinates)} values, but a point has three: [x, y, z]")
@@ -297,40 +300,18 @@ def _point(table: Table, key: str) -> Point:
     return x_mm, y_mm, z_mm
 
 
-def _texts(table: Table, key: str) -> tuple[str, ...]:
+def read_texts(table: Table, key: str) -> tuple[str, ...]:
     texts = table.elements(key)
-    if strange := [f"{key}[{i}]: is not a text" for i, text in enumerate(texts) if not isinstance(text, str)]:
+    if strange := [f"{key}[{i}]: {short(text)} is not a text" for i, text in enumerate(texts) if type(text) is not str]:
         raise InputError(*strange)
     return tuple(map(str, texts))
 
 
 _COORDINATES: Final = ("x", "y", "z")
-_spot: Final = _settings(
-    Spot, {"lid_mm": _point}, {"feeds": Table.truth, "clears": Table.truth, "grip_mm": Table.number}
-)
-_HAND: Final[dict[str, Reading]] = {"magnet": Table.text, "capture_mm": Table.number}
-_SPOTS: Final[dict[str, Reading]] = {"spots": partial(_each, _spot)}
-_DRAWERS: Final[dict[str, Reading]] = {
-    "lock": Table.text,
-    **dict.fromkeys(("travel_mm", "opening_mm", "arm_radius_mm"), Table.number),
-    "slots": partial(_each, Table.text),
-}
-_AT_DRAWERS: Final[dict[str, Reading]] = {"obstacles": _texts, **dict.fromkeys(SENSORS, Table.text)}
-
-
-def _shelf(table: Table, key: str) -> Shelf:
-    """Return a shelf: one with spots alone needs no key of drawers, any other needs all of them."""
-    with table.section(key) as section:
-        drawers = any(name in section for name in _DRAWERS | _AT_DRAWERS) or "spots" not in section
-    required, optional = (_DRAWERS, _SPOTS) if drawers else (_SPOTS, _DRAWERS)
-    shelf: Shelf = _settings(Shelf, _HAND | required, optional | _AT_DRAWERS)(table, key)
-    return shelf
-
-
-_box: Final = _settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
-_link_errors: Final = _settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.number))
-_output: Final = _settings(Output, {"joint": Table.text, "out": Table.integer}, {})
-_input: Final = _settings(Input, {"joint": Table.text, "input": Table.integer}, {})
+_box: Final = settings(Box, dict.fromkeys(("x_mm", "y_mm", "z_mm"), _range), {"held_by": Table.text})
+_link_errors: Final = settings(LinkErrors, {}, dict.fromkeys(QUANTITIES, Table.number))
+_output: Final = settings(Output, {"joint": Table.text, "out": Table.integer}, {})
+_input: Final = settings(Input, {"joint": Table.text, "input": Table.integer}, {})
 
 
 # --- the board
@@ -355,7 +336,7 @@ _PULSES: Final[dict[str, Reading]] = {
 }
 _SETTLING_MAX_NS: Final = 10**10
 """Ten seconds: a driver that takes longer until its first step is none."""
-_figures: Final = _settings(
+_figures: Final = settings(
     DriverFigures,
     {
         "microsteps": _modes,
@@ -408,14 +389,13 @@ _ROBOT: Final[dict[str, Reading]] = {
     "board": _board,
 }
 _ROBOT_OPTIONAL: Final[dict[str, Reading]] = {
-    "base": _settings(BaseFrame, {}, dict.fromkeys(("x_mm", "y_mm", "z_mm", "phi_deg"), Table.number)),
+    "base": settings(BaseFrame, {}, dict.fromkeys(("x_mm", "y_mm", "z_mm", "phi_deg"), Table.number)),
     "paper": _paper,
-    "outputs": partial(_each, _output),
-    "inputs": partial(_each, _input),
-    "places": partial(_each, _places),
-    "boxes": partial(_each, _box),
-    "shelf": _shelf,
-    "dynamics": _settings(
+    "outputs": partial(each_of, _output),
+    "inputs": partial(each_of, _input),
+    "places": partial(each_of, _places),
+    "boxes": partial(each_of, _box),
+    "dynamics": settings(
         Dynamics,
         {"supply_v": Table.number},
         {
@@ -440,16 +420,16 @@ _JOINT_OPTIONAL: Final[dict[str, Reading]] = {
     "current_a": Table.number,
 }
 _LINK_OPTIONAL: Final[dict[str, Reading]] = {
-    **dict.fromkeys(("centre_mm", "inertia_kgm2"), _point),
+    **dict.fromkeys(("centre_mm", "inertia_kgm2"), read_point),
     **dict.fromkeys(("stop_lower", "stop_upper"), Table.number),
 }
 _JOINT_TABLES: Final[dict[str, Reading]] = {
-    "switches": _settings(
+    "switches": settings(
         JointSwitches,
         {},
         dict.fromkeys(("negative_limit", "positive_limit", "home_from", "home_to"), Table.number),
     ),
-    "homing": _settings(
+    "homing": settings(
         JointHoming,
         {
             "method": Table.integer,
@@ -459,9 +439,9 @@ _JOINT_TABLES: Final[dict[str, Reading]] = {
         },
         {},
     ),
-    "second_motor": _settings(SecondMotor, {"name": _name, "skew_max": Table.number}, {"square_offset": Table.number}),
-    "motor": _settings(JointMotor, {}, {"model": Table.text, **dict.fromkeys(MOTOR_KEYS, Table.number)}),
-    "link": _settings(JointLink, {"mass_kg": Table.number}, _LINK_OPTIONAL),
+    "second_motor": settings(SecondMotor, {"name": _name, "skew_max": Table.number}, {"square_offset": Table.number}),
+    "motor": settings(JointMotor, {}, {"model": Table.text, **dict.fromkeys(MOTOR_KEYS, Table.number)}),
+    "link": settings(JointLink, {"mass_kg": Table.number}, _LINK_OPTIONAL),
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_most, nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import Section
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box
@@ -19,7 +20,6 @@ from steptwin.host.robots.joint import WIRE_POSITION_MAX, Joint, second_axis
 from steptwin.host.robots.link_errors import LinkErrors
 from steptwin.host.robots.motor import Dynamics
 from steptwin.host.robots.poses.base_frame import STATION, BaseFrame
-from steptwin.host.robots.shelf import Shelf
 from steptwin.host.robots.switches import JointHoming
 
 AXES_MAX: Final = 8
@@ -44,12 +44,12 @@ class Robot:
         outputs: digital outputs of the board, by the name of the device wired to them.
         inputs: digital inputs of the board, by the name of the sensor wired to them.
         places: joint positions that jobs go to, by name; a place may name only some of the joints.
-        boxes: what stands around the machine, by name; pictures show it, and a shelf is made of some of them.
-        shelf: the shelf where the robot works; None if there is none.
+        boxes: what stands around the machine, by name; pictures show it, and features may work with them.
+        sections: tables of the file that features have read, by their names.
         coupling: how the axes follow the joints; by default each joint has a motor of its own.
         dh_errors: errors of the DH parameters, by the name of the link: no motion is planned by them; they tell where
             the tool really is.
-        base: where the base stands in the station, the frame of all poses, boxes and the shelf.
+        base: where the base stands in the station, the frame of all poses and boxes.
         paper: paper that describes the machine, as a citation in one line; may be empty.
         dynamics: supply and payload, for the model of motors and mechanics; None: unknown.
         toml: text of the robot file; empty for a robot that was not read from a file.
@@ -58,7 +58,7 @@ class Robot:
         InputError: no joints or more motors than a board drives, two axes of one name, a position outside a joint's
             limits, a place without joints,
             an output or input of an unknown joint, two of them at one connector, a box held by an unknown output, a
-            shelf that names what the robot does not have, or an axis that cannot be coupled so.
+            section that names what the robot does not have, or an axis that cannot be coupled so.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Robot:
     inputs: Mapping[str, Input] = field(default_factory=dict, hash=False)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
     boxes: Mapping[str, Box] = field(default_factory=dict, hash=False)
-    shelf: Shelf | None = field(default=None, hash=False)
+    sections: Mapping[str, Section] = field(default_factory=dict, hash=False)
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict, hash=False)
     base: BaseFrame = STATION
@@ -90,7 +90,7 @@ class Robot:
             self._check_outputs,
             self._check_inputs,
             self._check_boxes,
-            self._check_shelf,
+            self._check_sections,
             self._check_payload,
             self._check_supply,
             *(partial(self._check_microsteps, joint) for joint in self.joints),
@@ -146,15 +146,8 @@ class Robot:
                     raise unknown(".held_by: output", box.held_by, self.outputs)
         findings.raise_first()
 
-    def _check_shelf(self) -> None:
-        if self.shelf and self.shelf.slots and self.base.phi_deg % 360.0:
-            raise InputError(
-                f"base.phi_deg: {self.base.phi_deg:g} deg is for a robot without a shelf, whose drawers open along y;"
-                " 0 is right here"
-            )
-        if self.shelf:
-            with prefixed("shelf."):
-                self.shelf.check_names(self.outputs, self.inputs, self.places, self.boxes)
+    def _check_sections(self) -> None:
+        check_all(*(partial(section.check, self) for section in self.sections.values()))
 
     def _check_payload(self) -> None:
         holder = self.dynamics.payload_held_by if self.dynamics else ""

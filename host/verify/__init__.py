@@ -17,8 +17,6 @@ from steptwin.host.verify.evidence import (
     OutputChange,
     Phases,
     RateRamps,
-    ShelfEvent,
-    ShelfEvidence,
     Slips,
 )
 from steptwin.host.verify.gates import (
@@ -30,7 +28,6 @@ from steptwin.host.verify.gates import (
     threshold_tolerance_steps,
 )
 from steptwin.host.verify.report import BusReport, Report, RotorSlip, RunInfo, speeds_document
-from steptwin.host.verify.shelf_verdict import shelf_contradictions, shelf_document
 from steptwin.host.verify.verifier import powerless_reasons, verify, verify_comparison
 
 __all__ = [
@@ -55,16 +52,12 @@ __all__ = [
     "Report",
     "RotorSlip",
     "RunInfo",
-    "ShelfEvent",
-    "ShelfEvidence",
     "Slips",
     "any_step_rule",
     "compare",
     "contradictions",
     "motor_moves",
     "powerless_reasons",
-    "shelf_contradictions",
-    "shelf_document",
     "speeds_document",
     "threshold_tolerance_steps",
     "verify",

@@ -1,15 +1,14 @@
 """Put the expectation, a planned motion and the robot's conversions, beside the evidence, axis by axis."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray, Int64Array
-from steptwin.host.planning.errand import PlannedStock
-from steptwin.host.planning.trajectory import Switching, Trajectory, left_open
+from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.robots.coupling import Coupling
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
@@ -84,7 +83,7 @@ class Expectation:
         actual_forward: forward kinematics with the errors of the DH parameters that the robot's file states: where the
             tool really is; None if it states none.
         robot: the machine, whose arm and limits pictures show beside the motion; None: they leave them out.
-        stock: the boxes and open drawers that the motion is planned to leave at a shelf; None: it planned none.
+        features: what the motion is planned to leave for features, by their names.
         task: task of the tool, which says what the columns of poses are.
 
     Raises:
@@ -99,14 +98,12 @@ class Expectation:
     microsteps: tuple[int, ...] = ()
     actual_forward: Forward | None = None
     robot: Robot | None = None
-    stock: PlannedStock | None = None
+    features: Mapping[str, Any] = field(default_factory=dict)
     task: Task = SCARA
 
     @classmethod
-    def of(cls, robot: Robot, trajectory: Trajectory, stock: PlannedStock | None = None) -> Self:
-        """Return the expectation for a motion of a robot, and of the drawers that it leaves open."""
-        if leaves_open := left_open(trajectory):
-            stock = replace(stock or PlannedStock(), leaves_open=leaves_open)
+    def of(cls, robot: Robot, trajectory: Trajectory, features: Mapping[str, Any] | None = None) -> Self:
+        """Return the expectation for a motion of a robot, with what it is planned to leave for features."""
         units = tuple(joint.unit for joint in robot.joints)
         microsteps = tuple(axis.transmission.microsteps for axis in robot.axes)
         kinematics, actual = make_kinematics(robot), actual_chain(robot)
@@ -119,7 +116,7 @@ class Expectation:
             microsteps,
             actual.poses if actual else None,
             robot,
-            stock,
+            features or {},
             kinematics.task,
         )
 

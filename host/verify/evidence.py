@@ -9,7 +9,7 @@ the rate is the trajectory's time: by it a motion is compared with its plan, wha
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -256,54 +256,8 @@ class OutputChange:
 
 
 @dataclass(frozen=True, slots=True)
-class ShelfEvent:
-    """Something that happened at the shelf.
-
-    Attributes:
-        counts: its instant.
-        what: what happened, in words.
-        where: the slot or the spot; empty if it happened at none.
-        box: the box that it concerns; empty without one.
-        fault: True for what must not happen at a shelf.
-        tip_mm: where the tool's tip was, x, y and z.
-    """
-
-    counts: int
-    what: str
-    where: str
-    box: str
-    fault: bool
-    tip_mm: tuple[float, float, float]
-
-    def __str__(self) -> str:
-        x_mm, y_mm, z_mm = self.tip_mm
-        box = f" ({self.box})" if self.box else ""
-        place = f"{self.where}: " if self.where else ""
-        return f"{place}{self.what}{box} at x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm"
-
-
-@dataclass(frozen=True, slots=True)
-class ShelfEvidence:
-    """Everything that happened at the shelf.
-
-    Attributes:
-        events: in order of time.
-        start: the box in each slot and at each spot that had one at power-up.
-        end: the same at the end.
-        open_mm: how far each drawer is out at the end that is not shut.
-        cells_out: number of its cells, from the front, that are wholly out.
-    """
-
-    events: tuple[ShelfEvent, ...] = ()
-    start: Mapping[str, str] = field(default_factory=dict)
-    end: Mapping[str, str] = field(default_factory=dict)
-    open_mm: Mapping[str, float] = field(default_factory=dict)
-    cells_out: Mapping[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
 class Evidence:
-    """Evidence of one run: all axes, every change of the outputs in order of time, and the shelf if there is one.
+    """Evidence of one run: all axes, every change of the outputs in order of time, and that of features by their names.
 
     The planned trajectory's t = 0 is the board's instant `start_counts`.
     """
@@ -311,7 +265,7 @@ class Evidence:
     start_counts: int
     axes: tuple[AxisEvidence, ...]
     outputs: tuple[OutputChange, ...] = ()
-    shelf: ShelfEvidence | None = None
+    features: Mapping[str, Any] = field(default_factory=dict)
 
     def trajectory_s(self, counts: int) -> float:
         """Return the trajectory's time at an instant, by the first axis, whose reports the host follows."""

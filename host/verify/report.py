@@ -1,7 +1,7 @@
 """Report a run in plain figures, with the reasons if it failed; the keys are a contract with the report's readers."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from math import isnan
 from typing import Any
 
@@ -216,7 +216,7 @@ class Report:
         actual_tool: deviation of the actual tool, with the errors of the DH parameters that the robot's file states,
             from the planned pose; None if it states none. It decides nothing: the machine is right if it makes the
             planned steps.
-        shelf: what happened at the shelf, under the keys of the document; None if the robot has none.
+        features: what features have seen, under the keys of the document, by their names.
         speeds: the changes of the motion's speed on the way, pauses too; the document has them only if there are any.
         skews: how far the two motors of joints that have two were apart.
     """
@@ -229,7 +229,7 @@ class Report:
     outputs: tuple[OutputReport, ...]
     violations: tuple[ViolationReport, ...]
     actual_tool: ToolReport | None = None
-    shelf: Mapping[str, Any] | None = None
+    features: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     speeds: tuple[SpeedReport, ...] = ()
     skews: tuple[SkewReport, ...] = ()
 
@@ -252,7 +252,7 @@ class Report:
             **({"actual_tool": _plain(asdict(self.actual_tool))} if self.actual_tool else {}),
             "outputs": [_plain(asdict(output)) for output in self.outputs],
             "violations": [_plain(asdict(violation)) for violation in self.violations],
-            **({} if self.shelf is None else {"shelf": _plain(dict(self.shelf))}),
+            **{name: _plain(dict(document)) for name, document in self.features.items()},
             **speeds_document(self.speeds),
             **({"skews": [_plain(asdict(skew)) for skew in self.skews]} if self.skews else {}),
             "bus": _plain(asdict(self.run.bus)),

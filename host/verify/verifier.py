@@ -13,6 +13,7 @@ from math import nan
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.common.features import judge_of
 from steptwin.host.verify.comparison import Comparison, Expectation, compare
 from steptwin.host.verify.counted import powerless_steps, pulse_facts
 from steptwin.host.verify.deviation import Deviation, ToolDeviation, critical_instants, deviations
@@ -35,7 +36,6 @@ from steptwin.host.verify.report import (
     ToolReport,
     violation_reports,
 )
-from steptwin.host.verify.shelf_verdict import shelf_document, shelf_reasons
 from steptwin.host.verify.switching import output_reasons, output_reports
 
 
@@ -115,14 +115,15 @@ def verify_comparison(comparison: Comparison, run: RunInfo) -> Report:
     outputs = output_reports(comparison.expected.trajectory.switchings, comparison.evidence)
     reasons += output_reasons(outputs, comparison.evidence)
     violations = violation_reports(comparison.evidence)
-    evidence, shelf = comparison.evidence, None
-    if evidence.shelf is not None:
-        reasons += shelf_reasons(evidence.shelf, comparison.expected.stock, evidence.start_counts)
-        shelf = shelf_document(evidence.shelf, evidence.start_counts)
+    evidence, documents = comparison.evidence, {}
+    for name, seen in evidence.features.items():
+        judge = judge_of(name)
+        reasons += judge.reasons(seen, comparison.expected.features.get(name), evidence.start_counts)
+        documents[name] = judge.document(seen, evidence.start_counts)
     joints, tool = _joints_report(comparison), worst.tool.report()
     actual_tool = worst.actual_tool.report() if comparison.expected.actual_forward else None
     speeds = evidence.axes[0].rates.speeds(evidence.start_counts)
-    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool, shelf, speeds, skews)
+    return Report(run, tuple(reasons), axes, joints, tool, outputs, violations, actual_tool, documents, speeds, skews)
 
 
 def _worst(comparison: Comparison) -> _Worst:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from steptwin.host.cli.arguments import CheckedFile
 from steptwin.host.cli.output import Columns, print_rows, say, warn
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.findings import Findings
 
 if TYPE_CHECKING:
@@ -41,8 +42,6 @@ def check_robot(text: str, robot_name: str | None, findings: Findings) -> Checke
 
 
 def _document(robot: "Robot") -> dict[str, Any]:
-    from steptwin.host.planning.jobs.carry import missed_presets
-    from steptwin.host.planning.jobs.shelf_jobs import missed_places
     from steptwin.host.robots.kinematics import make_kinematics
 
     return {
@@ -51,7 +50,7 @@ def _document(robot: "Robot") -> dict[str, Any]:
         "joints": [_joint_document(joint, robot.board.driver_rate_max_hz) for joint in robot.joints],
         "coupling": _equations(robot),
         **_dh_errors_document(robot),
-        "shelf_missed": [*missed_places(robot), *missed_presets(robot)],
+        **{f"{feature.name}_missed": list(check(robot)) for feature, check in giving("check_robot")},
         **({"inverse": words} if (words := make_kinematics(robot).inverse_words) else {}),
         "reach": _reach(robot),
     }
@@ -205,7 +204,7 @@ def _print(robot: "Robot", document: dict[str, Any]) -> None:
         *_units_in_doubt(document),
         *_task_too_large(robot),
         *_levels_missed(robot),
-        *document["shelf_missed"],
+        *(line for feature, _ in giving("check_robot") for line in document[f"{feature.name}_missed"]),
     ):
         warn(warning)
     reach = document["reach"]

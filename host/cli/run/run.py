@@ -10,8 +10,9 @@ from steptwin.host.cli.live.connection import SessionOptions, live_option, live_
 from steptwin.host.cli.options import argument, given_options, naming_options, option
 from steptwin.host.cli.output import fixed, print_table, progress_bar, say
 from steptwin.host.cli.run.chosen_motion import ChosenMotion, FileOptions, SpeedOptions, choose_motion
+from steptwin.host.cli.run.hooks import prepare_run
 from steptwin.host.cli.run.verdict_text import print_waits
-from steptwin.host.cli.run.virtual_run import VirtualRunOptions, choose_errand, run_virtual
+from steptwin.host.cli.run.virtual_run import VirtualRunOptions, run_virtual
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import name_value_pairs
 from steptwin.host.common.errors import InputError
@@ -63,11 +64,10 @@ def run(
     virtual: VirtualRunOptions,
     live: LiveRunOptions,
     words: list[str] | None = argument(
-        "ROBOT JOB|FILE [BOX]",
+        "ROBOT JOB|FILE",
         "The robot, and one of its jobs (`steptwin jobs ROBOT` lists them), a program: TOML with steps"
         " (docs/programs.md), or a trajectory file: CSV with the header t,JOINT,... or t,x,y,z,phi, or JSON or YAML in"
-        " the shape of ROS' JointTrajectory, in s, mm and degrees. A program that names its robot may stand alone."
-        " With --inventory, the name of the box.",
+        " the shape of ROS' JointTrajectory, in s, mm and degrees. A program that names its robot may stand alone.",
     ),
 ) -> None:
     """Run a job, a program or a trajectory file on an emulated board in virtual time and verify every pulse.
@@ -76,13 +76,12 @@ def run(
     at the end are compared with the plan.
     """
     robot, rest = _robot_and_rest(live, words)
-    job, box = _job_and_box(rest, boxes=robot.shelf is not None and bool(robot.shelf.slots))
-    errand = choose_errand(robot, job, chosen.by_name(), virtual.inventory, box)
+    prepared = prepare_run(virtual.hooks, robot, rest, chosen.by_name())
     with planning.bounded():
-        motion = choose_motion(robot, job, dict(errand.options), file_options, speed_options)
+        motion = choose_motion(robot, prepared.job, dict(prepared.options), file_options, speed_options)
     if live.address.connection(robot) is None:
         live.refuse()
-        run_virtual(live, motion, errand, virtual)
+        run_virtual(live, motion, prepared, virtual)
     else:
         virtual.refuse()
         motion.say_summary(live)
@@ -102,14 +101,6 @@ def _robot_and_rest(live: LiveRunOptions, words: list[str] | None) -> "tuple[Rob
         raise InputError(f"{first}: names no robot: write it as `robot` in the file, or before the file")
     with prefixed(f"{first}: "):
         return load_own_robot(program), words or []
-
-
-def _job_and_box(words: list[str], *, boxes: bool) -> tuple[str, str | None]:
-    """Return the job or file, and the box if the robot has a shelf with slots and a word follows."""
-    if len(words) not in ((1, 2) if boxes else (1,)):
-        given = " ".join(words) or "nothing"
-        raise InputError(f"one JOB or FILE is needed after the robot, not {given}")
-    return words[0], words[1] if len(words) > 1 else None
 
 
 def run_live(live: LiveRunOptions, motion: ChosenMotion) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from steptwin.host.cli.output import Columns, fixed, print_rows, say
+from steptwin.host.common.features import giving
 
 USUAL_DRIVERS: Final = "chip-330pf"
 """Driver profile that a report does not mention."""
@@ -27,7 +28,10 @@ def print_report(document: Mapping[str, Any]) -> None:
         say(f"CLK: high {_least(moving, 'clk_high_us_min')}, low {_least(moving, 'clk_low_us_min')}{inverted}")
     _print_outputs(document["outputs"])
     print_waits(document)
-    _print_shelf(document)
+    for feature, lines in giving("report_lines"):
+        if feature.name in document:
+            for line in lines(document[feature.name]):
+                say(line)
     _print_violations(document["violations"])
     tool = document["tool"]
     if tool:
@@ -86,14 +90,6 @@ def print_waits(document: Mapping[str, Any]) -> None:
     )
     if text := ", ".join(said):
         say(f"waited: {text}")
-
-
-def _print_shelf(document: Mapping[str, Any]) -> None:
-    """Print where boxes were taken and put down; nothing without a shelf. Faults are among the verdict's reasons."""
-    carried = [event for event in document.get("shelf", {}).get("events", ()) if event["box"] and not event["fault"]]
-    said = (f"{event['what']} {event['where']} {event['t_s']:.3f} s ({event['box']})" for event in carried)
-    if text := ", ".join(said):
-        say(f"shelf: {text}")
 
 
 def _print_violations(violations: list[dict[str, Any]]) -> None:

@@ -1,9 +1,6 @@
-"""Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i.
+"""Run a motion on an emulated board in virtual time: `steptwin run` without --connect or -i."""
 
-What a run does with the boxes of a robot's shelf is said by its job's options, or by an inventory file.
-"""
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -12,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from steptwin.host.cli.app import end_unless
 from steptwin.host.cli.arguments import AnswerOptions, finite_number, machine_for, naming_machine_options, run_folder
-from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, option
+from steptwin.host.cli.options import MACHINE_PANEL, Without, given_options, of_features, option
 from steptwin.host.cli.output import progress_bar, say, say_compiling
 from steptwin.host.cli.run.chosen_motion import ChosenMotion
 from steptwin.host.cli.run.faults_on_purpose import print_faults, telling_of_faults
+from steptwin.host.cli.run.hooks import PreparedRun, RunHook
 from steptwin.host.cli.run.motor_report import (
     check_motors,
     keep_motors,
@@ -24,71 +22,18 @@ from steptwin.host.cli.run.motor_report import (
     telling_time,
 )
 from steptwin.host.cli.run.verdict_text import fault_line, print_report
-from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import LEVELS, MotorsTurn
 from steptwin.host.common.errors import DeviceFaultError, InputError
 from steptwin.host.common.extras import installing
-from steptwin.host.twin.machine.machine_options import MachineOptions
+from steptwin.host.twin.machine.machine_options import MachineOptions, merged
 
 if TYPE_CHECKING:
-    from steptwin.host.planning.errand import Errand
-    from steptwin.host.planning.inventory import Inventory
     from steptwin.host.planning.plan import Plan
     from steptwin.host.robots.robot import Robot
     from steptwin.host.twin.embedded.outcome import Outcome
     from steptwin.host.twin.machine.input_changes import InputChange
     from steptwin.host.twin.machine.kernels import Kernel
     from steptwin.host.twin.motors import MotorRun
-
-
-@dataclass(frozen=True, slots=True)
-class ShelfErrand:
-    """An errand, the job's options with its slot, and the inventory file that it changes.
-
-    Attributes:
-        options: the job's options.
-        errand: what is done with the boxes; None for a motion that carries none.
-        path: the inventory file; empty without one.
-        inventory: what the file holds; None without one.
-    """
-
-    options: Mapping[str, str]
-    errand: "Errand | None" = None
-    path: str = ""
-    inventory: "Inventory | None" = None
-
-    def keep(self, answer: AnswerOptions, robot: "Robot") -> None:
-        """Write the inventory as it is after the run; raises as `write_inventory`."""
-        if self.inventory is None or self.errand is None or robot.shelf is None:
-            return
-        from steptwin.host.planning.inventory import write_inventory, written_after
-
-        after = written_after(self.inventory, self.errand, robot.shelf)
-        write_inventory(self.path, self.inventory, after, robot)
-        held = ", ".join(f"{slot} {box}" for slot, box in after.boxes.items())
-        answer.add(f"{self.path}: {held or 'the shelf is empty'}")
-
-
-def choose_errand(
-    robot: "Robot", job: str, options: Mapping[str, str], inventory_path: str | None, box: str | None
-) -> ShelfErrand:
-    """Return the errand of a job; raise InputError, with the inventory's file, if it cannot be done."""
-    from steptwin.host.planning.errand import Errand
-    from steptwin.host.planning.jobs import job_carries, job_names
-
-    if inventory_path is None:
-        if box is not None:
-            raise InputError(f"box {box!r}: boxes have names in an inventory: --inventory FILE")
-        carries = job_carries(robot, job, options) if job in job_names(robot) else ()
-        return ShelfErrand(options, Errand.alone(carries) if carries else None)
-    from steptwin.host.planning.inventory import assign, read_inventory
-
-    if job not in job_names(robot):
-        raise InputError(f"--inventory {inventory_path}: is for jobs that carry boxes, not for {job}")
-    inventory = read_inventory(inventory_path, robot)
-    with prefixed(f"{inventory_path}: "):
-        assigned = assign(robot, job, options, inventory, box)
-    return ShelfErrand(assigned.options, assigned.errand, inventory_path, inventory)
 
 
 KernelName = Literal["auto", "python", "numba", "cortex-m3"]
@@ -100,9 +45,7 @@ class VirtualRunOptions:
     """The options of a run in virtual time: the emulated machine, what happens in the run, what is kept of it."""
 
     out: str | None = option("DIR", "Folder to write report, edges, bus log and pictures into.")
-    inventory: str | None = option(
-        "FILE", "Inventory of the shelf: gives a box a free slot or finds it, and is written after a verified run."
-    )
+    hooks: Sequence[RunHook] = of_features("run_options")
     cut_stream: float | None = option("SECONDS", "Time from which on the host sends no points, as if it hung.")
     inputs: list[str] | None = option(
         "NAME=on|off@SECONDS",
@@ -128,12 +71,13 @@ class VirtualRunOptions:
         for name in given_options(self):
             raise InputError(f"{name}: is for a run in virtual time, without --connect or -i")
 
-    def machine_for(self, robot: "Robot") -> MachineOptions:
-        """Return the machine's options, read; raises as the function of this name."""
-        return machine_for(robot, replace(self.machine, motors=self.motors is MotorsTurn.IN_LOOP))
+    def machine_for(self, robot: "Robot", extras: Sequence[Any]) -> MachineOptions:
+        """Return the machine's options, read, over those that features have prepared; raises as `machine_for`."""
+        options = replace(self.machine, motors=self.motors is MotorsTurn.IN_LOOP)
+        return machine_for(robot, replace(options, extras=merged(options.extras, extras)))
 
 
-def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand, options: VirtualRunOptions) -> None:
+def run_virtual(answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedRun, options: VirtualRunOptions) -> None:
     """Run a motion, tell what it did, and keep it where that is asked for.
 
     Raises:
@@ -146,7 +90,7 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand
     if options.motors:
         check_motors(motion.plan.robot)
     with drawing_apart() if options.out and can_draw() else nullcontext(draw_here) as draw:
-        outcome, folder = _executed(answer, motion, errand, options)
+        outcome, folder = _executed(answer, motion, prepared, options)
         done = FinishedRun.of(outcome, turning=options.motors is not None)
         pictures = folder is not None and done.save(folder, draw)
     version = {} if folder is None else {VERSION_KEY: FOLDER_VERSION}
@@ -156,11 +100,12 @@ def run_virtual(answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand
         answer.add_files(f"{what} are", folder, pictures=pictures)
     _raise_unless_right(done.outcome)
     if done.outcome.passed:
-        errand.keep(answer, motion.plan.robot)
+        for line in prepared.finish(motion.plan.robot):
+            answer.add(line)
 
 
 def _executed(
-    answer: AnswerOptions, motion: ChosenMotion, errand: ShelfErrand, options: VirtualRunOptions
+    answer: AnswerOptions, motion: ChosenMotion, prepared: PreparedRun, options: VirtualRunOptions
 ) -> "tuple[Outcome, Path | None]":
     """Check everything that is asked for before anything runs; return what the run did, and the folder to keep it."""
     from steptwin.host.twin.embedded.execution import execute
@@ -168,7 +113,7 @@ def _executed(
 
     robot = motion.plan.robot
     folder = None if options.out is None else run_folder(options.out)
-    machine = options.machine_for(robot)
+    machine = options.machine_for(robot, prepared.extras)
     motion.say_summary(answer)
     compiled = options.kernel == "numba" or bool(options.motors) or soonest_is_compiled(motion.plan)
     with (
@@ -183,7 +128,6 @@ def _executed(
             _kernel(options, motion.plan),
             cut_stream_s=options.cut_stream,
             inputs=[_input_change(text) for text in options.inputs or ()],
-            errand=errand.errand,
             progress=telling_time(progress, "run") if machine.motors else progress,
             **machine.keywords,
         )

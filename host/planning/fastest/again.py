@@ -26,7 +26,7 @@ from steptwin.host.planning.motions.composer import Sequence, Standstill
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.motions.tool_move import ToolMove
 from steptwin.host.planning.peaks import check_length
-from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory, left_open, states, waits_of
+from steptwin.host.planning.trajectory import REST_TOLERANCE, Trajectory, expected_of, states, waits_of
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
 
@@ -75,7 +75,7 @@ def fastest_again(robot: Robot, motion: Trajectory, drives: DriveLimits | None =
             for change in motion.switchings
         ),
         tuple(replace(wait, at_s=made.new_s(wait.at_s)) for wait in waits_of(motion)),
-        left_open(motion),
+        expected_of(motion),
     )
 
 

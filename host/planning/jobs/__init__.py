@@ -7,21 +7,21 @@ from typing import Any, Final
 import numpy as np
 
 from steptwin.host.common.bad_input import unknown
+from steptwin.host.common.features import giving
 from steptwin.host.common.planning_time import in_planning_time, planning_step
-from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.fastest import DriveLimits
 from steptwin.host.planning.jobs.carry import CARRY
 from steptwin.host.planning.jobs.hybrid_jobs import FIVE_POINTS, HELIX
 from steptwin.host.planning.jobs.job import Job, fitted
 from steptwin.host.planning.jobs.options import OptionField, number
-from steptwin.host.planning.jobs.shelf_jobs import DRAWER_PULL, EVERY_SLOT, FETCH, PULL_LINE, STORE
+from steptwin.host.planning.jobs.pull_line import PULL_LINE
 from steptwin.host.planning.jobs.spiral import SPIRAL
 from steptwin.host.planning.laws import Cubic
 from steptwin.host.planning.motions.joint_move import JointMove
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.robot import Robot
 
-__all__ = ["Job", "job_carries", "job_fields", "job_names", "job_options", "job_summary", "make_job"]
+__all__ = ["Job", "job_extras", "job_fields", "job_intent", "job_names", "job_options", "job_summary", "make_job"]
 
 START: Final = (0.0, 0.0, 0.0, 0.0)
 GOAL: Final = (60.0, -45.0, 100.0, 90.0)
@@ -50,7 +50,7 @@ DEMO: Final = Job("demo", "all joints at once by a cubic of time", DemoOptions, 
 
 _JOBS: Final[dict[str, tuple[Job[Any], ...]]] = {
     "lab-scara": (SPIRAL,),
-    "warehouse-scara": (DRAWER_PULL, PULL_LINE, STORE, FETCH, EVERY_SLOT),
+    "warehouse-scara": (PULL_LINE,),
     "teaching-scara": (CARRY,),
     "calibration-scara": (DEMO,),
     "hybrid-arm": (FIVE_POINTS, HELIX),
@@ -93,13 +93,27 @@ def make_job(
         return _job(robot, job_name).make(robot, options or {}, drives)
 
 
-def job_carries(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:
-    """Return the boxes that a job carries, in order; none for most jobs. Raises as `make_job` does for its options."""
-    return _job(robot, job_name).carried(robot, options or {})
+def job_intent(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> Any:
+    """Return what a job does for a feature beside moving; None for most. Raises as `make_job` does for its options."""
+    return _job(robot, job_name).intended(robot, options or {})
+
+
+def job_extras(robot: Robot, job_name: str, options: Mapping[str, str] | None = None) -> list[Any]:
+    """Return options of the emulated machine that belong to a job: what features need for its intent.
+
+    Raises:
+        InputError: as `make_job` does for its options.
+    """
+    intent = job_intent(robot, job_name, options)
+    made = [extra(robot, intent) for _, extra in giving("job_extra")] if intent is not None else []
+    return [extra for extra in made if extra is not None]
 
 
 def _jobs(robot: Robot) -> dict[str, Job[Any]]:
-    return {job.name: job for job in _JOBS.get(robot.kinematics, ())}
+    """Return a robot's jobs by name: those of features first, which replace the core's of the same name."""
+    own = {job.name: job for job in _JOBS.get(robot.kinematics, ())}
+    of_features = {job.name: job for _, jobs in giving("jobs") for job in jobs().get(robot.kinematics, ())}
+    return of_features | {name: job for name, job in own.items() if name not in of_features}
 
 
 def _job(robot: Robot, job_name: str) -> Job[Any]:

@@ -9,14 +9,12 @@ its test of the real arm the acceleration is zero at both ends as well, which th
 
 from dataclasses import dataclass
 from enum import Enum
-from math import dist
 from typing import Final
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.job import Job, fitted, with_elbow
 from steptwin.host.planning.jobs.options import Point, joint_position, number, point
 from steptwin.host.planning.laws import Cubic, Law, Quintic
@@ -57,9 +55,6 @@ class CarryOptions:
     point that is given is reached with the lift as at the presets and the attitude 0, as it is at both of them. With
     a depth of 0 the arm only goes from point to point, as in the paper's experiment. Otherwise it lowers the gripper at
     the start and closes it, and opens it at the goal.
-
-    If the robot's file has the presets among the spots of its shelf, a part lies at the first one, and each repetition
-    brings one to the second.
     """
 
     from_: Point = point(START)
@@ -116,30 +111,4 @@ def _grip(moves: Composer, depth_mm: float, *, close: bool) -> None:
         moves.go_some({"d3": up_mm})
 
 
-def _carried(robot: Robot, options: CarryOptions) -> tuple[Carry, ...]:
-    spots = robot.shelf.spots if robot.shelf else {}
-    presets = options.from_ is None and options.to is None and START in spots and GOAL in spots
-    return (Carry(START, GOAL),) * options.repetitions if presets and options.depth_mm else ()
-
-
-def missed_presets(robot: Robot) -> list[str]:
-    """Return a line for each preset among a robot's spots where `carry` does not bring the gripper to the part."""
-    shelf, lines = robot.shelf, list[str]()
-    if shelf is None or robot.kinematics != KIND:
-        return lines
-    for name, preset_rad in ((START, START_RAD), (GOAL, GOAL_RAD)):
-        if name in shelf.spots:
-            joints = fitted(robot, np.rad2deg(preset_rad))
-            x_mm, y_mm, _, _ = make_kinematics(robot).forward(joints[np.newaxis])[0].tolist()
-            away_mm = dist((x_mm, y_mm), shelf.spots[name].lid_mm[:2])
-            if away_mm > shelf.capture_mm:
-                lines.append(
-                    f"shelf.spots.{name}: carry brings the gripper to x {x_mm:.1f}, y {y_mm:.1f} mm, {away_mm:.1f} mm"
-                    f" away; it reaches {shelf.capture_mm:g} mm"
-                )
-    return lines
-
-
-CARRY: Final = Job(
-    "carry", "from one point to another, picking and placing if depth_mm is not 0", CarryOptions, carry, _carried
-)
+CARRY: Final = Job("carry", "from one point to another, picking and placing if depth_mm is not 0", CarryOptions, carry)

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Generic
+from typing import Any, Final, Generic
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.checks import check_positions
-from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.fastest import FASTEST, DriveLimits, check_drives, fastest_again
 from steptwin.host.planning.jobs.options import (
     OptionField,
@@ -102,14 +101,14 @@ class Job(Generic[Options]):
         summary: summary, one line.
         options: frozen dataclass whose fields are made by `steptwin.host.planning.jobs.options`, each with a default.
         build: function that returns the trajectory for a robot and options; it raises InputError if there is none.
-        carries: function that returns the boxes that the job carries; None for a job that carries none.
+        intent: function that returns what the job does for a feature beside moving; None if it does nothing else.
     """
 
     name: str
     summary: str
     options: type[Options]
     build: Callable[[Robot, Options], Trajectory]
-    carries: Callable[[Robot, Options], tuple[Carry, ...]] | None = None
+    intent: Callable[[Robot, Options], Any] | None = None
 
     def make(self, robot: Robot, texts: Mapping[str, str], drives: DriveLimits | None = None) -> Trajectory:
         """Return the trajectory for options given as texts; raise InputError as `parse_options` and `build` do.
@@ -128,9 +127,9 @@ class Job(Generic[Options]):
             raise InputError(f"{error}{hint if places else ''}") from error
         return fastest_again(robot, trajectory, drives) if is_fastest else trajectory
 
-    def carried(self, robot: Robot, texts: Mapping[str, str]) -> tuple[Carry, ...]:
-        """Return the boxes that the job carries with these options; raise InputError as `parse_options` does."""
-        return () if self.carries is None else self.carries(robot, self._read(robot, texts)[0])
+    def intended(self, robot: Robot, texts: Mapping[str, str]) -> Any:
+        """Return the job's intent with these options; raise InputError as `parse_options` does."""
+        return None if self.intent is None else self.intent(robot, self._read(robot, texts)[0])
 
     def fields(self, robot: Robot) -> tuple[OptionField, ...]:
         """Return the options with their defaults and valid values for a robot; every job has the fastest law."""

@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class Sequence:
         starts_ms: start of each part, and then the end of the last one.
         switchings: changes of outputs during the motion.
         waits: waits for inputs, each at the beginning of a pause.
-        leaves_open: slots of the shelf whose drawers stay out at the end.
+        expects: what features are to find at the end, by key.
     """
 
     joint_names: tuple[str, ...]
@@ -60,7 +60,7 @@ class Sequence:
     starts_ms: tuple[int, ...]
     switchings: tuple[Switching, ...]
     waits: tuple[PlannedWait, ...] = ()
-    leaves_open: tuple[str, ...] = ()
+    expects: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:
@@ -231,12 +231,12 @@ class Composer:
             return parts[0] if parts else None
         return Sequence(self.robot.joint_names, parts, tuple(ms - starts_ms[0] for ms in starts_ms), ())
 
-    def sequence(self, leaves_open: tuple[str, ...] = ()) -> Sequence:
-        """Return the sequence of all moves so far, which leaves the drawers of some slots out."""
+    def sequence(self, expects: Mapping[str, Any] | None = None) -> Sequence:
+        """Return the sequence of all moves so far; `expects` is what features are to find at the end."""
         parts, starts_ms = tuple(self._parts), tuple(self._starts_ms)
         switchings = tuple(sorted(self._switchings, key=lambda change: change.from_s))
         waits = tuple(self._waits)
-        return Sequence(self.robot.joint_names, parts, starts_ms, switchings, waits, leaves_open)
+        return Sequence(self.robot.joint_names, parts, starts_ms, switchings, waits, expects or {})
 
     def _check_length(self, more_s: float) -> None:
         """Raise TooLongError if the sequence would last too long with a further move; it is not made then."""

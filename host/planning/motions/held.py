@@ -1,13 +1,14 @@
 """A motion with standstills put in: what a machine has done that waited for inputs on its way."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.trajectory import Switching, Trajectory, left_open
+from steptwin.host.planning.trajectory import Switching, Trajectory, expected_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,9 +39,9 @@ class CutShort:
         return tuple(change for change in self.trajectory.switchings if change.until_s <= self.duration_s)
 
     @property
-    def leaves_open(self) -> tuple[str, ...]:
-        """The slots whose drawers the trajectory leaves out."""
-        return left_open(self.trajectory)
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -78,9 +79,9 @@ class Unwaited:
         return self.trajectory.switchings
 
     @property
-    def leaves_open(self) -> tuple[str, ...]:
-        """The slots whose drawers the trajectory leaves out."""
-        return left_open(self.trajectory)
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""
@@ -181,9 +182,9 @@ class Held:
         )
 
     @property
-    def leaves_open(self) -> tuple[str, ...]:
-        """The slots whose drawers the trajectory leaves out."""
-        return left_open(self.trajectory)
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
 
     def positions(self, t_s: FloatArray) -> FloatArray:
         """Return joint positions, of shape (n, joints)."""

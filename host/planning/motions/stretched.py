@@ -1,9 +1,9 @@
 """A motion made slower or faster as a whole: the same path, with all times multiplied by one factor."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Final
+from typing import Any, Final
 
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import whole_ms
@@ -15,7 +15,7 @@ from steptwin.host.planning.trajectory import (
     PlannedWait,
     Switching,
     Trajectory,
-    left_open,
+    expected_of,
     smooth_breakpoints_ms,
     states,
     waits_of,
@@ -119,9 +119,9 @@ class Stretched:
         )
 
     @property
-    def leaves_open(self) -> tuple[str, ...]:
-        """The slots whose drawers the trajectory leaves out."""
-        return left_open(self.trajectory)
+    def expects(self) -> Mapping[str, Any]:
+        """What features are to find at the end, by key."""
+        return expected_of(self.trajectory)
 
     @property
     def waits(self) -> tuple[PlannedWait, ...]:

@@ -1,11 +1,11 @@
 """Turn a program into the robot's motion, and into a table of its steps with their peaks beside the limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import nan
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -168,7 +168,7 @@ def compile_program(
             raise InputError("the program does not move, switch or wait")
         if not found.messages and limits and not any(row.drives for row in walk.rows):
             raise InputError("limits: from = 'motors' is for steps with law = 'fastest', and this program has none")
-    compiled = walk.compiled(program.leaves_open, is_whole=not found.messages)
+    compiled = walk.compiled(program.expects, is_whole=not found.messages)
     if findings is None:
         found.raise_first()
     else:
@@ -229,9 +229,9 @@ class _Walk:
         self._gathered: list[_Gathered] = []
         """The steps that flow into each other and have no times yet."""
 
-    def compiled(self, leaves_open: tuple[str, ...], *, is_whole: bool) -> CompiledProgram:
-        """Return what has been made so far, which leaves the drawers of some slots out."""
-        return CompiledProgram(self._moves.composer.sequence(leaves_open), tuple(self.rows), is_whole)
+    def compiled(self, expects: Mapping[str, Any], *, is_whole: bool) -> CompiledProgram:
+        """Return what has been made so far."""
+        return CompiledProgram(self._moves.composer.sequence(expects), tuple(self.rows), is_whole)
 
     @property
     def has_moved(self) -> bool:

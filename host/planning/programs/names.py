@@ -6,10 +6,11 @@ one, or a program whose robot is wrong, is judged as well.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.findings import Findings, UnreadError
 from steptwin.host.planning.motions.composer import require_input, require_output
 from steptwin.host.planning.programs.moves import check_steps
@@ -124,22 +125,20 @@ class _Checking:
         program = self._program
         starts = program.starts and (program.start is None or self._is_right(program.start))
         steps = self._steps(program.steps, "step ", ())
-        self._check_slots(program.leaves_open)
+        self._check_expected(program.expects)
         for name in program.sequences:
             self._visit(name, ())
         return replace(program, starts=starts, steps=steps, sequences=self._sequences)
 
-    def _check_slots(self, slots: tuple[str, ...]) -> None:
-        """Find the slots that the robot's shelf has not; without a robot nothing is known of them."""
+    def _check_expected(self, expects: Mapping[str, Any]) -> None:
+        """Let features judge the values of their keys; without a robot nothing is known of them."""
         if self._robot is None:
             return
-        known = self._robot.shelf.slots if self._robot.shelf else {}
-        for slot in slots:
-            with self._findings.collecting("leaves_open: "):
-                if not known:
-                    raise InputError(f"{slot!r}: {self._robot.name} has no shelf")
-                if slot not in known:
-                    raise unknown("slot", slot, known)
+        for feature, check in giving("check_program"):
+            for key in feature.program_keys:
+                if key in expects:
+                    with self._findings.collecting():
+                        check(self._robot, key, expects[key])
 
     def _with_checked_positions(self, program: Program) -> Program:
         positions: dict[str, Position | None] = {}

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
@@ -77,7 +77,7 @@ class Program:
         steps: the steps.
         pallets: pallets by name; None for one that is wrong.
         limits: what its fastest steps keep to besides the joints' limits; None: nothing.
-        leaves_open: slots of the robot's shelf whose drawers it leaves out.
+        expects: what features are to find at the end, by their keys of the file.
         folder: folder from which the paths in it count.
         starts: False if the position where it begins is wrong.
         has_all_names: False if positions or sequences are missing because they could not be read.
@@ -92,7 +92,7 @@ class Program:
     steps: tuple[AnyStep, ...]
     pallets: Mapping[str, Pallet | None] = field(default_factory=dict)
     limits: AskedLimits | None = None
-    leaves_open: tuple[str, ...] = ()
+    expects: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
     starts: bool = True
     has_all_names: bool = True

@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from reprlib import repr as short
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from steptwin.host.common.bad_input import nearest, prefixed, unknown
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import features
 from steptwin.host.common.file_limits import GCODE_BYTES_MAX, PROGRAM_BYTES_MAX, size_text
 from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Table, toml_table
+from steptwin.host.common.tables import Reading, Table, toml_table
 from steptwin.host.planning.fastest import AskedLimits
 from steptwin.host.planning.paths import Smoothing
 from steptwin.host.planning.programs import steps
@@ -110,7 +110,7 @@ class Usual:
 
 
 _PROGRAM_KEYS: Final = (
-    *("title", "robot", "law", "limits", "start", "leaves_open", "positions_file"),
+    *("title", "robot", "law", "limits", "start", "positions_file"),
     *("frames", "positions", "pallets", "sequences", "step"),
 )
 _REPEAT_MAX: Final = 10_000
@@ -166,13 +166,13 @@ def parse_program(text: str, findings: Findings, folder: Path = Path()) -> Progr
         steps=_steps(_list(table, "step", findings), "step ", findings, usual),
         pallets=pallets,
         limits=limits,
-        leaves_open=_leaves_open(table, findings),
+        expects=_expects(table, findings),
         folder=folder,
         starts=starts,
         has_all_names=not names.messages,
     )
     with findings.collecting():
-        table.check_keys(_PROGRAM_KEYS)
+        table.check_keys((*_PROGRAM_KEYS, *_feature_keys()))
     with findings.collecting():
         if not table.values.get("step"):
             raise InputError("step: is missing: a program has at least one [[step]]")
@@ -196,16 +196,18 @@ def read_limits(table: Table) -> AskedLimits:
             return AskedLimits(own.number("left_percent"))
 
 
-def _leaves_open(table: Table, findings: Findings) -> tuple[str, ...]:
-    """Return the slots whose drawers the program leaves out; without those that are no texts."""
-    slots: list[str] = []
-    with findings.collecting():
-        for i, slot in enumerate(table.elements("leaves_open") if "leaves_open" in table else []):
-            if isinstance(slot, str):
-                slots.append(slot)
-            else:
-                findings.messages.append(f"leaves_open[{i}]: {short(slot)} is not a text")
-    return tuple(slots)
+def _expects(table: Table, findings: Findings) -> dict[str, Any]:
+    """Return the values of features' keys; without those that are wrong."""
+    found: dict[str, Any] = {}
+    for key, read in _feature_keys().items():
+        if key in table:
+            with findings.collecting():
+                found[key] = read(table, key)
+    return found
+
+
+def _feature_keys() -> dict[str, Reading]:
+    return {key: read for feature in features().values() for key, read in feature.program_keys.items()}
 
 
 def _frames(table: Table, findings: Findings, names: Findings) -> dict[str, WorkFrame | None]:

@@ -3,18 +3,15 @@
 from collections.abc import Mapping
 from hashlib import file_digest
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from steptwin.host.common.own_files import only_files
-from steptwin.host.record.folder.layout import BUS_LOG, EDGES, FILES, ROBOT, SHELF, TRAJECTORY
-
-DIGESTED: Final = (ROBOT, TRAJECTORY, EDGES, SHELF, BUS_LOG)
-"""The files on which a verdict depends."""
+from steptwin.host.record.folder.layout import BUS_LOG, EDGES, FILES, ROBOT, TRAJECTORY, feature_files
 
 
 def digests(folder: Path) -> dict[str, Any]:
     """Return the digests of a folder's files under their key of report.json."""
-    return {FILES: {name: _digest(folder / name) for name in DIGESTED if (folder / name).is_file()}}
+    return {FILES: {name: _digest(folder / name) for name in _digested(folder)}}
 
 
 def of_other_runs(folder: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -22,8 +19,13 @@ def of_other_runs(folder: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
     told = document.get(FILES)
     if not isinstance(told, Mapping):
         return ()
-    present = (name for name in DIGESTED if (folder / name).is_file())
-    return tuple(name for name in present if _digest(folder / name) != told.get(name))
+    return tuple(name for name in _digested(folder) if _digest(folder / name) != told.get(name))
+
+
+def _digested(folder: Path) -> list[str]:
+    """Return the files of a folder on which its verdict depends."""
+    names = (ROBOT, TRAJECTORY, EDGES, *feature_files(), BUS_LOG)
+    return [name for name in names if (folder / name).is_file()]
 
 
 def _digest(path: Path) -> str:

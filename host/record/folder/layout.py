@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 FOLDER_VERSION: Final = 1
@@ -23,13 +24,22 @@ ROBOT: Final = "robot.toml"
 TRAJECTORY: Final = "trajectory.csv"
 EDGES: Final = "edges.npz"
 BUS_LOG: Final = "bus.log"
-SHELF: Final = "shelf.json"
 MOTORS: Final = "motors.json"
 """The motors' verdict."""
 FILES: Final = "files"
 """Key of report.json: the digests of the files beside it."""
 RECORDING: Final = "recording.part"
 """Folder in the folder: a live board's recording that has no end yet, or has lost it."""
+
+
+def feature_file(name: str) -> str:
+    """Return the name of a feature's file."""
+    return f"{name}.json"
+
+
+def feature_files() -> tuple[str, ...]:
+    """Return the names of the files that the features may leave."""
+    return tuple(feature_file(feature.name) for feature, _ in giving("judge"))
 
 
 class MachineStop(NamedTuple):

@@ -11,12 +11,13 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.planning.trajectory import Switching, Trajectory
 from steptwin.host.planning.trajectory_file import trajectory_of_csv
 from steptwin.host.record.folder.edges_file import evidence_until, read_edges
 from steptwin.host.record.folder.layout import EDGES, RECORDING, ROBOT, TRAJECTORY, StoppedError, existing_file
 from steptwin.host.record.folder.motion import read_motion
-from steptwin.host.record.folder.report_file import StoredReport, read_report, read_shelf
+from steptwin.host.record.folder.report_file import StoredReport, read_feature, read_report
 from steptwin.host.record.folder.unfinished import PLAN, UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.robots import load_robot_file
 from steptwin.host.robots.robot import Robot
@@ -181,11 +182,14 @@ def read_run(folder: Path, plan_folder: Path | None = None, *, counts_suffice: b
         evidence = replace(evidence, outputs=output_changes(robot, evidence.axes))
     if recording is not None:
         motion, evidence = _as_far(read, motion, evidence, recording)
-    stock = None
-    if "shelf" in report.document and report.passed is not None:
-        shelf, stock = read_shelf(folder)
-        evidence = replace(evidence, shelf=shelf)
-    return StoredRun(robot, report, compare(Expectation.of(robot, motion, stock), evidence, report.gates))
+    stored = {
+        feature.name: read_feature(folder, feature.name)
+        for feature, _ in giving("judge")
+        if feature.name in report.document and report.passed is not None
+    }
+    evidence = replace(evidence, features={name: seen for name, (seen, _) in stored.items()})
+    expected = Expectation.of(robot, motion, {name: planned for name, (_, planned) in stored.items()})
+    return StoredRun(robot, report, compare(expected, evidence, report.gates))
 
 
 def _as_far(

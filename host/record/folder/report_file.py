@@ -1,24 +1,29 @@
 """Write and read the JSON files of a run's folder.
 
-report.json holds names and traffic of a run, the planned changes of outputs, the figures, a fault; shelf.json what
-happened at the shelf, and where the boxes were planned to be in the end.
+report.json holds names and traffic of a run, the planned changes of outputs, the figures, a fault. A feature has a
+file of its own.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import judge_of
 from steptwin.host.common.file_limits import REPORT_BYTES_MAX
 from steptwin.host.common.own_files import read_text
-from steptwin.host.common.tables import Table, json_table, number_at
-from steptwin.host.common.whole_file import write_json
-from steptwin.host.planning.errand import PlannedStock
+from steptwin.host.common.tables import Table, json_table
 from steptwin.host.planning.trajectory import Switching
-from steptwin.host.record.folder.layout import REPORT, SHELF, VERSION_KEY, MachineStop, check_version, existing_file
-from steptwin.host.record.folder.npz_file import INSTANT_MAX
+from steptwin.host.record.folder.layout import (
+    REPORT,
+    VERSION_KEY,
+    MachineStop,
+    check_version,
+    existing_file,
+    feature_file,
+)
 from steptwin.host.record.folder.unfinished import UnfinishedRecording, read_unfinished, unfinished
 from steptwin.host.verify import (
     OWN_FIRMWARE,
@@ -26,8 +31,6 @@ from steptwin.host.verify import (
     Gates,
     RotorSlip,
     RunInfo,
-    ShelfEvent,
-    ShelfEvidence,
     any_step_rule,
 )
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -223,85 +226,12 @@ def _fault(table: Table) -> Mapping[str, Any] | None:
         return fault.values
 
 
-def write_shelf(folder: Path, shelf: ShelfEvidence, planned: PlannedStock | None) -> None:
-    """Write the file."""
-    document: dict[str, Any] = {
-        "events": [asdict(event) for event in shelf.events],
-        "start": dict(shelf.start),
-        "end": dict(shelf.end),
-        "open_mm": dict(shelf.open_mm),
-        "cells_out": dict(shelf.cells_out),
-    }
-    if planned is not None:
-        document["planned"] = {place: planned.boxes.get(place, "") for place in planned.places}
-        document["leaves_open"] = list(planned.leaves_open)
-        document["cleared"] = dict(planned.cleared)
-    write_json(folder / SHELF, document)
-
-
-def read_shelf(folder: Path) -> tuple[ShelfEvidence, PlannedStock | None]:
-    """Read the file of a folder.
+def read_feature(folder: Path, name: str) -> tuple[Any, Any]:
+    """Return a feature's evidence and expectation from its file of a folder.
 
     Raises:
-        InputError: the file is missing or not JSON, or a key is missing or has another kind.
+        InputError: the file is missing or not JSON, or the feature finds something wrong in it.
     """
-    path = existing_file(folder, SHELF)
+    path = existing_file(folder, feature_file(name))
     with prefixed(f"{path}: "):
-        table = json_table(read_text(str(path), REPORT_BYTES_MAX))
-        shelf = ShelfEvidence(
-            events=table.each("events", _event),
-            start=_texts(table, "start"),
-            end=_texts(table, "end"),
-            open_mm=_numbers(table, "open_mm"),
-            cells_out=_whole_numbers(table, "cells_out"),
-        )
-        if "planned" not in table:
-            return shelf, None
-        planned, leaves_open = _texts(table, "planned"), _names(table, "leaves_open")
-        cleared = _whole_numbers(table, "cleared")
-    boxes = {place: box for place, box in planned.items() if box}
-    return shelf, PlannedStock(tuple(planned), boxes, leaves_open, cleared)
-
-
-def _event(table: Table) -> ShelfEvent:
-    tip_mm = [number_at(f"tip_mm[{i}]", value) for i, value in enumerate(table.elements("tip_mm"))]
-    if len(tip_mm) != len("xyz"):
-        raise InputError(f"tip_mm: has {len(tip_mm)} values, not three")
-    counts = table.integer("counts", INSTANT_MAX)
-    if counts < 0:
-        raise InputError(f"counts: {counts} is before power-up")
-    x_mm, y_mm, z_mm = tip_mm
-    return ShelfEvent(
-        counts=counts,
-        what=table.text("what"),
-        where=table.text("where"),
-        box=table.text("box"),
-        fault=table.truth("fault"),
-        tip_mm=(x_mm, y_mm, z_mm),
-    )
-
-
-def _names(table: Table, key: str) -> tuple[str, ...]:
-    """Return a list of names; none if it is missing, as in folders of versions before it."""
-    names = table.elements(key) if key in table else []
-    if strange := [f"{key}[{i}]: is not a text" for i, name in enumerate(names) if not isinstance(name, str)]:
-        raise InputError(*strange)
-    return tuple(map(str, names))
-
-
-def _texts(table: Table, key: str) -> Mapping[str, str]:
-    with table.section(key) as section:
-        return {name: section.text(name) for name in section}
-
-
-def _whole_numbers(table: Table, key: str) -> Mapping[str, int]:
-    """Return numbers by name; none if the table is missing, as in folders of versions before it."""
-    if key not in table:
-        return {}
-    with table.section(key) as section:
-        return {name: section.integer(name, INSTANT_MAX) for name in section}
-
-
-def _numbers(table: Table, key: str) -> Mapping[str, float]:
-    with table.section(key) as section:
-        return {name: section.number(name) for name in section}
+        return judge_of(name).read(json_table(read_text(str(path), REPORT_BYTES_MAX)))

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from steptwin.host.common.features import giving, judge_of
 from steptwin.host.record.bus_log import count_frames
 from steptwin.host.record.folder.digests import of_other_runs
 from steptwin.host.record.folder.layout import BUS_LOG, REPORT, MachineStop, existing_file
 from steptwin.host.record.folder.reading import StoredRun, read_run
 from steptwin.host.record.folder.report_file import StoredFault, StoredReport
-from steptwin.host.verify import Report, contradictions, shelf_contradictions, verify_comparison
+from steptwin.host.verify import Report, contradictions, verify_comparison
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 _OF_THE_EDGES: Final = (
@@ -86,8 +87,8 @@ def verify_folder(folder: Path, plan_folder: Path | None = None) -> FolderVerdic
     stored = read_run(folder, plan_folder)
     report = verify_comparison(stored.comparison, stored.report.run)
     inner = [line for axis in stored.comparison.evidence.axes for line in contradictions(axis)]
-    if shelf := stored.comparison.evidence.shelf:
-        inner += shelf_contradictions(shelf, stored.comparison)
+    for name, seen in stored.comparison.evidence.features.items():
+        inner += judge_of(name).contradictions(seen, stored.comparison)
     tampered = (*inner, *_after_the_end(stored), *_frames_missing(folder, stored), *_differences(stored, report))
     interruption = stored.interruption
     if interruption and not (tampered or report.reasons):
@@ -147,7 +148,7 @@ def _differences(stored: StoredRun, report: Report) -> list[str]:
         ("passed", said.passed, passed),
         ("duration_s", said.run.duration_s, round(stored.duration_s, _MS)),
         ("axes", len(said.axes), len(given["axes"])),
-        ("shelf", said.document.get("shelf"), given.get("shelf")),
+        *((each.name, said.document.get(each.name), given.get(each.name)) for each, _ in giving("judge")),
         ("speeds", said.document.get("speeds"), given.get("speeds")),
     ]
     for axis, figures in zip(given["axes"], said.axes, strict=False):

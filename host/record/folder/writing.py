@@ -14,17 +14,25 @@ from subprocess import DEVNULL, PIPE, Popen
 from typing import Any, Final
 
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import judge_of
 from steptwin.host.common.own_files import refuse_link
 from steptwin.host.common.whole_file import files_together, whole_file, write_json, write_whole
-from steptwin.host.planning.errand import PlannedStock
 from steptwin.host.planning.plan import Plan
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder.digests import digests
 from steptwin.host.record.folder.edges_file import write_edges
-from steptwin.host.record.folder.layout import BUS_LOG, EDGES, MOTORS, REPORT, ROBOT, SHELF, TRAJECTORY
+from steptwin.host.record.folder.layout import (
+    BUS_LOG,
+    EDGES,
+    MOTORS,
+    REPORT,
+    ROBOT,
+    TRAJECTORY,
+    feature_file,
+    feature_files,
+)
 from steptwin.host.record.folder.motion import write_motion
 from steptwin.host.record.folder.reading import StoredRun, read_run
-from steptwin.host.record.folder.report_file import write_shelf
 from steptwin.host.record.waveforms import Format, whole_record, wires, write_waveform
 from steptwin.host.verify import Evidence
 from steptwin.protocol.frame import Frame
@@ -35,10 +43,11 @@ DEFAULT_PICTURES: Final = ("joints", "step-rates", "tool-path", "error", "timing
 
 def run_files() -> tuple[str, ...]:
     """Return the names of the files of a run."""
-    return (*_FILES, *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else _FILES
+    return (*_files(), *(f"{name}.png" for name in DEFAULT_PICTURES)) if can_draw() else _files()
 
 
-_FILES: Final = (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, SHELF, Format.VCD.file_name)
+def _files() -> tuple[str, ...]:
+    return (REPORT, ROBOT, TRAJECTORY, EDGES, BUS_LOG, *feature_files(), Format.VCD.file_name)
 
 
 def prepare_folder(out: Path | str, files: Iterable[str] = ()) -> Path:
@@ -72,12 +81,12 @@ def write_folder(
     plan: Plan,
     evidence: Evidence,
     bus_log: Sequence[tuple[int, Frame]],
-    stock: PlannedStock | None = None,
+    expected: Mapping[str, Any] | None = None,
 ) -> None:
     """Write every file but the pictures, all together, in place of an older run's.
 
-    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `stock` is what the motion
-    is planned to leave at the shelf.
+    The document is the one that `run --json` prints, with FOLDER_VERSION under VERSION_KEY; `expected` is what the
+    motion is planned to leave for features.
     """
     with files_together(out, REPORT, older_files()) as new:
         write_whole(new / ROBOT, plan.robot.toml)
@@ -85,8 +94,8 @@ def write_folder(
         write_edges(new / EDGES, evidence)
         with whole_file(new / BUS_LOG) as file:
             file.writelines(log_line(*entry).encode() for entry in bus_log)
-        if evidence.shelf is not None:
-            write_shelf(new, evidence.shelf, stock)
+        for name, seen in evidence.features.items():
+            write_json(new / feature_file(name), judge_of(name).stored(seen, (expected or {}).get(name)))
         write_waveform(
             new / Format.VCD.file_name,
             wires(evidence),
@@ -99,7 +108,7 @@ def write_folder(
 
 def older_files() -> tuple[str, ...]:
     """Return the names of the files that tell of a folder's run, all pictures of runs included."""
-    return (*_FILES, MOTORS, *(f"{name}.png" for name in DEFAULT_PICTURES))
+    return (*_files(), MOTORS, *(f"{name}.png" for name in DEFAULT_PICTURES))
 
 
 def can_draw() -> bool:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 
 from steptwin.host.common.arrays import FloatArray
-from steptwin.host.planning.errand import Errand
-from steptwin.host.planning.jobs import job_carries, make_job
+from steptwin.host.planning.jobs import job_extras, make_job
 from steptwin.host.planning.planner import plan
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.joint import Joint
@@ -40,10 +39,9 @@ class Runs:
         key = robot_name, job, frozenset(options.items())
         if key not in self._outcomes:
             robot = load_robot(robot_name)
-            carries = job_carries(robot, job, options)
-            errand = Errand.alone(carries) if carries else None
+            extras = job_extras(robot, job, options)
             self._kernel = self._kernel or fastest_kernel()
-            self._outcomes[key] = execute(plan(robot, make_job(robot, job, options)), job, self._kernel, errand=errand)
+            self._outcomes[key] = execute(plan(robot, make_job(robot, job, options)), job, self._kernel, extras=extras)
         return self._outcomes[key]
 
     def made(self) -> Iterator[Outcome]:
@@ -91,9 +89,10 @@ class JobRun:
     def shelf_rows(self) -> Rows:
         """What happened at the shelf or at spots for boxes: event, where, when; none without such."""
         evidence = self.outcome.comparison.evidence
+        shelf = evidence.features.get("shelf")
         return [
             [event.what, event.where, f"{(event.counts - evidence.start_counts) / COUNTS_PER_SECOND:.3f}"]
-            for event in (evidence.shelf.events if evidence.shelf else ())
+            for event in (shelf.events if shelf else ())
         ]
 
     def counted(self, t_s: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, hypot, nan, radians, sin
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,6 @@ from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.record.plots.canvas import COUNTED, LIMIT, WIDTH_INCHES
 from steptwin.host.studies.papers.paper import Computed, Curve, Figures, Panel, Rows
 from steptwin.host.studies.papers.study import Study, matrix_rows, panels_over, texts
-from steptwin.host.verify.evidence import ShelfEvidence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -237,11 +236,9 @@ class WarehouseStudy(Study):
         return _lettered(panels_over(self.t_s, "time [s]", columns))
 
     @property
-    def _shelf(self) -> ShelfEvidence:
+    def _shelf(self) -> Any:
         """What the emulated shelf tells of the experiment."""
-        shelf = self.run[_EXPERIMENT].outcome.comparison.evidence.shelf
-        assert shelf is not None
-        return shelf
+        return self.run[_EXPERIMENT].outcome.comparison.evidence.features["shelf"]
 
     @property
     def drawer(self) -> Figures:

@@ -1,6 +1,6 @@
 """Emulate a robot's board in this process, in virtual time, with the client's network connected to its bus."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import floor
 
@@ -45,7 +45,7 @@ class EmbeddedBoard:
         *,
         schedule: Iterable[Scheduled] = (),
         commissioned: bool = True,
-        shelf_sensors: bool = True,
+        waits_for: Collection[str] | None = None,
     ) -> None:
         """Switch the board on, or the boards.
 
@@ -55,7 +55,7 @@ class EmbeddedBoard:
             options: how it differs from the robot's file, and what happens to it.
             schedule: operations on the machine beside its motion, such as EmergencyStop, each with its instant.
             commissioned: True for a board whose flash holds the robot's settings, False for a new one.
-            shelf_sensors: False if the shelf's sensors are not connected.
+            waits_for: inputs for which the motion waits; None: unknown.
 
         Raises:
             InputError: as `MachineParts.of`, or the scenario names a joint that the robot does not have, or an
@@ -66,7 +66,7 @@ class EmbeddedBoard:
             check_motors(each.operation, turning=options.motors)
         self.robot: Robot = robot
         self.options: MachineOptions = options
-        parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, shelf_sensors=shelf_sensors)
+        parts = MachineParts.of(robot, kernel, options, commissioned=commissioned, waits_for=waits_for)
         self.driver_profile: DriverProfile = parts.driver_profile
         self._machine = EmulatedMachine(parts, schedule)
         self._rotor_records: list[RotorRecord] = []
@@ -287,4 +287,4 @@ class EmbeddedBoard:
 
     def _evidence(self, axes: tuple[AxisEvidence, ...]) -> Evidence:
         start_counts = tick_after(self._last_sync_counts() or 0)
-        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._machine.shelf_evidence())
+        return Evidence(start_counts, axes, output_changes(self.robot, axes), self._machine.features_evidence())

@@ -15,12 +15,12 @@ from steptwin.host.client.stopping import await_rest
 from steptwin.host.client.waiting import REST_TIMEOUT_S
 from steptwin.host.client.words import error_text
 from steptwin.host.common.errors import BusError, DeviceFaultError, InputError, StepTwinError, WaitTimeoutError
+from steptwin.host.common.features import giving
 from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.report import ScenarioReport, not_begun
 from steptwin.host.faults.reporting import RunEnd, scenario_report
 from steptwin.host.operate.inputs_outputs import plan_made, streamed_motion, waits_made
 from steptwin.host.operate.setting_up import objects_of, set_up
-from steptwin.host.planning.errand import Errand
 from steptwin.host.planning.plan import Plan
 from steptwin.host.planning.trajectory import waits_of
 from steptwin.host.robots.robot import Robot
@@ -42,7 +42,6 @@ def execute(
     *,
     cut_stream_s: float | None = None,
     inputs: Sequence[InputChange] = (),
-    errand: Errand | None = None,
     progress: Progress = lambda _: None,
     on_board: Callable[[EmbeddedBoard], None] = lambda _: None,
     **machine: Unpack[MachineKeywords],
@@ -55,8 +54,6 @@ def execute(
         kernel: form of the firmware's kernel; by default the fastest one that is installed. All make the same edges.
         cut_stream_s: send only the points before this time of the motion, as a host that hangs would.
         inputs: changes of the machine's digital inputs during the motion.
-        errand: what the motion is planned to do with the boxes of the robot's shelf; the emulated shelf holds the
-            errand's boxes unless `stock` says otherwise, and each box must be where it is planned in the end.
         progress: called with the part of the stream, from 0 to 1, that has been sent.
         on_board: called with the board before anything happens, for a caller who wants to look at it afterwards.
         machine: how the emulated machine differs from the robot's file, and what happens to it: the fields of
@@ -65,8 +62,8 @@ def execute(
 
     Raises:
         InputError: the machine does not stand at the plan's start, the stream is cut outside the motion, or the
-            drivers, their switches, an input or a place of the shelf do not exist, or the errand cannot be done, or the
-            boards have not as many axes as the robot, or a crystal is too far off, or the boards run other firmware.
+            drivers, their switches, or an input do not exist, or a feature's options do not fit, or the boards have not
+            as many axes as the robot, or a crystal is too far off, or the boards run other firmware.
         DeviceFaultError, BusError: the board could not be set up, or no motion began: with a scenario, a
             `NotBegunError` as well, which has its report. A fault in motion is part of the outcome instead.
     """
@@ -79,8 +76,6 @@ def execute(
     else:
         plan.check_start(options.joints(robot))
     motion = streamed_motion(plan) if cut_stream_s is None else _cut(streamed_motion(plan), plan, cut_stream_s)
-    expected_shelf = errand.planned(robot.shelf) if errand and robot.shelf else None
-    options = _stocked(options, errand)
     kernel = kernel or fastest_kernel()
     object_dictionary()  # made once in a process: no part of what the emulation takes
     started_s = time.perf_counter()
@@ -89,7 +84,7 @@ def execute(
         kernel,
         options,
         commissioned=False,  # `set_up` writes every setting
-        shelf_sensors=_looks_at_sensors(plan),
+        waits_for={wait.input for wait in waits_of(plan.trajectory)},
     )
     on_board(board)
     board.change_inputs(inputs)
@@ -105,7 +100,12 @@ def execute(
         simulated_s=board.now_s(),
         wall_s=time.perf_counter() - started_s,
     )
-    comparison = compare(Expectation.of(robot, made.trajectory, expected_shelf), board.evidence())
+    expected = {
+        feature.name: left
+        for feature, leaves in giving("expected")
+        if (left := leaves(robot, made.trajectory, feature.options_in(options.extras))) is not None
+    }
+    comparison = compare(Expectation.of(robot, made.trajectory, expected), board.evidence())
     rotors = board.rotor_trace(comparison.evidence)
     report = verify_comparison(comparison, run)
     return Outcome(
@@ -132,13 +132,6 @@ def _cut(motion: StreamedMotion, plan: Plan, cut_s: float) -> StreamedMotion:
         raise InputError(f"cut_stream_s={cut_s:g}: must be from {first_s:g} s to below {end_s:g} s")
     waits = tuple(wait for wait in motion.waits if wait.at_s < cut_s)
     return motion._replace(records=plan.records(count), waits=waits)
-
-
-def _stocked(options: MachineOptions, errand: Errand | None) -> MachineOptions:
-    """Return options whose shelf holds an errand's boxes, unless they say what it holds."""
-    if errand is None or options.stock is not None:
-        return options
-    return replace(options, stock=errand.stock)
 
 
 def _drive(
@@ -227,12 +220,6 @@ def _played(
         reasons=report.reasons if fault is None else (),
     )
     return scenario_report(board.engine, end)
-
-
-def _looks_at_sensors(plan: Plan) -> bool:
-    """Return whether a motion waits for one of the shelf's sensors; without that it leaves the bus as it was."""
-    sensors = plan.robot.shelf.sensors.values() if plan.robot.shelf else ()
-    return any(wait.input in sensors for wait in waits_of(plan.trajectory))
 
 
 def _fault(error: DeviceFaultError, machine: Machine, board: EmbeddedBoard, plan: Plan) -> RunFault:

@@ -133,7 +133,7 @@ class Outcome:
         path = prepare_folder(folder)
         document = self.to_dict() | {VERSION_KEY: FOLDER_VERSION}
         comparison = self.comparison
-        write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.stock)
+        write_folder(path, document, self.plan, comparison.evidence, self.bus_log, comparison.expected.features)
         drawn = can_draw()
         if drawn:
             draw(path)

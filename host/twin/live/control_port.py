@@ -85,7 +85,7 @@ class MachineState:
             },
             "real_time": board.real_time(),
             **({"nodes": nodes} if (nodes := nmt_states(board.nodes)) else {}),
-            **({} if (shelf := board.shelf()) is None else {"shelf": shelf}),
+            **board.features(),
             "simulated_s": round(board.simulated_s, 6),
             "wall_s": round(board.wall_s, 6),
         }

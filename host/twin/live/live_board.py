@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from steptwin.emulator.faults.harm import Harm, Surroundings
 from steptwin.emulator.faults.host import HostFault
 from steptwin.emulator.live.live_simulation import Lateness, LiveSimulation, Pacer, warm_up
 from steptwin.host.common.errors import InputError, RecordingError
+from steptwin.host.common.features import judge_of
 from steptwin.host.faults.engine import Engine
 from steptwin.host.faults.reporting import played_document
 from steptwin.host.record.bus_log import BusLog, log_line
@@ -37,9 +38,8 @@ from steptwin.host.twin.machine.evidence import (
     rate_ramps,
 )
 from steptwin.host.twin.machine.machine_options import AS_FILED, MachineOptions
-from steptwin.host.twin.machine.shelf import shelf_evidence
 from steptwin.host.twin.motors.figures import RotorFigures
-from steptwin.host.verify import AxisEvidence, RateRamps, ShelfEvent, shelf_document, speeds_document
+from steptwin.host.verify import AxisEvidence, RateRamps, speeds_document
 from steptwin.protocol.drivers import ActiveEdge, DriverProfile
 from steptwin.protocol.frame import FIRST_NODE_ID, Frame
 
@@ -140,8 +140,6 @@ class LiveBoard:
         """Plays the scenario; None without one."""
         if self.engine is not None and self.engine.scenario.harms_host:
             raise InputError(f"{self.engine.scenario.name}: {_NO_HOST}")
-        self._shelf_events: deque[ShelfEvent] = deque(maxlen=OPERATIONS_MAX)
-        """What happened at the shelf up to the last `record`."""
         self._ramps: deque[RateRamp] = deque(maxlen=OPERATIONS_MAX)
         """How the motions' speed has changed on the way, by the first board, up to the last `record`."""
         self._lines: list[str] = []
@@ -276,9 +274,8 @@ class LiveBoard:
         self._motion.follow(max(board.computed_counts for board in self._boards))
         self._measure_load()
         self.bus.faults.struck.clear()
-        if watch := self._machine.shelf_watch:
-            self._shelf_events.extend(shelf_evidence(watch.shelf, {}).events)
-            watch.shelf.events.clear()
+        for part in self._machine.parts.features.values():
+            part.end_round()
         lines, self._lines = self._lines, []
         if self._bus_log:
             self._bus_log.append(lines, self.simulated_s)
@@ -347,13 +344,9 @@ class LiveBoard:
         """Return the speed, and how late and how often held up the board was."""
         return {"speed": self.live.pacer.speed, **self.lateness(), "stalls": self.stalls()}
 
-    def shelf(self) -> dict[str, Any] | None:
-        """Return what happened at the shelf, the boxes and the open drawers; None if the robot has no shelf."""
-        watch = self._machine.shelf_watch
-        if watch is None:
-            return None
-        now = shelf_evidence(watch.shelf, self._machine.parts.stock)
-        return shelf_document(replace(now, events=(*self._shelf_events, *now.events)), 0)
+    def features(self) -> dict[str, Any]:
+        """Return what the parts of features have seen up to their last look, under their names."""
+        return {name: judge_of(name).document(part.seen(), 0) for name, part in self._machine.parts.features.items()}
 
     def lateness(self) -> dict[str, dict[str, float]]:
         """Return how late the servo ticks of motions and the board's frames were, in us of the wall clock."""
@@ -370,7 +363,7 @@ class LiveBoard:
 
     def report(self) -> dict[str, Any]:
         """Return the figures as of the last `record`, under the keys of report.json (docs/live.md)."""
-        shelf, shown = self.shelf(), self._motion.recorded(ended=True)
+        shown = self._motion.recorded(ended=True)
         speeds = rate_ramps(list(self._ramps)).speeds(shown.start_counts or 0)
         return recording_report(
             self._machine,
@@ -382,7 +375,7 @@ class LiveBoard:
                 "real_time": self.real_time(),
                 "operations": self._machine.operations.requests(),
                 **speeds_document(speeds),
-                **({} if shelf is None else {"shelf": shelf}),
+                **self.features(),
                 **({} if self.rotors is None else {"motors": self.rotors.to_dict()}),
                 **({} if self.engine is None else played_document(self.engine)),
             },

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from steptwin.emulator.bus.can_bus import Bus
+from steptwin.host.common.features import judge_of
 from steptwin.host.common.whole_file import files_together
 from steptwin.host.record.bus_log import log_line
 from steptwin.host.record.folder import (
@@ -34,7 +35,7 @@ from steptwin.host.twin.live.live_plan import FollowedMotion, LivePlan, Recorded
 from steptwin.host.twin.machine.boards import crystals_document
 from steptwin.host.twin.machine.emulated_machine import EmulatedMachine
 from steptwin.host.twin.machine.evidence import axes_evidence
-from steptwin.host.verify import Evidence, shelf_document, speeds_document
+from steptwin.host.verify import Evidence, speeds_document
 from steptwin.host.verify.switching import output_changes
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
@@ -148,7 +149,7 @@ class UnplannedRun:
         self._motion.follow(machine.simulation.now_counts)
         axes = axes_evidence(machine)
         outputs = output_changes(machine.robot, axes)
-        return Evidence(self._motion.start_counts or 0, axes, outputs, machine.shelf_evidence())
+        return Evidence(self._motion.start_counts or 0, axes, outputs, machine.features_evidence())
 
     def save(self, folder: Path | str) -> None:
         """Write the folder; another run's files are replaced, those of a live board's recording are not.
@@ -190,7 +191,6 @@ class UnplannedRun:
         return Piece(evidence.axes, lines, self._rows, mark, shown.plan_number)
 
     def _report(self, evidence: Evidence, shown: RecordedMotion) -> dict[str, Any]:
-        shelf = {} if evidence.shelf is None else {"shelf": shelf_document(evidence.shelf, 0)}
         return recording_report(
             self._machine,
             [
@@ -203,6 +203,6 @@ class UnplannedRun:
             happened={
                 "operations": self._machine.operations.requests(),
                 **speeds_document(evidence.axes[0].rates.speeds(shown.start_counts or 0)),
-                **shelf,
+                **{name: judge_of(name).document(seen, 0) for name, seen in evidence.features.items()},
             },
         )

@@ -1,1 +1,1 @@
-"""Describe an emulated machine: its options, boards, drivers, shelf and inputs, and what its drivers did."""
+"""Describe an emulated machine: its options, boards, drivers and inputs, and what its drivers did."""

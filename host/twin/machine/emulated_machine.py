@@ -1,7 +1,7 @@
-"""Put an emulated machine together: its boards with their drivers, the shelf beside it, the motors at the drivers."""
+"""Put an emulated machine together: its boards with their drivers, the motors at the drivers, the parts of features."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,9 @@ from steptwin.emulator.faults.bus import BusFault, BusRepair
 from steptwin.emulator.faults.harm import Harm
 from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.native import FirmwareError
-from steptwin.emulator.simulation import Joining, Simulation
-from steptwin.emulator.world.shelf_watch import ShelfWatch, ShelfWiring
+from steptwin.emulator.simulation import Simulation
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import Part, giving
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import Target
@@ -27,9 +27,7 @@ from steptwin.host.twin.machine.boards import board_configs, make_boards, standi
 from steptwin.host.twin.machine.drivers import driver_profile
 from steptwin.host.twin.machine.eds_nodes import eds_nodes
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from steptwin.host.twin.machine.shelf import shelf_evidence, shelf_wiring
 from steptwin.host.twin.motors.drives import motor_wiring
-from steptwin.host.verify import ShelfEvidence
 from steptwin.protocol.drivers import DriverProfile
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_SECOND
@@ -46,10 +44,9 @@ class MachineParts:
         start_steps: where the motors stand, in steps of the robot's file from their axes' zeros.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
         boards: the boards, without power.
-        shelf: the shelf; None if there is none.
-        stock: the boxes in the shelf, by slot or spot.
         motors: the motors that turn with the boards; None if they do not.
         nodes: the further nodes on the bus, by their ids.
+        features: the parts that features have, by their names.
     """
 
     robot: Robot
@@ -58,10 +55,9 @@ class MachineParts:
     start_steps: Sequence[int]
     commissioned: bool
     boards: Sequence[Board]
-    shelf: ShelfWiring | None
-    stock: Mapping[str, str]
     motors: MotorWiring | None
     nodes: Mapping[int, SimpleNode]
+    features: Mapping[str, Part]
 
     @classmethod
     def of(
@@ -71,7 +67,7 @@ class MachineParts:
         options: MachineOptions,
         *,
         commissioned: bool = True,
-        shelf_sensors: bool = True,
+        waits_for: Collection[str] | None = None,
         stretch_ticks: int = REST_TICKS,
     ) -> "MachineParts":
         """Make the parts.
@@ -81,12 +77,12 @@ class MachineParts:
             kernel: form of the firmware's kernel.
             options: how it differs from the robot's file.
             commissioned: True for boards whose flash holds the robot's settings, False for new ones.
-            shelf_sensors: False if the shelf's sensors are not connected.
+            waits_for: inputs for which the motion waits; None: unknown.
             stretch_ticks: greatest number of servo ticks that the rotors turn at once while an axis moves.
 
         Raises:
             InputError: a joint or the drivers do not exist, or cannot be set as the robot needs them, or have no such
-                switches, or the shelf has no such place, or the robot's file does not describe its motors and masses,
+                switches, or a feature's options do not fit, or the robot's file does not describe motors and masses,
                 or the boards have not as many axes as the robot, or a crystal is too far off or motors turn with it,
                 or an EDS cannot be read or its node's id is taken.
         """
@@ -95,9 +91,11 @@ class MachineParts:
         joints, per_board, profile = options.joints(robot), options.boards_of(robot), options.driver_profile
         drivers = driver_profile(robot.board, profile)
         configs = board_configs(robot, joints, per_board, profile, options.dip_microsteps, options.crystals_ppm)
-        shelf = shelf_wiring(
-            robot, joints, per_board, stock=options.stock, locked=options.locked_drawers, sensors=shelf_sensors
-        )
+        parts = {
+            feature.name: part
+            for feature, make in giving("part")
+            if (part := make(robot, joints, per_board, feature.options_in(options.extras), waits_for)) is not None
+        }
         return cls(
             robot,
             options,
@@ -105,10 +103,9 @@ class MachineParts:
             standing_steps(robot, joints),
             commissioned,
             make_boards(robot, configs, kernel, commissioned=commissioned, firmware=firmware),
-            shelf,
-            {} if shelf is None else dict(shelf.shelf.stock),
             motor_wiring(robot, drivers.chip, joints, per_board, stretch_ticks) if options.motors else None,
             {} if options.nodes is None else eds_nodes(options.nodes, len(robot.axes)),
+            parts,
         )
 
 
@@ -174,9 +171,9 @@ class EmulatedMachine(Target):
         self.parts = parts
         self.bus: Bus = Bus(options.bits_per_s(robot), log)
         try:
-            simulation = Simulation(
-                parts.boards, self.bus, schedule, parts.motors, tuple(parts.nodes.values()), self._joining(parts)
-            )
+            joining = [part.join for part in parts.features.values()]
+            nodes = tuple(parts.nodes.values())
+            simulation = Simulation(parts.boards, self.bus, schedule, parts.motors, nodes, joining)
         except FirmwareError as error:
             raise InputError(f"firmware={error}") from error
         super().__init__(robot, simulation, parts.start_steps)
@@ -184,17 +181,6 @@ class EmulatedMachine(Target):
         self.host: HostCondition = HostCondition()
         scenario = options.scenario_for(robot)
         self.engine: Engine | None = None if scenario is None else Engine(scenario, self, self.host)
-
-    def _joining(self, parts: MachineParts) -> Iterator[Joining]:
-        """Yield what makes the participants beside boards, bus, nodes and motors."""
-        self.shelf_watch: ShelfWatch | None = None
-        if (wiring := parts.shelf) is not None:
-
-            def join(simulation: Simulation) -> ShelfWatch:
-                self.shelf_watch = ShelfWatch(wiring, simulation)
-                return self.shelf_watch
-
-            yield join
 
     def switch_node(self, node_id: int, *, on: bool) -> None:
         """Take the supply from a further node, or give it back; KeyError if there is none of this id."""
@@ -209,10 +195,6 @@ class EmulatedMachine(Target):
         """Return the axes whose driver, board and robot file do not agree on the microsteps per full step."""
         return [each for each in self.microsteps() if not each.agree]
 
-    def shelf_evidence(self) -> ShelfEvidence | None:
-        """Look at the shelf; return what has happened there since power-up, None if there is none."""
-        watch = self.shelf_watch
-        if watch is None:
-            return None
-        watch.look_now(self.simulation.now_counts)
-        return shelf_evidence(watch.shelf, self.parts.stock)
+    def features_evidence(self) -> dict[str, Any]:
+        """Let the parts of features look; return what they have seen since power-up, by name."""
+        return {name: part.evidence() for name, part in self.parts.features.items()}

@@ -5,7 +5,7 @@ fixtures, and docs/machine-options.md come from here. So this module imports lit
 """
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypedDict, cast
@@ -45,6 +45,8 @@ class Spelling(NamedTuple):
 
 SPELLING: Final = "spelling"
 """Key of a field's spelling in its metadata."""
+OF_FEATURES: Final = "of_features"
+"""Key, in its metadata, of the attribute of features that gives the classes of a field's objects."""
 
 
 Standing = Sequence[float] | Mapping[str, float]
@@ -115,8 +117,6 @@ class MachineKeywords(TypedDict, total=False):
     stand_at: Standing | None
     driver_profile: str | None
     dip_microsteps: Mapping[str, int] | None
-    stock: Mapping[str, str] | None
-    locked_drawers: Collection[str]
     scenario: "Scenario | Sequence[Harm] | Path | str | None"
     motors: bool
     axes_per_board: Sequence[int] | None
@@ -124,6 +124,7 @@ class MachineKeywords(TypedDict, total=False):
     bitrate: int | None
     firmware: Path | str | None
     nodes: Mapping[int, Path | str] | None
+    extras: Sequence[Any]
 
 
 _STANDING = Spelling(
@@ -149,21 +150,6 @@ _DIP = Spelling(
     example='{"th2": 8}',
     says="Set the switches M1 and M2 of a joint's driver module to other microsteps than the robot file's; repeatable.",
     read=_microsteps,
-    repeatable=True,
-)
-_STOCK = Spelling(
-    option="--stock",
-    value="PLACE=BOX",
-    example='{"A1": "screws"}',
-    says="Box in a slot of the emulated shelf or at a spot, in place of the usual ones; repeatable.",
-    read=name_value_pairs,
-    repeatable=True,
-)
-_LOCKED = Spelling(
-    option="--locked-drawer",
-    value="SLOT",
-    example='["A1"]',
-    says="Lock a drawer of the emulated shelf; repeatable.",
     repeatable=True,
 )
 _FAULTS = Spelling(
@@ -222,16 +208,14 @@ _NODES = Spelling(
 class MachineOptions:
     """An emulated machine beside its robot's file. Neither the plan nor the host is told of any of it.
 
-    The spelling of each says what it does. In Python joints may stand by name, the others at home; `stock` None is a
-    box at each spot where boxes are taken; a path stands for the scenario in that file, and harms for one that begins
-    with them at power-up; one number for the crystals is that of each board, and none means that all are exact.
+    The spelling of each says what it does. In Python joints may stand by name, the others at home; a path stands for
+    the scenario in that file, and harms for one that begins with them at power-up; one number for the crystals is that
+    of each board, and none means that all are exact; `extras` has the options of features, at most one object of each.
     """
 
     stand_at: Standing | None = field(default=None, metadata={SPELLING: _STANDING})
     driver_profile: str | None = field(default=None, metadata={SPELLING: _DRIVERS})
     dip_microsteps: Mapping[str, int] | None = field(default=None, metadata={SPELLING: _DIP})
-    stock: Mapping[str, str] | None = field(default=None, metadata={SPELLING: _STOCK})
-    locked_drawers: Collection[str] = field(default=(), metadata={SPELLING: _LOCKED})
     scenario: "Scenario | Sequence[Harm] | Path | str | None" = field(default=None, metadata={SPELLING: _FAULTS})
     motors: bool = field(default=False, metadata={SPELLING: _MOTORS})
     axes_per_board: Sequence[int] | None = field(default=None, metadata={SPELLING: _BOARDS})
@@ -239,6 +223,7 @@ class MachineOptions:
     bitrate: int | None = field(default=None, metadata={SPELLING: _BITRATE})
     firmware: Path | str | None = field(default=None, metadata={SPELLING: _FIRMWARE})
     nodes: Mapping[int, Path | str] | None = field(default=None, metadata={SPELLING: _NODES})
+    extras: Sequence[Any] = field(default=(), metadata={OF_FEATURES: "machine_options"})
 
     @property
     def keywords(self) -> MachineKeywords:
@@ -248,7 +233,9 @@ class MachineOptions:
     def over(self, other: "MachineOptions") -> "MachineOptions":
         """Return other options, with those of these that are no defaults in place of theirs."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(other, **{name: value for name, value in given.items() if value != getattr(AS_FILED, name)})
+        del given["extras"]
+        changed = {name: value for name, value in given.items() if value != getattr(AS_FILED, name)}
+        return replace(other, **changed, extras=merged(self.extras, other.extras))
 
     @property
     def crystals_ppm(self) -> tuple[int, ...]:
@@ -314,6 +301,14 @@ class MachineOptions:
         if isinstance(self.scenario, Path | str):
             return read_scenario(self.scenario, robot)
         return self.scenario if isinstance(self.scenario, Scenario) else Scenario.from_power_up(self.scenario)
+
+
+def merged(extras: Sequence[Any], others: Sequence[Any]) -> tuple[Any, ...]:
+    """Return the options of features in two sequences, with what is given in the first in place of the second's."""
+    found = {type(each): each for each in others}
+    for each in extras:
+        found[type(each)] = each.over(found[type(each)]) if type(each) in found else each
+    return tuple(found.values())
 
 
 AS_FILED: Final = MachineOptions()

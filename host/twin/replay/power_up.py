@@ -1,6 +1,6 @@
 """How a machine stood when its boards were switched on: what a replay must know beside the frames on the bus."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from steptwin.emulator.faults.harm import Operation
 from steptwin.host.common.bad_input import prefixed
 from steptwin.host.common.choices import check_bitrate
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.features import giving
 from steptwin.host.common.tables import Table
 from steptwin.host.faults.requests import read_request
 from steptwin.host.record.folder import REPORT, read_evidence, read_report
@@ -37,7 +38,7 @@ class MachineAtPowerUp:
     Attributes:
         options: how it differs from the robot's file.
         commissioned: True for boards whose flash holds the robot's settings, False for new ones.
-        shelf_sensors: False if the shelf's sensors are not connected.
+        waits_for: inputs for which the motion has waited; None: unknown.
         operations: what was done to the machine, in order of time.
         bus_faults: the faults of the bus that were let loose, in words; they are not repeated.
         until_counts: instant when the recording ends; None if nothing tells it.
@@ -45,7 +46,7 @@ class MachineAtPowerUp:
 
     options: MachineOptions = AS_FILED
     commissioned: bool = True
-    shelf_sensors: bool = True
+    waits_for: Collection[str] | None = None
     operations: tuple[Operated, ...] = ()
     bus_faults: tuple[str, ...] = ()
     until_counts: int | None = None
@@ -84,12 +85,12 @@ def stored_machine(folder: Path, robot: Robot) -> StoredMachine:
             crystal_ppm=_crystals(table, len(axes_per_board)),
             bitrate=report.run.bus.bitrate,
             driver_profile=other_drivers(robot.board, report.driver_profile),
-            stock=_stock(table),
+            extras=[extra for _, replayed in giving("replayed") if (extra := replayed(table)) is not None],
         )
         power_up = MachineAtPowerUp(
             options,
             commissioned=table.truth("commissioned") if "commissioned" in table else live,
-            shelf_sensors=live or _waits_for_sensors(table, robot),
+            waits_for=None if live else _waited_for(table),
             operations=tuple(each for each in done if isinstance(each, Operated)),
             bus_faults=(*(each for each in done if isinstance(each, str)), *_bus_faults(table, robot)),
             until_counts=mark.until_counts if mark else round(report.run.simulated_s * 1_000_000) * COUNTS_PER_US,
@@ -113,18 +114,9 @@ def _crystals(table: Table, boards: int) -> Sequence[int]:
     return crystals_ppm
 
 
-def _stock(table: Table) -> Mapping[str, str] | None:
-    if "shelf" not in table:
-        return None
-    with table.section("shelf") as shelf, shelf.section("start") as start:
-        return {place: start.text(place) for place in start}
-
-
-def _waits_for_sensors(table: Table, robot: Robot) -> bool:
-    """Return whether a run has waited for a sensor of the shelf: only then these were connected."""
-    sensors = robot.shelf.sensors.values() if robot.shelf else ()
-    waited = table.each("waits", lambda wait: wait.text("input")) if "waits" in table else ()
-    return any(name in sensors for name in waited)
+def _waited_for(table: Table) -> tuple[str, ...]:
+    """Return the inputs for which a run has waited."""
+    return table.each("waits", lambda wait: wait.text("input")) if "waits" in table else ()
 
 
 def _bus_faults(table: Table, robot: Robot) -> tuple[str, ...]:

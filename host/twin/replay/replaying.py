@@ -152,7 +152,7 @@ def machine_at(robot: Robot, power_up: MachineAtPowerUp, kernel: Kernel, log: Lo
         kernel,
         power_up.options,
         commissioned=power_up.commissioned,
-        shelf_sensors=power_up.shelf_sensors,
+        waits_for=power_up.waits_for,
     )
     places = Places(power_up.options.boards_of(robot))
     return EmulatedMachine(
@@ -243,7 +243,7 @@ def replay(
         against: the stored run whose edges the replay must make.
 
     Raises:
-        InputError: no frame of the recording is for the robot's nodes, or the drivers or a place of the shelf do not
+        InputError: no frame of the recording is for the robot's nodes, or the drivers do not
             exist.
     """
     node_ids = range(FIRST_NODE_ID, FIRST_NODE_ID + len(robot.axes))

@@ -8,11 +8,17 @@ import pytest
 
 from steptwin.controller.motion.backend import Kernel
 from steptwin.host.cli.app import run
+from steptwin.host.common.features import giving
 from steptwin.host.robots import load_robot
 from steptwin.host.twin.board_under_test import BoardUnderTest
 from steptwin.host.twin.machine.machine_options import AS_FILED, SPELLING, MachineOptions
 
-OPTIONS = {field.metadata[SPELLING].option for field in fields(MachineOptions)}
+OPTIONS = {
+    field.metadata[SPELLING].option
+    for made in (MachineOptions, *(options() for _, options in giving("machine_options")))
+    for field in fields(made)
+    if SPELLING in field.metadata
+}
 
 
 def boxes(capsys: pytest.CaptureFixture[str], command: str) -> dict[str, set[str]]:
@@ -84,8 +90,8 @@ def test_a_board_of_a_test_takes_all_of_them(fast_kernel: Kernel) -> None:
 
 
 def test_given_options_go_over_others() -> None:
-    other = MachineOptions(axes_per_board=(4, 2), bitrate=500_000, locked_drawers=("A1",))
+    other = MachineOptions(axes_per_board=(4, 2), bitrate=500_000, dip_microsteps={"th1": 8})
     assert AS_FILED.over(other) == other
     assert MachineOptions(bitrate=125_000).over(other) == MachineOptions(
-        axes_per_board=(4, 2), bitrate=125_000, locked_drawers=("A1",)
+        axes_per_board=(4, 2), bitrate=125_000, dip_microsteps={"th1": 8}
     )

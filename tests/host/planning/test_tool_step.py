@@ -102,7 +102,7 @@ def test_there_and_back(robot: Robot) -> None:
 @pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "robot",
-    [pytest.param(robot, id=robot.name, marks=pytest.mark.slow if robot.shelf else ()) for robot in ROBOTS],
+    [pytest.param(robot, id=robot.name, marks=pytest.mark.slow if robot.sections else ()) for robot in ROBOTS],
 )
 def test_what_is_said_to_pass_passes_and_a_tenth_more_does_not(
     robot: Robot, axis: str, sign: float, monkeypatch: pytest.MonkeyPatch

@@ -1,13 +1,10 @@
 """The classroom robot's carry job: the paper's cubic and quintic, and gripping with repetitions."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.carry import missed_presets
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots import load_robot
@@ -156,13 +153,3 @@ def test_too_fast_is_refused() -> None:
         carry(repetitions="1.5")
     with refusing(InputError):
         carry(depth_mm="61")
-
-
-def test_parts_that_the_gripper_does_not_reach() -> None:
-    """A longer arm comes elsewhere; both sides of the gripper's play."""
-    assert missed_presets(ROBOT) == missed_presets(load_robot("lab-scara")) == []
-    near, longer = (replace(ROBOT, geometry={**ROBOT.geometry, "l1_mm": l1_mm}) for l1_mm in (96.9, 97.1))
-    assert missed_presets(near) == []
-    assert missed_presets(longer)[0] == (
-        "shelf.spots.qa: carry brings the gripper to x 197.1, y 0.0 mm, 2.1 mm away; it reaches 2 mm"
-    )

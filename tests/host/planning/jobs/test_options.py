@@ -35,7 +35,7 @@ class Options:
     """One option of each kind."""
 
     side: Side = Side.RIGHT
-    slot: str = place("A1", lambda robot: robot.shelf.slots if robot.shelf else robot.places)
+    slot: str = place("A1", lambda robot: [name for name in robot.places if name[1:].isdigit()])
     pause_s: float = number(0.5, 0.001, 60.0, "s")
     angle_deg: float = number(0.0, -180.0, 180.0, "deg")
     repetitions: int = number(1, 1, 1000, "times")
@@ -119,13 +119,13 @@ def test_the_range_of_a_joint_is_the_robots() -> None:
 @pytest.mark.parametrize("places", [{}, {"B1": {"sx": 1.0}}])
 def test_a_default_place_must_exist(places: dict[str, dict[str, float]]) -> None:
     """The default is set by the job, the places by the robot file, so they may not match."""
-    robot = dataclasses.replace(ROBOT, places=places, shelf=None)
+    robot = dataclasses.replace(ROBOT, places=places, sections={})
     with refusing(InputError):
         parse_options(Options, {}, robot)
 
 
 def test_a_default_place_may_be_missing_if_another_is_chosen() -> None:
-    robot = dataclasses.replace(ROBOT, places={"B1": {"sx": 1.0}}, shelf=None)
+    robot = dataclasses.replace(ROBOT, places={"B1": {"sx": 1.0}}, sections={})
     assert parse_options(Options, {"slot": "B1"}, robot).slot == "B1"
 
 

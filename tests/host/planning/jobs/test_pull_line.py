@@ -152,7 +152,7 @@ class TestOptions:
         assert SCARA.forward(joints[:1])[0] == pytest.approx([1275.0, 169.903810568, 360.5, 90.0])
 
     def test_they_are_described_with_default_and_range(self) -> None:
-        assert job_names(ROBOT) == ("drawer-pull", "pull-line", "store", "fetch", "every-slot")
+        assert job_names(ROBOT) == ("drawer-pull", "store", "fetch", "every-slot", "pull-line")
         assert job_options(ROBOT, "pull-line") == {
             "elbow": "right (right, left)",
             "duration_s": "10 (0.002..600 s)",

@@ -35,7 +35,7 @@ PROBE_S = 1e-6
 
 def on_base(robot: Robot, base: BaseFrame = BASE) -> Robot:
     """Return a robot on a base, without the shelf, where no base may be turned."""
-    return dataclasses.replace(robot, base=base, shelf=None)
+    return dataclasses.replace(robot, base=base, sections={})
 
 
 def frames_of(poses: FloatArray) -> FloatArray:
@@ -146,7 +146,7 @@ class TestWorkspace:
     @pytest.mark.parametrize("name", ["lab-scara", "warehouse-scara", "hybrid-arm"])
     def test_it_is_the_same_one_moved(self, name: str) -> None:
         robot = load_robot(name)
-        robot, placed = dataclasses.replace(robot, shelf=None), on_base(robot)
+        robot, placed = dataclasses.replace(robot, sections={}), on_base(robot)
         own, there = scan(robot), scan(placed)
         assert there.plan.area_mm2 == pytest.approx(own.plan.area_mm2, rel=1e-4)
         assert there.plan.radius_mm == pytest.approx(own.plan.radius_mm, abs=1e-5)

@@ -3,8 +3,6 @@
 The hand locks onto the drawer and pulls it out, the electromagnet releases or takes the box, the hand pushes the
 drawer shut and unlocks. `drawer-pull` is the paper's experiment, its section 3: it leaves the drawer out, in the hand.
 The slides move while the arm is drawn back and before it reaches out, and outputs change while all joints stand still.
-`pull-line` is the line of the drawer pull alone: 180 mm straight along -y in 10 s, at constant attitude and at no
-drawer. Its start, its distance and the 10 s are the paper's, its ramps of 2 s are assumed.
 
 Source of the procedure: A. Jiang, L. Guo, X. Tan, "Development of Prototype of a New Intelligent Warehouse Robot",
 2019(05), DOI 10.3969/j.issn.1009-9492.2019.05.018. Slots, hand-over, approach and their speeds are assumed.
@@ -17,67 +15,20 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.shelf import shelf_of
+from steptwin.features.shelf.errand import Carry
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.errand import Carry
 from steptwin.host.planning.jobs.job import Job, in_reach_at_most, with_elbow
-from steptwin.host.planning.jobs.options import joint_position, number, place
+from steptwin.host.planning.jobs.options import number, place
+from steptwin.host.planning.jobs.pull_line import COMPARTMENTS, KIND, LOCKED_DEG, REACH_MM, TRAVEL_MM
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.composer import Composer
-from steptwin.host.planning.motions.tool_move import ToolMove
-from steptwin.host.planning.paths import OutOfReachError, StraightLine
+from steptwin.host.planning.paths import OutOfReachError
 from steptwin.host.planning.trajectory import Trajectory
 from steptwin.host.robots.kinematics import Elbow, make_kinematics
 from steptwin.host.robots.robot import Robot
 
-LOCKED_DEG: Final = (0.0, 60.0, 30.0)
-"""th1, th2, th3 where the hand locks onto a drawer, with the elbow on the right."""
-
-TRAVEL_MM: Final = 180.0
-REACH_MM: Final = 350.0
-"""The way of the drawer, and the reach of the paper's arm from shoulder to wrist: a smaller one pulls less."""
-
-
-COMPARTMENTS: Final = 3
-"""Compartments of the drawer, which come out one after another in the paper's figure 7; as long as each other, it is
-assumed."""
-
-
-@dataclass(frozen=True, slots=True)
-class PullLineOptions:
-    """The options: the elbow's side, the times of the law, the positions of slides and lift, and the drawer's way.
-
-    The way is that of the whole drawer; to bring out only some of its compartments the hand pulls a part of it.
-    """
-
-    elbow: Elbow = Elbow.RIGHT
-    duration_s: float = number(10.0, 0.002, 600.0, "s")
-    ramp_s: float = number(2.0, 0.001, 300.0, "s")
-    sx_mm: float = joint_position(0.0, "sx")
-    sz_mm: float = joint_position(0.0, "sz")
-    L1_mm: float = joint_position(100.0, "L1")
-    travel_mm: float = number(TRAVEL_MM, 1.0, 1000.0, "mm", in_reach_at_most(TRAVEL_MM, REACH_MM))
-    compartments: int = number(COMPARTMENTS, 1, COMPARTMENTS, "compartments")
-
-
-def pull_line(robot: Robot, options: PullLineOptions) -> Trajectory:
-    """Return the pull, from one tool pose with either elbow; raise InputError for times that form no trapezoid."""
-    travel_mm = options.travel_mm * (options.compartments / COMPARTMENTS)
-    law = Trapezoid(travel_mm, options.duration_s, options.ramp_s)
-    right = np.array([options.sx_mm, options.sz_mm, options.L1_mm, *LOCKED_DEG])
-    start = with_elbow(robot, right, options.elbow)
-    x_mm, y_mm, z_mm, attitude_deg = make_kinematics(robot).forward(right[np.newaxis])[0].tolist()
-    path = StraightLine((x_mm, y_mm, z_mm, attitude_deg), (x_mm, y_mm - travel_mm, z_mm, attitude_deg))
-    return ToolMove.along(robot, path, law, options.elbow.value, start)
-
-
-PULL_LINE: Final = Job(
-    "pull-line", "move as if to pull a drawer out, straight, 180 mm or by compartments", PullLineOptions, pull_line
-)
-
-
-KIND: Final = "warehouse-scara"
-"""The kind of mechanism that has these jobs."""
 HAND_OVER: Final = "hand-over"
 APPROACH_MM: Final = 60.0
 """Distance from in front of the shelf to the drawer's striker."""
@@ -100,11 +51,13 @@ class Sensors(Enum):
 
 
 def _slots(robot: Robot) -> Iterable[str]:
-    return robot.shelf.slots if robot.shelf else (name for name in robot.places if name != HAND_OVER)
+    shelf = shelf_of(robot)
+    return shelf.slots if shelf else (name for name in robot.places if name != HAND_OVER)
 
 
 def _spots(robot: Robot) -> Iterable[str]:
-    return robot.shelf.spots if robot.shelf else (HAND_OVER,)
+    shelf = shelf_of(robot)
+    return shelf.spots if shelf else (HAND_OVER,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +111,7 @@ class _Shelf:
     """The robot's moves between spots and slots."""
 
     def __init__(self, robot: Robot, options: _AtShelf) -> None:
-        self._robot = robot
+        self._robot, self._shelf = robot, shelf_of(robot)
         self._elbow = options.elbow
         self._travel_mm, self._approach_mm = options.travel_mm, options.approach_mm
         self._pull_s = options.pull_s
@@ -234,7 +187,7 @@ class _Shelf:
         moves.switch("lock", on=True)
         self._wait(moves, "lock_engaged", slot, on=True)
         moves.line(self._elbow.value, (0.0, -self._travel_mm, 0.0), self._pull)
-        if self._robot.shelf and self._travel_mm >= self._robot.shelf.travel_mm:
+        if self._shelf and self._travel_mm >= self._shelf.travel_mm:
             self._wait(moves, "drawer_end", slot, on=True)
 
     @property
@@ -253,7 +206,7 @@ class _Shelf:
         """Wait for a sensor, if the job is to do so."""
         if not self._waits:
             return
-        wired = self._robot.shelf.sensors if self._robot.shelf else {}
+        wired = self._shelf.sensors if self._shelf else {}
         if sensor not in wired:
             raise InputError(f"shelf.{sensor}: is missing in the robot's file: sensors=ignore does without it").plainly(
                 f"the robot's file names no sensor {sensor}: choose to ignore the sensors"
@@ -275,7 +228,7 @@ class _Shelf:
 
 def missed_places(robot: Robot) -> list[str]:
     """Return a line for each slot and spot of a robot's shelf where the jobs' hand reaches no striker or lid."""
-    shelf = robot.shelf
+    shelf = shelf_of(robot)
     if shelf is None or robot.kinematics != KIND:
         return []
     moves, forward = _Shelf(robot, StoreOptions()), make_kinematics(robot).forward
@@ -314,7 +267,7 @@ def drawer_pull(robot: Robot, options: DrawerPullOptions) -> Trajectory:
     moves = Composer(robot, shelf.in_front(np.array(robot.home[:_SLIDES]), options.slot))
     shelf.slides_to(moves, options.slot)
     shelf.pull_out(moves, options.slot)
-    return moves.sequence(leaves_open=(options.slot,))
+    return moves.sequence({"leaves_open": (options.slot,)})
 
 
 def store(robot: Robot, options: StoreOptions) -> Trajectory:

@@ -2,11 +2,16 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
 
+from steptwin.features.shelf import shelf_of
+from steptwin.features.shelf.options import ShelfOptions
+from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.errors import InputError
-from steptwin.host.robots.shelf import Shelf
+from steptwin.host.planning.jobs import job_intent
+from steptwin.host.planning.trajectory import Trajectory, expected_of
+from steptwin.host.robots.robot import Robot
 
 A_BOX: Final = "box"
 """Name of a box to which the user gave none."""
@@ -88,3 +93,22 @@ def _feeds(shelf: Shelf, place: str) -> bool:
 
 def _clears(shelf: Shelf, place: str) -> bool:
     return place in shelf.spots and shelf.spots[place].clears
+
+
+def job_carries(robot: Robot, job: str, options: Mapping[str, str] | None = None) -> tuple[Carry, ...]:
+    """Return the boxes that a job carries, in order; none for most jobs. Raises as `make_job` does for its options."""
+    return carries_of(job_intent(robot, job, options))
+
+
+def carries_of(intent: Any) -> tuple[Carry, ...]:
+    """Return the boxes that a job with this intent carries; none for an intent of another kind."""
+    return intent if isinstance(intent, tuple) and all(isinstance(each, Carry) for each in intent) else ()
+
+
+def expected(robot: Robot, trajectory: Trajectory, options: ShelfOptions | None) -> PlannedStock | None:
+    """Return what a motion is planned to leave at a robot's shelf; None if nothing is planned."""
+    shelf, errand = shelf_of(robot), options.errand if options else None
+    planned = errand.planned(shelf) if errand and shelf else None
+    if leaves_open := expected_of(trajectory).get("leaves_open"):
+        return replace(planned or PlannedStock(), leaves_open=tuple(leaves_open))
+    return planned

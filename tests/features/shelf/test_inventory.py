@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from steptwin.features.shelf.inventory import Inventory, assign, read_inventory, write_inventory, written_after
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.inventory import Inventory, assign, read_inventory, write_inventory, written_after
 from steptwin.host.robots import load_robot
+from tests.features.shelf.shelves import ROBOT, SHELF
 from tests.host.complaints import complaint_of
-from tests.host.robots.shelves import ROBOT, SHELF
 from tests.messages import refusing
 
 HEAD = 'robot = "warehouse-scara"\n'

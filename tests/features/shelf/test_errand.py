@@ -2,11 +2,10 @@
 
 import pytest
 
+from steptwin.features.shelf.errand import Carry, Errand, PlannedStock, job_carries
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning.errand import Carry, Errand, PlannedStock
-from steptwin.host.planning.jobs import job_carries
 from steptwin.host.robots import load_robot
-from tests.host.robots.shelves import ROBOT, SHELF, shelf_of
+from tests.features.shelf.shelves import ROBOT, SHELF, shelf_of
 from tests.messages import refusing
 
 JUDGED = ("A1", "A2", "B1", "B2", "hand-over")

@@ -15,12 +15,13 @@ from typing import Final
 
 import numpy as np
 
+from steptwin.features.shelf import shelf_of
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
 from steptwin.host.planning.motions.joint_move import fastest_law
 from steptwin.host.robots.box import Box
-from steptwin.host.robots.kinematics import Kinematics, Scara, make_kinematics
+from steptwin.host.robots.kinematics import Scara, make_kinematics
 from steptwin.host.robots.kinematics.links import solid_parts
 from steptwin.host.robots.robot import Robot
 
@@ -67,7 +68,8 @@ class _Nearest:
 
 def obstacles_of(robot: Robot) -> dict[str, Box]:
     """Return the boxes that the arm must keep clear of, by name: those of the robot's shelf."""
-    return {name: robot.boxes[name] for name in robot.shelf.obstacles} if robot.shelf else {}
+    shelf = shelf_of(robot)
+    return {name: robot.boxes[name] for name in shelf.obstacles} if shelf else {}
 
 
 def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> TooNear | None:
@@ -79,7 +81,7 @@ def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -
         InputError: the robot has obstacles but a mechanism whose parts are not known well enough.
     """
     obstacles = obstacles_of(robot)
-    if not obstacles or robot.shelf is None:
+    if not obstacles:
         return None
     arm = _Arm.of(robot, obstacles)
     begin, way = np.array(start, dtype=float), np.subtract(goal, start).astype(float)
@@ -95,7 +97,7 @@ def first_contact(robot: Robot, start: Sequence[float], goal: Sequence[float]) -
         part = min(part + (nearest.free_mm - MARGIN_MM / 2) / reach_mm, 1.0)
 
 
-def check_way(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> None:
+def check_travel(robot: Robot, start: Sequence[float], goal: Sequence[float]) -> None:
     """Raise InputError, with place, instant and what is clear, if a way as of `first_contact` is not; raises as it."""
     contact = first_contact(robot, start, goal)
     if contact is None:
@@ -129,10 +131,10 @@ class _Arm:
 
     @classmethod
     def of(cls, robot: Robot, obstacles: Mapping[str, Box]) -> "_Arm":
-        kinematics: Kinematics = make_kinematics(robot)
-        if not isinstance(kinematics, Scara) or robot.shelf is None:
+        kinematics, shelf = make_kinematics(robot), shelf_of(robot)
+        if not isinstance(kinematics, Scara) or shelf is None:
             raise InputError(f"shelf.obstacles: a {robot.kinematics} cannot be kept clear of boxes; leave them out")
-        return cls(kinematics, obstacles, robot.shelf.arm_radius_mm, kinematics.levers_mm)
+        return cls(kinematics, obstacles, shelf.arm_radius_mm, kinematics.levers_mm)
 
     def _pieces_mm(self, joints: FloatArray) -> list[tuple[str, FloatArray]]:
         """Return the name and the corners, shape (points, 3), of each part."""

@@ -4,16 +4,19 @@ A drawer slides along -y. Its own catch holds it unless the hand's lock is in it
 box moves only with the hand's magnet or gripper. A robot may have spots alone, without drawers.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
-from steptwin.host.common.bad_input import require_positive, unknown
+from steptwin.host.common.bad_input import prefixed, require_positive, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.findings import check_all
+from steptwin.host.common.findings import Findings, check_all
+from steptwin.host.common.tables import Reading, Table
 from steptwin.host.robots.board_settings import Input, Output
 from steptwin.host.robots.box import Box
+from steptwin.host.robots.reader import each_of, read_point, read_texts, settings
+from steptwin.host.robots.robot import Robot
 
 Point = tuple[float, float, float]
 
@@ -98,14 +101,23 @@ class Shelf:
             if name in self.spots:
                 raise InputError(f"slots.{name}: is the name of a spot as well")
 
-    def check_names(
+    def check(self, robot: Robot) -> None:
+        """Raise InputError, with everything that is wrong, unless the robot has all that the shelf names."""
+        if self.slots and robot.base.phi_deg % 360.0:
+            raise InputError(
+                f"base.phi_deg: {robot.base.phi_deg:g} deg is for a robot without a shelf, whose drawers open along y;"
+                " 0 is right here"
+            )
+        with prefixed("shelf."):
+            self._check_names(robot.outputs, robot.inputs, robot.places, robot.boxes)
+
+    def _check_names(
         self,
         outputs: Mapping[str, Output],
         inputs: Mapping[str, Input],
         places: Mapping[str, Mapping[str, float]],
         boxes: Mapping[str, Box],
     ) -> None:
-        """Raise InputError, with everything that is wrong, unless the robot has all that the shelf names."""
         hand = ("lock", "magnet") if self.slots else ("magnet",)
         checks = [partial(_check, key, "output", getattr(self, key), outputs) for key in hand]
         checks += [partial(_check, key, "input", name, inputs) for key, name in self.sensors.items()]
@@ -129,3 +141,38 @@ class Shelf:
 def _check(key: str, what: str, name: str, known: Mapping[str, object]) -> None:
     if name not in known:
         raise unknown(f"{key}: {what}", name, known)
+
+
+_spot: Final = settings(
+    Spot, {"lid_mm": read_point}, {"feeds": Table.truth, "clears": Table.truth, "grip_mm": Table.number}
+)
+_HAND: Final[dict[str, Reading]] = {"magnet": Table.text, "capture_mm": Table.number}
+_SPOTS: Final[dict[str, Reading]] = {"spots": partial(each_of, _spot)}
+_DRAWERS: Final[dict[str, Reading]] = {
+    "lock": Table.text,
+    **dict.fromkeys(("travel_mm", "opening_mm", "arm_radius_mm"), Table.number),
+    "slots": partial(each_of, Table.text),
+}
+_AT_DRAWERS: Final[dict[str, Reading]] = {"obstacles": read_texts, **dict.fromkeys(SENSORS, Table.text)}
+
+
+def read_shelf(table: Table, key: str) -> Shelf:
+    """Return the shelf of a robot file: one with spots alone needs no key of drawers, any other needs all of them."""
+    with table.section(key) as section:
+        drawers = any(name in section for name in _DRAWERS | _AT_DRAWERS) or "spots" not in section
+    required, optional = (_DRAWERS, _SPOTS) if drawers else (_SPOTS, _DRAWERS)
+    shelf: Shelf = settings(Shelf, _HAND | required, optional | _AT_DRAWERS)(table, key)
+    return shelf
+
+
+def check_slots(robot: Robot, slots: Sequence[str]) -> None:
+    """Raise InputError for each slot that a robot's shelf does not have."""
+    shelf, findings = robot.sections.get("shelf"), Findings()
+    known = shelf.slots if isinstance(shelf, Shelf) else {}
+    for slot in slots:
+        with findings.collecting("leaves_open: "):
+            if not known:
+                raise InputError(f"{slot!r}: {robot.name} has no shelf")
+            if slot not in known:
+                raise unknown("slot", slot, known)
+    findings.raise_first()

@@ -1,49 +1,56 @@
 """Describe a robot's shelf to the emulator, and convert what happened there into evidence."""
 
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
-from steptwin.emulator.world.moving_shelf import MovingShelf, Point, ShelfConfig, SpotConfig
-from steptwin.emulator.world.shelf_watch import ShelfWiring
+from steptwin.emulator.simulation import Simulation
+from steptwin.features.shelf import shelf_of
+from steptwin.features.shelf.evidence import ShelfEvent, ShelfEvidence
+from steptwin.features.shelf.moving_shelf import MovingShelf, Point, ShelfConfig, SpotConfig
+from steptwin.features.shelf.options import ShelfOptions
+from steptwin.features.shelf.section import Shelf
+from steptwin.features.shelf.watch import ShelfWatch, ShelfWiring
 from steptwin.host.common.bad_input import unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.operate.inputs_outputs import wired_inputs
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.kinematics.chain import actual_chain
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.shelf import Shelf
 from steptwin.host.twin.machine.boards import standing_steps
 from steptwin.host.twin.machine.input_changes import Wires
-from steptwin.host.verify import ShelfEvent, ShelfEvidence
 
-SHUT_MM = 1.0
+EVENTS_MAX: Final = 1000
+"""Number of events that a served board's shelf remembers."""
+SHUT_MM: Final = 1.0
 """Distance by which a drawer may be out and still count as shut: its catch takes it."""
 
 
-def shelf_wiring(
+def shelf_part(
     robot: Robot,
     start_joints: Sequence[float],
     axes_per_board: Sequence[int],
-    *,
-    stock: Mapping[str, str] | None = None,
-    locked: Collection[str] = (),
-    sensors: bool = True,
-) -> ShelfWiring | None:
+    options: ShelfOptions | None,
+    waits_for: Collection[str] | None,
+) -> "ShelfPart | None":
     """Return a robot's shelf as the emulator has it; None if the robot has none.
 
     Args:
         robot: the machine.
         start_joints: joint positions where it stands at power-up, mm and degrees.
         axes_per_board: number of axes on each board.
-        stock: the boxes, by slot or spot; None: a box at each spot that does not clear boxes away, and empty slots.
-        locked: slots whose drawers are locked.
-        sensors: False if the sensors are not connected.
+        options: how the shelf differs from the usual one.
+        waits_for: inputs for which the motion waits: without a sensor among them no sensor is connected, which leaves
+            the bus as it was. None: unknown.
 
     Raises:
         InputError: the stock or the locked drawers are in places that the shelf does not have.
     """
-    shelf = robot.shelf
+    options = options or ShelfOptions()
+    shelf, stock, locked = shelf_of(robot), options.boxes, options.locked_drawers
     if shelf is None:
         if stock or locked:
             what = f"stock={next(iter(stock))}" if stock else f"locked_drawers={next(iter(locked))}"
@@ -65,15 +72,52 @@ def shelf_wiring(
         stock=usual_stock(shelf) if stock is None else stock,
         locked=frozenset(locked),
     )
+    sensors = waits_for is None or any(name in waits_for for name in shelf.sensors.values())
     wires = Wires(robot, axes_per_board)
     inputs = wired_inputs(robot)
-    return ShelfWiring(
+    wiring = ShelfWiring(
         shelf=config,
         tip_at=_TipAt(robot, start_joints),
         lock=wires.output(shelf.lock) if shelf.slots else None,
         magnet=wires.output(shelf.magnet),
         sensors={key: wires.input(*inputs[name]) for key, name in shelf.sensors.items()} if sensors else {},
     )
+    return ShelfPart(wiring)
+
+
+class ShelfPart:
+    """The shelf of one machine, from power-up on."""
+
+    def __init__(self, wiring: ShelfWiring) -> None:
+        self._wiring = wiring
+        self._watch: ShelfWatch | None = None
+        self._past: deque[ShelfEvent] = deque(maxlen=EVENTS_MAX)
+        """Events of earlier rounds."""
+
+    @property
+    def _joined(self) -> ShelfWatch:
+        assert self._watch is not None, "the machine is not switched on"
+        return self._watch
+
+    def join(self, simulation: Simulation) -> ShelfWatch:
+        """Return the shelf beside the boards of a simulation."""
+        self._watch = ShelfWatch(self._wiring, simulation)
+        return self._watch
+
+    def evidence(self) -> ShelfEvidence:
+        """Look now; return what has happened since power-up."""
+        self._joined.look_now()
+        return self.seen()
+
+    def seen(self) -> ShelfEvidence:
+        """Return what has happened up to the last look."""
+        now = shelf_evidence(self._joined.shelf, dict(self._wiring.shelf.stock))
+        return replace(now, events=(*self._past, *now.events))
+
+    def end_round(self) -> None:
+        """Forget all events but the last ones."""
+        self._past.extend(shelf_evidence(self._joined.shelf, {}).events)
+        self._joined.shelf.events.clear()
 
 
 def usual_stock(shelf: Shelf) -> dict[str, str]:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from steptwin.features.shelf.inventory import read_inventory
 from steptwin.host.cli.app import run
-from steptwin.host.planning.inventory import read_inventory
 from steptwin.host.robots import load_robot
 
 ROBOT = "warehouse-scara"

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from steptwin.features.shelf.jobs import missed_places
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
 from steptwin.host.planning.jobs import make_job
-from steptwin.host.planning.jobs.shelf_jobs import missed_places
 from steptwin.host.planning.planner import plan
 from steptwin.host.planning.trajectory import Switching, Trajectory, waits_of
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.kinematics import make_kinematics
-from tests.host.robots.shelves import ROBOT, SHELF
+from tests.features.shelf.shelves import ROBOT, SHELF, with_shelf
 from tests.messages import refusing
 
 SCARA = make_kinematics(ROBOT)
@@ -97,7 +97,7 @@ def test_the_locked_hand_moves_straight_out() -> None:
     ],
 )
 def test_a_robot_file_without_a_needed_place_or_output(changes: dict[str, object]) -> None:
-    robot = dataclasses.replace(ROBOT, shelf=None, **changes)  # type: ignore[arg-type]
+    robot = dataclasses.replace(ROBOT, sections={}, **changes)  # type: ignore[arg-type]
     with refusing(InputError):
         make_job(robot, "store", {})
 
@@ -139,7 +139,7 @@ def test_a_job_that_waits_for_the_sensors() -> None:
     ]
     shorter = waits_of(job("fetch", sensors="wait", travel_mm="179.9"))
     assert "drawer_end" not in [wait.input for wait in shorter]
-    blind = dataclasses.replace(ROBOT, shelf=dataclasses.replace(SHELF, box_present=""))
+    blind = with_shelf(ROBOT, dataclasses.replace(SHELF, box_present=""))
     with refusing(InputError):
         make_job(blind, "store", {"sensors": "wait"})
 

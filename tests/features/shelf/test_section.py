@@ -2,10 +2,11 @@
 
 import pytest
 
+from steptwin.features.shelf.section import Shelf, Spot
 from steptwin.host.common.errors import InputError
 from steptwin.host.robots import brought_text, load_robot
 from steptwin.host.robots.reader import read_robot
-from steptwin.host.robots.shelf import Shelf, Spot
+from tests.features.shelf.shelves import shelf_of
 from tests.messages import refusing
 
 TEXT = brought_text("warehouse-scara")
@@ -13,8 +14,7 @@ TEXT = brought_text("warehouse-scara")
 
 def test_the_shelf_of_the_paper() -> None:
     robot = load_robot("warehouse-scara")
-    shelf = robot.shelf
-    assert shelf is not None
+    shelf = shelf_of(robot)
     assert shelf.travel_mm == 180.0
     assert {slot: shelf.striker_mm(slot, robot.boxes) for slot in shelf.slots} == {
         "A1": (675.0, 170.0, 160.0),
@@ -46,7 +46,7 @@ def test_the_shelf_of_the_paper() -> None:
         ("feeds = true", "feeds = true\nclears = true", ["shelf.spots.pick-up.clears: a spot that feeds boxes cannot"]),
         ("feeds = true", "grip_mm = -0.1", ["shelf.spots.pick-up.grip_mm: -0.1 mm is below 0 mm"]),
         ("lid_mm = [390.0, -173.2, 130.0]", "lid_mm = [390.0]", ["shelf.spots.hand-over.lid_mm: has 1 values, but a"]),
-        ('obstacles = ["shelf", ', 'obstacles = ["self", 3, ', ["shelf.obstacles[1]: is not a text"]),
+        ('obstacles = ["shelf", ', 'obstacles = ["self", 3, ', ["shelf.obstacles[1]: 3 is not a text"]),
         (
             'obstacles = ["shelf", ',
             'obstacles = ["self", ',
@@ -89,7 +89,7 @@ def check_change(text: str, old: str, new: str, complaints: list[str]) -> None:
     assert text.count(old) == 1
     text = text.replace(old, new)
     if not complaints:
-        assert read_robot(text).shelf is not None
+        assert read_robot(text).sections
         return
     with pytest.raises(InputError) as error:
         read_robot(text)

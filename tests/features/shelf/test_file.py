@@ -8,9 +8,11 @@ from typing import Any
 
 import pytest
 
+from steptwin.features.shelf.verdict import read, stored
 from steptwin.host.common.errors import InputError
+from steptwin.host.common.tables import json_table
 from steptwin.host.record.folder import verify_folder
-from steptwin.host.record.folder.report_file import read_shelf, write_shelf
+from steptwin.host.record.folder.report_file import read_feature
 from tests.messages import refusing
 
 Change = Callable[[dict[str, Any]], object]
@@ -30,15 +32,13 @@ def change(folder: Path, alter: Change) -> None:
     path.write_text(json.dumps(document))
 
 
-def test_what_is_written_is_read(store_run: Path, tmp_path: Path) -> None:
-    shelf, planned = read_shelf(store_run)
+def test_what_is_written_is_read(store_run: Path) -> None:
+    shelf, planned = read_feature(store_run, "shelf")
     assert [event.where for event in shelf.events] == ["hand-over", "A1", "A1", "A1"]
     assert planned is not None
     assert planned.boxes == {"A1": "box"}
-    write_shelf(tmp_path, shelf, planned)
-    assert read_shelf(tmp_path) == (shelf, planned)
-    write_shelf(tmp_path, shelf, None)
-    assert read_shelf(tmp_path) == (shelf, None)
+    for expected in (planned, None):
+        assert read(json_table(json.dumps(stored(shelf, expected)))) == (shelf, expected)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_changed_file_is_found(folder: Path, alter: Change, words: str) -> Non
 def test_a_wrong_file_is_one_line(folder: Path, alter: Change) -> None:
     change(folder, alter)
     with refusing(InputError):
-        read_shelf(folder)
+        read_feature(folder, "shelf")
 
 
 def test_a_missing_file(folder: Path) -> None:

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from steptwin.features.shelf import clearance
+from steptwin.features.shelf.clearance import MARGIN_MM, first_contact, ways_around
 from steptwin.host.common.arrays import FloatArray
 from steptwin.host.common.errors import InputError
-from steptwin.host.planning import clearance
-from steptwin.host.planning.clearance import MARGIN_MM, first_contact, ways_around
 from steptwin.host.robots import load_robot
 from steptwin.host.robots.box import Box
 from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.robot import Robot
-from tests.host.robots.shelves import ROBOT, SHELF
+from tests.features.shelf.shelves import ROBOT, SHELF
 from tests.messages import refusing
 
 RADIUS_MM = 20.0
@@ -26,7 +26,8 @@ COORDINATES = st.floats(-100.0, 100.0)
 
 def with_box(box: Box) -> Robot:
     """Return the robot with a single obstacle."""
-    return replace(ROBOT, boxes={**ROBOT.boxes, "only": box}, shelf=replace(SHELF, obstacles=("only",)))
+    boxes = {**ROBOT.boxes, "only": box}
+    return replace(ROBOT, boxes=boxes, sections={"shelf": replace(SHELF, obstacles=("only",))})
 
 
 def points_of_arm(joints: FloatArray) -> FloatArray:
@@ -148,7 +149,7 @@ def test_a_way_of_no_length_and_a_robot_without_obstacles() -> None:
     assert first_contact(ROBOT, HOME, HOME) is None
     through = [700.0, 200.0, 100.0, 90.0, 0.0, 0.0]
     assert first_contact(ROBOT, through, through) is not None
-    assert first_contact(replace(ROBOT, shelf=None), HOME, through) is None
+    assert first_contact(replace(ROBOT, sections={}), HOME, through) is None
     lab = load_robot("lab-scara")
     assert first_contact(lab, list(lab.home), list(lab.home)) is None
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig, ShelfEventKind, SpotConfig
+from steptwin.features.shelf.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig, ShelfEventKind, SpotConfig
 from tests.one_example import one_example
 
 STRIKER: Point = (675.0, 170.0, 160.0)

@@ -11,8 +11,8 @@ from typing import Final
 
 from steptwin.emulator.faults.machine import SetInput
 from steptwin.emulator.simulation import Simulation
-from steptwin.emulator.world.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
 from steptwin.emulator.world.wires import InputWire, OutputWire
+from steptwin.features.shelf.moving_shelf import MovingShelf, Point, Sensed, ShelfConfig
 from steptwin.protocol.timer import COUNTS_PER_SECOND
 
 LOOK_COUNTS: Final = COUNTS_PER_SECOND // 100
@@ -79,12 +79,13 @@ class ShelfWatch:
             if due_counts is None or due_counts > now_counts:
                 return
         self._seen_changes = changes
-        self.look_now(now_counts)
+        self.look_now()
         for number, change in list(self._sensor_changes()):
             self._simulation.apply(change, number)
 
-    def look_now(self, now_counts: int) -> None:
+    def look_now(self) -> None:
         """Look whatever has changed, as at the end of a run; no input changes."""
+        now_counts = self._simulation.now_counts
         self._rested, self._looked_counts = not self._moving, now_counts
         wiring, rotors = self._wiring, self._simulation.rotors_full_steps()
         self.shelf.look(now_counts, wiring.tip_at(rotors), lock=self._on(wiring.lock), magnet=self._on(wiring.magnet))

@@ -4,16 +4,19 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from steptwin.controller.motion.backend import Kernel
+from steptwin.features.shelf import shelf_evidence_of
+from steptwin.features.shelf.errand import Errand, PlannedStock, job_carries
+from steptwin.features.shelf.options import ShelfOptions
+from steptwin.features.shelf.verdict import contradictions, reasons
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.findings import Findings
-from steptwin.host.planning.errand import Errand, PlannedStock
-from steptwin.host.planning.jobs import job_carries, make_job
+from steptwin.host.planning.jobs import make_job
 from steptwin.host.planning.laws import Trapezoid
 from steptwin.host.planning.motions.composer import Composer
 from steptwin.host.planning.plan import Plan
@@ -27,10 +30,9 @@ from steptwin.host.twin.embedded.execution import execute
 from steptwin.host.twin.embedded.outcome import Outcome
 from steptwin.host.twin.live.live_board import LiveBoard
 from steptwin.host.twin.machine.machine_options import MachineOptions
-from steptwin.host.verify import shelf_contradictions
-from steptwin.host.verify.shelf_verdict import shelf_reasons
 from steptwin.protocol.cia402 import DigitalInput
 from steptwin.protocol.timer import COUNTS_PER_SECOND
+from tests.features.shelf.shelves import shelf_of, with_shelf
 from tests.messages import refusing
 
 ROBOT = load_robot("warehouse-scara")
@@ -73,16 +75,16 @@ def at_drawer(*, waiting: bool) -> Plan:
 
 @pytest.fixture(scope="module")
 def waited(fast_kernel: Kernel) -> Outcome:
-    return execute(at_drawer(waiting=True), "waits", fast_kernel, stock={"A1": "screws"})
+    return execute(at_drawer(waiting=True), "waits", fast_kernel, extras=[ShelfOptions(stock={"A1": "screws"})])
 
 
 def test_a_motion_that_waits_for_each_sensor_passes(waited: Outcome) -> None:
     assert waited.passed, waited.report.reasons
-    shelf = waited.comparison.evidence.shelf
+    shelf = shelf_evidence_of(waited.comparison.evidence)
     assert shelf is not None
     assert [event.what for event in shelf.events] == WALK
     assert (shelf.start, shelf.end, shelf.open_mm) == ({"A1": "screws"}, {"pick-up": "pick-up-1"}, {})
-    assert list(shelf_contradictions(shelf, waited.comparison)) == []
+    assert list(contradictions(shelf, waited.comparison)) == []
     assert [(each.input, each.on) for each in waited.waits] == [
         ("lock_engaged", True),
         ("drawer_end", True),
@@ -104,7 +106,7 @@ def reported(outcome: Outcome, joint: str, bit: DigitalInput) -> list[tuple[floa
 
 
 def test_the_sensors_are_digital_inputs_on_the_bus(waited: Outcome) -> None:
-    shelf = waited.comparison.evidence.shelf
+    shelf = shelf_evidence_of(waited.comparison.evidence)
     assert shelf is not None
     lock, take, unlock = (event.counts / COUNTS_PER_SECOND for event in shelf.events)
     engaged, present = (reported(waited, "th3", bit) for bit in (DigitalInput.IN1, DigitalInput.IN2))
@@ -121,13 +123,13 @@ def test_the_sensors_are_digital_inputs_on_the_bus(waited: Outcome) -> None:
 def test_without_waits_the_bus_and_the_edges_stay_as_they_are(fast_kernel: Kernel) -> None:
     """A motion that does not look at the sensors leaves them unplugged: the shelf only watches."""
     motion = at_drawer(waiting=False)
-    outcome = execute(motion, "quick", fast_kernel, stock={"A1": "screws"})
-    empty = execute(motion, "quick", fast_kernel, stock={})
+    outcome = execute(motion, "quick", fast_kernel, extras=[ShelfOptions(stock={"A1": "screws"})])
+    empty = execute(motion, "quick", fast_kernel, extras=[ShelfOptions(stock={})])
     assert outcome.passed
     assert outcome.bus_log == empty.bus_log
     for one, other in zip(outcome.comparison.evidence.axes, empty.comparison.evidence.axes, strict=True):
         assert np.array_equal(one.step_counts, other.step_counts)
-    found = [outcome.comparison.evidence.shelf, empty.comparison.evidence.shelf]
+    found = [shelf_evidence_of(outcome.comparison.evidence), shelf_evidence_of(empty.comparison.evidence)]
     assert [[event.what for event in each.events] for each in found if each] == [
         WALK,
         [WALK[0], "magnet switched on where no box is", WALK[2]],
@@ -136,7 +138,7 @@ def test_without_waits_the_bus_and_the_edges_stay_as_they_are(fast_kernel: Kerne
 
 @pytest.mark.slow
 def test_a_wait_for_a_drawer_that_is_locked_ends_the_motion(fast_kernel: Kernel) -> None:
-    outcome = execute(at_drawer(waiting=True), "waits", fast_kernel, locked_drawers=["A1"])
+    outcome = execute(at_drawer(waiting=True), "waits", fast_kernel, extras=[ShelfOptions(locked_drawers=["A1"])])
     assert not outcome.passed
     assert outcome.fault is not None
     assert outcome.fault.message.startswith("the input drawer_end was not on within 1 s")
@@ -153,7 +155,9 @@ def test_a_wait_for_a_drawer_that_is_locked_ends_the_motion(fast_kernel: Kernel)
 )
 def test_places_that_the_shelf_does_not_have(fast_kernel: Kernel, stock: dict[str, str], locked: list[str]) -> None:
     with refusing(InputError):
-        execute(at_drawer(waiting=False), "quick", fast_kernel, stock=stock, locked_drawers=locked)
+        execute(
+            at_drawer(waiting=False), "quick", fast_kernel, extras=[ShelfOptions(stock=stock, locked_drawers=locked)]
+        )
 
 
 @pytest.mark.slow
@@ -162,7 +166,9 @@ def test_a_live_board_has_the_same_shelf(waited: Outcome, fast_kernel: Kernel) -
     board = LiveBoard(
         ROBOT,
         fast_kernel,
-        MachineOptions(stand_at=waited.plan.start_joints, stock={"A1": "screws"}, bitrate=1_000_000),
+        MachineOptions(
+            stand_at=waited.plan.start_joints, extras=[ShelfOptions(stock={"A1": "screws"})], bitrate=1_000_000
+        ),
     )
     board.live.start(0, 0)
     now_ns = 0
@@ -188,16 +194,16 @@ def test_every_slot_is_stored_and_fetched_in_one_run(fast_kernel: Kernel) -> Non
     """Points every 40 ms are enough for these slow motions, and make the run cheaper."""
     errand, options = Errand.alone(job_carries(ROBOT, "every-slot", {}), "screws"), {"pull_s": "1", "approach_mm": "10"}
     motion = plan(ROBOT, make_job(ROBOT, "every-slot", options), point_ms=40)
-    outcome = execute(motion, "every-slot", fast_kernel, errand=errand)
+    outcome = execute(motion, "every-slot", fast_kernel, extras=[ShelfOptions(errand=errand)])
     assert outcome.passed, outcome.report.reasons
-    shelf = outcome.comparison.evidence.shelf
+    shelf = shelf_evidence_of(outcome.comparison.evidence)
     assert shelf is not None
     taken, put = ([e.where for e in shelf.events if e.what == what] for what in ("box taken", "box put down"))
     slots = ["A1", "A2", "B1", "B2"]
     assert put == [place for slot in slots for place in (slot, "hand-over")]
     assert taken == [place for slot in slots for place in ("hand-over", slot)]
     assert shelf.end["hand-over"] == "screws"
-    assert list(shelf_contradictions(shelf, outcome.comparison)) == []
+    assert list(contradictions(shelf, outcome.comparison)) == []
 
 
 class TestDrawerPull:
@@ -214,7 +220,7 @@ class TestDrawerPull:
     ) -> None:
         outcome = execute(plan(ROBOT, make_job(ROBOT, "drawer-pull", options)), "drawer-pull", fast_kernel)
         assert outcome.passed, outcome.report.reasons
-        shelf = outcome.comparison.evidence.shelf
+        shelf = shelf_evidence_of(outcome.comparison.evidence)
         assert shelf is not None
         assert [(event.what, event.where) for event in shelf.events] == [("hand locked onto the drawer", slot)]
         assert shelf.open_mm == {slot: pytest.approx(open_mm, abs=0.1)}
@@ -222,13 +228,13 @@ class TestDrawerPull:
         outcome.save(tmp_path / "run", draw=lambda _: None)
         assert json.loads((tmp_path / "run" / "shelf.json").read_text())["leaves_open"] == [slot]
         stored = read_run(tmp_path / "run")
-        assert stored.comparison.expected.stock == PlannedStock(leaves_open=(slot,))
-        assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
+        assert stored.comparison.expected.features["shelf"] == PlannedStock(leaves_open=(slot,))
+        assert reasons(shelf, stored.comparison.expected.features["shelf"], 0) == []
 
     @pytest.mark.slow
     def test_a_locked_drawer_fails_it(self, fast_kernel: Kernel) -> None:
         motion = plan(ROBOT, make_job(ROBOT, "drawer-pull", {"pull_s": "2"}))
-        outcome = execute(motion, "drawer-pull", fast_kernel, locked_drawers=("A1",))
+        outcome = execute(motion, "drawer-pull", fast_kernel, extras=[ShelfOptions(locked_drawers=("A1",))])
         assert "shelf: A1: the drawer is shut at the end (planned open)" in outcome.report.reasons
 
     @pytest.mark.slow
@@ -244,14 +250,14 @@ class TestDrawerPull:
         by = {{ y = -180 }}
         speed_mm_s = 90
         """
-        for line, reasons in (
+        for line, failed in (
             ('leaves_open = ["A1"]', []),
             ("", ["shelf: A1: the drawer is left 180.0 mm out"]),
             ('leaves_open = ["A1", "B1"]', ["shelf: B1: the drawer is shut at the end (planned open)"]),
         ):
             program = parse_program(text.format(leaves_open=line), Findings())
             outcome = execute(plan_stretched(ROBOT, compile_program(program, ROBOT).trajectory), "x", fast_kernel)
-            assert list(outcome.report.reasons) == reasons
+            assert list(outcome.report.reasons) == failed
         for line, told in (
             ('leaves_open = ["A3"]', "leaves_open: slot 'A3' is unknown: there are A1, A2, B1, B2"),
             ("leaves_open = [1]", "leaves_open[0]: 1 is not a text"),
@@ -268,20 +274,30 @@ class TestPart:
     OPTIONS: ClassVar = {"depth_mm": "20", "repetitions": "2"}
 
     def carried(
-        self, kernel: Kernel, options: dict[str, str] = OPTIONS, *, feeds: bool = True, **machine: Any
+        self,
+        kernel: Kernel,
+        options: dict[str, str] = OPTIONS,
+        *,
+        feeds: bool = True,
+        stock: dict[str, str] | None = None,
     ) -> Outcome:
         robot = load_robot("teaching-scara")
-        assert robot.shelf is not None
-        spots = {**robot.shelf.spots, "qa": replace(robot.shelf.spots["qa"], feeds=feeds)}
-        robot = replace(robot, shelf=replace(robot.shelf, spots=spots))
+        shelf = shelf_of(robot)
+        spots = {**shelf.spots, "qa": replace(shelf.spots["qa"], feeds=feeds)}
+        robot = with_shelf(robot, replace(shelf, spots=spots))
         errand = Errand.alone(job_carries(robot, "carry", options), "gear")
-        return execute(plan(robot, make_job(robot, "carry", options)), "carry", kernel, errand=errand, **machine)
+        return execute(
+            plan(robot, make_job(robot, "carry", options)),
+            "carry",
+            kernel,
+            extras=[ShelfOptions(errand=errand, stock=stock)],
+        )
 
     @pytest.mark.slow
     def test_it_is_carried(self, fast_kernel: Kernel, tmp_path: Path) -> None:
         outcome = self.carried(fast_kernel)
         assert outcome.passed, outcome.report.reasons
-        shelf = outcome.comparison.evidence.shelf
+        shelf = shelf_evidence_of(outcome.comparison.evidence)
         assert shelf is not None
         assert [(event.what, event.where, event.box) for event in shelf.events] == [
             ("box taken", "qa", "gear"),
@@ -290,12 +306,12 @@ class TestPart:
             ("box put down", "qb", "qa-1"),
         ]
         assert [event.tip_mm[2] for event in shelf.events] == [-60.0] * 4
-        assert list(shelf_contradictions(shelf, outcome.comparison)) == []
+        assert list(contradictions(shelf, outcome.comparison)) == []
         outcome.save(tmp_path / "run", draw=lambda _: None)
         assert json.loads((tmp_path / "run" / "shelf.json").read_text())["cleared"] == {"qb": 2}
         stored = read_run(tmp_path / "run")
-        assert stored.comparison.expected.stock == PlannedStock(cleared={"qb": 2})
-        assert shelf_reasons(shelf, stored.comparison.expected.stock, 0) == []
+        assert stored.comparison.expected.features["shelf"] == PlannedStock(cleared={"qb": 2})
+        assert reasons(shelf, stored.comparison.expected.features["shelf"], 0) == []
 
     @pytest.mark.slow
     def test_without_a_part_or_with_one_in_its_place_the_run_fails(self, fast_kernel: Kernel) -> None:

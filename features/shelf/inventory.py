@@ -9,6 +9,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from steptwin.features.shelf import shelf_of
+from steptwin.features.shelf.errand import Errand, job_carries
+from steptwin.features.shelf.section import Shelf
 from steptwin.host.common.bad_input import prefixed, unknown
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PROGRAM_BYTES_MAX
@@ -16,10 +19,7 @@ from steptwin.host.common.findings import Findings
 from steptwin.host.common.own_files import read_text
 from steptwin.host.common.tables import Table, check_name, toml_table
 from steptwin.host.common.whole_file import whole_file
-from steptwin.host.planning.errand import Errand
-from steptwin.host.planning.jobs import job_carries
 from steptwin.host.robots.robot import Robot
-from steptwin.host.robots.shelf import Shelf
 
 _KEYS: Final = ("robot", "slots", "locked")
 SLOT: Final = "slot"
@@ -94,7 +94,7 @@ def assign(robot: Robot, job: str, options: Mapping[str, str], inventory: Invent
     Raises:
         InputError: the job carries no boxes, a name is missing, unknown or taken, or the slot is not as it should be.
     """
-    shelf = robot.shelf
+    shelf = shelf_of(robot)
     carries = job_carries(robot, job, options)
     if shelf is None or not carries:
         raise InputError(f"job {job}: carries no boxes, so it needs no inventory")
@@ -156,12 +156,13 @@ def read_inventory(path: str, robot: Robot) -> Inventory:
     Raises:
         InputError: the robot has no shelf, or the file is wrong or another robot's; one message for each mistake.
     """
-    if robot.shelf is None or not robot.shelf.slots:
+    shelf = shelf_of(robot)
+    if shelf is None or not shelf.slots:
         raise InputError(f"{path}: {robot.name} has no shelf")
     if not Path(path).exists():
         return Inventory(robot.name)
     with prefixed(f"{path}: "):
-        return _parsed(read_text(path, PROGRAM_BYTES_MAX), robot, robot.shelf)
+        return _parsed(read_text(path, PROGRAM_BYTES_MAX), robot, shelf)
 
 
 def _parsed(text: str, robot: Robot, shelf: Shelf) -> Inventory:

@@ -1,0 +1,93 @@
+"""Let features take part in `steptwin run`: before the motion is planned, and after a verified run."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from steptwin.host.common.errors import InputError
+from steptwin.host.twin.machine.machine_options import merged
+
+if TYPE_CHECKING:
+    from steptwin.host.robots.robot import Robot
+
+
+class Prepared(NamedTuple):
+    """What a feature has prepared for a run.
+
+    Attributes:
+        options: the job's options.
+        extra: options of the emulated machine; None without any.
+        kept: what its `finish` is given.
+    """
+
+    options: Mapping[str, str]
+    extra: Any = None
+    kept: Any = None
+
+
+class RunHook(Protocol):
+    """A feature's options of `steptwin run`, with what they do."""
+
+    def words_taken(self, robot: "Robot") -> int:
+        """Return how many words after the job it takes."""
+        ...
+
+    def prepare(self, robot: "Robot", job: str, options: Mapping[str, str], words: Sequence[str]) -> Prepared:
+        """Prepare a run; raise InputError if that cannot be done."""
+        ...
+
+    def finish(self, robot: "Robot", kept: Any) -> str:
+        """Do what is to be done after a verified run; return a line about it, which may be empty."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedRun:
+    """A run that all features have prepared.
+
+    Attributes:
+        job: the job, or the file.
+        options: the job's options.
+        extras: the features' options of the emulated machine.
+    """
+
+    job: str
+    options: Mapping[str, str]
+    extras: Sequence[Any]
+    _kept: Sequence[tuple[RunHook, Any]]
+
+    def finish(self, robot: "Robot") -> list[str]:
+        """Let the features finish a verified run; return their lines."""
+        return [line for hook, kept in self._kept if (line := hook.finish(robot, kept))]
+
+
+def prepare_run(
+    hooks: Sequence[RunHook], robot: "Robot", words: Sequence[str], options: Mapping[str, str]
+) -> PreparedRun:
+    """Let features prepare a run.
+
+    Args:
+        hooks: the features' options.
+        robot: the robot.
+        words: the job or file, and the words behind it, which the features take in turn.
+        options: the job's options.
+
+    Raises:
+        InputError: there is no job, or a word that no feature takes, or a feature cannot prepare the run.
+    """
+    if not words:
+        raise InputError("one JOB or FILE is needed after the robot, not nothing")
+    job, rest = words[0], list(words[1:])
+    if len(rest) > sum(hook.words_taken(robot) for hook in hooks):
+        raise InputError(f"one JOB or FILE is needed after the robot, not {' '.join(words)}")
+    from steptwin.host.planning.jobs import job_extras, job_names
+
+    prepared_extras, kept = list[Any](), list[tuple[RunHook, Any]]()
+    for hook in hooks:
+        count = hook.words_taken(robot)
+        prepared = hook.prepare(robot, job, options, rest[:count])
+        options, rest = prepared.options, rest[count:]
+        prepared_extras += [] if prepared.extra is None else [prepared.extra]
+        kept.append((hook, prepared.kept))
+    of_job = job_extras(robot, job, options) if job in job_names(robot) else []
+    return PreparedRun(job, options, merged(prepared_extras, of_job), kept)

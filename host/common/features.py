@@ -1,0 +1,159 @@
+"""Find the features: capabilities beside the core, each registered by an entry point of the group `steptwin.features`.
+
+The core imports no feature and knows none by name. Where a feature may add something, the core asks here who gives it.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+if TYPE_CHECKING:
+    from steptwin.emulator.simulation import Participant, Simulation
+    from steptwin.host.common.tables import Reading, Table
+    from steptwin.host.planning.jobs.job import Job
+    from steptwin.host.planning.trajectory import Trajectory
+    from steptwin.host.robots.robot import Robot
+    from steptwin.host.verify.comparison import Comparison
+
+GROUP: Final = "steptwin.features"
+
+
+class Section(Protocol):
+    """A feature's table of a robot file, as it has been read."""
+
+    def check(self, robot: "Robot") -> None:
+        """Raise InputError for what the table names and the robot does not have."""
+        ...
+
+
+class Part(Protocol):
+    """A feature's part of one emulated machine, from power-up on."""
+
+    def join(self, simulation: "Simulation") -> "Participant":
+        """Return its participant of a simulation whose boards have no power yet."""
+        ...
+
+    def evidence(self) -> Any:
+        """Look now; return what has happened since power-up."""
+        ...
+
+    def seen(self) -> Any:
+        """Return what has happened up to the last look."""
+        ...
+
+    def end_round(self) -> None:
+        """Forget what a board that is served for months need not remember."""
+        ...
+
+
+class Judge(Protocol):
+    """Judges a feature's evidence; `expected` is what `Feature.expected` has returned, None if that is nothing."""
+
+    def reasons(self, evidence: Any, expected: Any, start_counts: int) -> list[str]:
+        """Return one line for each reason to fail the run; `start_counts` is the motion's t = 0."""
+        ...
+
+    def document(self, evidence: Any, start_counts: int) -> dict[str, Any]:
+        """Return what stands under the feature's name in report.json; times are the trajectory's."""
+        ...
+
+    def contradictions(self, evidence: Any, comparison: "Comparison") -> Iterable[str]:
+        """Yield one line for each statement of stored evidence that the drivers' counts contradict."""
+        ...
+
+    def stored(self, evidence: Any, expected: Any) -> dict[str, Any]:
+        """Return what the file NAME.json of a run folder holds."""
+        ...
+
+    def read(self, table: "Table") -> tuple[Any, Any]:
+        """Return evidence and expectation from that file; raise InputError for what is wrong in it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """A capability beside the core. All but the name may be left out; functions import what they need when called.
+
+    Attributes:
+        name: name of the feature, of its table in robot files, of its key in report.json, of its file in run folders.
+        section: reads its table of a robot file.
+        robot_tables: returns tables that belong to the file of a robot that StepTwin brings, by the robot's name.
+        program_keys: reads its keys of program files; the values become the trajectory's `expects`.
+        check_program: raises InputError for such a value, by its key, that a robot cannot fulfil.
+        jobs: returns its jobs, by the kind of mechanism; one that has the name of another job replaces it.
+        job_extra: returns its options of an emulated machine for a job's intent; None if the intent is not its own.
+        check_robot: returns warnings about a robot, for `steptwin check`.
+        check_travel: raises InputError if something is in the way of a straight move of all joints.
+        machine_options: returns the class of its options of an emulated machine: a frozen dataclass whose fields have
+            spellings, with a method `over` as that of `MachineOptions`.
+        replayed: returns such options from a stored report; None if the run had none.
+        part: returns its part of a machine from robot, joints at power-up, axes of each board, options and the inputs
+            for which the motion waits (None: unknown); None if the machine has no such part.
+        expected: returns what a motion is planned to leave, from robot, trajectory and options; None for nothing.
+        judge: returns the judge of its evidence.
+        run_options: returns a dataclass of options of `steptwin run`: a `RunHook`.
+        report_lines: returns lines of text for its part of a run's document.
+    """
+
+    name: str
+    section: "Reading | None" = None
+    robot_tables: Callable[[str], str] | None = None
+    program_keys: "Mapping[str, Reading]" = field(default_factory=dict)
+    check_program: "Callable[[Robot, str, Any], None] | None" = None
+    jobs: "Callable[[], Mapping[str, Sequence[Job[Any]]]] | None" = None
+    job_extra: "Callable[[Robot, Any], Any] | None" = None
+    check_robot: "Callable[[Robot], Iterable[str]] | None" = None
+    check_travel: "Callable[[Robot, Sequence[float], Sequence[float]], None] | None" = None
+    machine_options: Callable[[], type[Any]] | None = None
+    replayed: "Callable[[Table], Any] | None" = None
+    part: "Callable[[Robot, Sequence[float], Sequence[int], Any, Collection[str] | None], Part | None] | None" = None
+    expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
+    judge: "Callable[[], Judge] | None" = None
+    run_options: Callable[[], type[Any]] | None = None
+    report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
+
+    def options_in(self, extras: Sequence[object]) -> Any:
+        """Return this feature's options among those of all features; None if they are not there."""
+        made = None if self.machine_options is None else self.machine_options()
+        return next((each for each in extras if made is not None and isinstance(each, made)), None)
+
+
+@cache
+def _loaded() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
+    """Return the features, and why others cannot be loaded, both by name and in the order of their names."""
+    found: dict[str, Feature] = {}
+    broken: dict[str, str] = {}
+    for point in sorted(entry_points(group=GROUP), key=lambda each: each.name):
+        try:
+            found[point.name] = point.load()
+        except (ImportError, AttributeError) as error:
+            broken[point.name] = f"feature {point.name} of {_origin(point)} cannot be loaded: {error}; install it again"
+    return found, broken
+
+
+def _origin(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else point.value
+
+
+def features() -> Mapping[str, Feature]:
+    """Return the features that are installed, by name."""
+    return _loaded()[0]
+
+
+def broken_features() -> Mapping[str, str]:
+    """Return why a registered feature cannot be loaded, in a sentence, by its name."""
+    return _loaded()[1]
+
+
+def giving(attribute: str) -> list[tuple[Feature, Any]]:
+    """Return each feature that has an attribute, with the attribute."""
+    return [(each, given) for each in features().values() if (given := getattr(each, attribute)) is not None]
+
+
+def judge_of(name: str) -> Judge:
+    """Return the judge of a feature that has evidence."""
+    make = features()[name].judge
+    assert make is not None
+    return make()
