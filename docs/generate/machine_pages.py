@@ -5,12 +5,13 @@ Python.
 """
 
 import re
-from dataclasses import fields
+from dataclasses import Field, fields
 from math import isinf
-from typing import Final
+from typing import Any, Final
 
 from docs.generate.commands import DOCS, GeneratedPage, session
 from docs.generate.tables import ROBOTS
+from steptwin.host.common.features import giving
 from steptwin.host.faults.judge import longest_ramp_ms
 from steptwin.host.faults.reaction import Motion, Reaction
 from steptwin.host.faults.reactions import DOCUMENTED
@@ -33,8 +34,10 @@ _REMARKS: Final = """\
 `run` has no `--bitrate`: its option of that name is for a live board. Its `--motors` lets the motors turn after
 the run, by its record, and `--motors=loop` as it goes. In Python `stand_at` may also list all joints,
 `crystal_ppm` may be one number for all boards, and `scenario` a `Scenario` or a list of harms from power-up on;
-a scenario of a served board may not harm the host, and motors that turn in real time need numba. The shelf holds the
-boxes of an errand unless `stock` says otherwise."""
+a scenario of a served board may not harm the host, and motors that turn in real time need numba.
+
+The options of a feature are an object of a class of its own, in the list `extras`:
+`extras=[ShelfOptions(stock={"A1": "screws"})]`."""
 
 
 def _requests() -> str:
@@ -115,12 +118,20 @@ CONTROL_PORT_PAGE: Final = GeneratedPage(
 
 def render_machine_options() -> str:
     """Return the whole page; it ends with a newline."""
-    rows = []
-    for field in fields(MachineOptions):
-        spelling = field.metadata[SPELLING]
-        says = re.sub(r"\bdocs/([\w-]+\.md)", r"[\1](\1)", spelling.says)
-        rows.append(
-            [f"`{spelling.option} {spelling.value}`".replace(" `", "`"), f"`{field.name}={spelling.example}`", says]
-        )
-    options = table(["option", "in Python", ""], rows, text_columns=3)
+    own = [_row(field, f"{field.name}={{}}") for field in fields(MachineOptions) if SPELLING in field.metadata]
+    classes = [options() for _, options in giving("machine_options")]
+    of_features = [
+        _row(field, f"{made.__name__}({field.name}={{}})")
+        for made in classes
+        for field in fields(made)
+        if SPELLING in field.metadata
+    ]
+    options = table(["option", "in Python", ""], own + of_features, text_columns=3)
     return f"{_NOTICE}\n\n{_TEXT}\n\n{options}\n\n{_REMARKS}\n"
+
+
+def _row(field: Field[Any], in_python: str) -> list[str]:
+    spelling = field.metadata[SPELLING]
+    says = re.sub(r"\bdocs/([\w-]+\.md)", r"[\1](\1)", spelling.says)
+    option = f"`{spelling.option} {spelling.value}`".replace(" `", "`")
+    return [option, f"`{in_python.format(spelling.example)}`", says]

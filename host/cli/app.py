@@ -15,6 +15,7 @@ from steptwin import __version__
 from steptwin.host.cli.options import with_groups
 from steptwin.host.cli.output import say
 from steptwin.host.common.errors import InputError, StepTwinError
+from steptwin.host.common.features import broken_features
 from steptwin.host.common.processes import collect_seldom
 
 VALUES_ALONE: Final[dict[str, dict[str, str]]] = {}
@@ -135,11 +136,13 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _of_the_program(
-    version: Annotated[
+    version: Annotated[  # noqa: ARG001, typer calls back for it
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Take the options of `steptwin` itself, which stand before a command."""
+    """Take the options of `steptwin` itself, which stand before a command, and tell of features that are broken."""
+    for reason in broken_features().values():
+        say(f"steptwin: {reason}", err=True)
 
 
 _INTERRUPTED: Final = 130

@@ -121,7 +121,7 @@ class Feature:
 
 
 @cache
-def _loaded() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
+def registered() -> tuple[Mapping[str, Feature], Mapping[str, str]]:
     """Return the features, and why others cannot be loaded, both by name and in the order of their names."""
     found: dict[str, Feature] = {}
     broken: dict[str, str] = {}
@@ -139,12 +139,12 @@ def _origin(point: EntryPoint) -> str:
 
 def features() -> Mapping[str, Feature]:
     """Return the features that are installed, by name."""
-    return _loaded()[0]
+    return registered()[0]
 
 
 def broken_features() -> Mapping[str, str]:
     """Return why a registered feature cannot be loaded, in a sentence, by its name."""
-    return _loaded()[1]
+    return registered()[1]
 
 
 def giving(attribute: str) -> list[tuple[Feature, Any]]:

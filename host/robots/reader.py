@@ -5,14 +5,14 @@ file is found at once: every table is judged as far as its values can be read (`
 missing value is not judged.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from reprlib import repr as short
 from typing import Final, NoReturn, TypeVar
 
-from steptwin.host.common.bad_input import apart, at_most, prefixed
+from steptwin.host.common.bad_input import apart, at_most, nearest, prefixed, shortened
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.features import giving
 from steptwin.host.common.file_limits import NAME_CHARS_MAX, PAPER_CHARS_MAX, TITLE_CHARS_MAX
@@ -66,10 +66,10 @@ def _robot(table: Table) -> Robot:
     """Return the robot, or the part of it that is right; what is wrong goes to the table's findings."""
     kind = _kind_ahead(table)
     sections = {feature.name: read for feature, read in giving("section")}
-    values = table.gather(
-        {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)},
-        {**_ROBOT_OPTIONAL, **sections, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)},
-    )
+    required = {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)}
+    own = {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)}
+    optional = own | sections
+    values = table.gather(required, optional | _of_missing_features(table, required | optional))
     read = {name: values.pop(name, None) for name in sections}
     values["sections"] = {name: section for name, section in read.items() if section is not None}
     joints: dict[str, Joint] = values.get("joints", {})
@@ -83,6 +83,17 @@ def _robot(table: Table) -> Robot:
         values["geometry"] = values["kinematics"].dimensions
         values["kinematics"] = values["kinematics"].name
     return judged(Robot, {**values, "toml": ""}, table.findings)
+
+
+def _of_missing_features(table: Table, known: Iterable[str]) -> dict[str, Reading]:
+    """Return readings for tables that belong to no installed feature, unless their names are slips of the pen."""
+
+    def read(_: Table, key: str) -> NoReturn:
+        raise InputError(f"{shortened(key)}: no feature that is installed has a table of this name")
+
+    known = list(known)
+    strange = (key for key, value in table.values.items() if isinstance(value, dict) and key not in known)
+    return {key: read for key in strange if not nearest(key, known)}
 
 
 def _some_position(joint: Joint) -> float:
