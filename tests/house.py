@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parent.parent
-PARTS: Final = ("bench", "controller", "docs/generate", "emulator", "host", "protocol", "steptwin")
+PARTS: Final = ("bench", "controller", "docs/generate", "emulator", "features", "host", "protocol", "steptwin")
+CORE: Final = ("controller", "emulator", "host", "protocol")
 NOT_LISTED: Final = {"__pycache__", "py.typed"}
 """Entries of folders that are no part of the house."""
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -46,9 +47,19 @@ class House:
         """The syntax of each file."""
         return {path: ast.parse(source) for path, source in self.sources.items()}
 
-    def lines(self) -> int:
-        """Return the number of lines of all files."""
-        return sum(source.count("\n") for source in self.sources.values())
+    def lines(self, *folders: str) -> int:
+        """Return the number of lines of all files, or of those in some folders."""
+        return sum(
+            source.count("\n") for path, source in self.sources.items() if not folders or Path(path).parts[0] in folders
+        )
+
+    def importing_features(self) -> list[str]:
+        """Return the files of the core that import a feature."""
+        return [
+            path
+            for path, tree in self.trees.items()
+            if Path(path).parts[0] in CORE and any(module.startswith("steptwin.features") for module in _imported(tree))
+        ]
 
     def code_lines(self) -> int:
         """Return the number of lines that are neither empty nor a comment nor within a docstring."""
@@ -88,8 +99,8 @@ class House:
         return {name: paths for name, paths in sorted(found.items()) if len(paths) > 1}
 
     def file_names(self) -> Counter[str]:
-        """Return how many files have each name, `__init__` and `__main__` aside."""
-        names = (Path(path).name for path in self.sources)
+        """Return how many files have each name; `__init__`, `__main__` and features, which are alike, aside."""
+        names = (Path(path).name for path in self.sources if Path(path).parts[0] != "features")
         return Counter(name for name in names if not name.startswith("__"))
 
     def parameters(self) -> dict[str, int]:
@@ -115,6 +126,9 @@ class House:
         """Yield each figure with what it counts."""
         counts = self.parameters().values()
         yield "lines of product Python", self.lines()
+        yield "lines of the core", self.lines(*CORE)
+        yield "lines of features", self.lines("features")
+        yield "files of the core that import a feature", len(self.importing_features())
         yield "lines of code", self.code_lines()
         yield "files", len(self.sources)
         yield "files under 40 lines", len(self.small_files())

@@ -65,7 +65,7 @@ def faults(span: str, members: set[str]) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def members() -> set[str]:
     """Every `Class.member` of the product."""
-    folders = ("protocol", "controller", "emulator", "host", "bench", "docs/generate")
+    folders = ("protocol", "controller", "emulator", "host", "features", "bench", "docs/generate")
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     return {name for path in files for name in names_of(ast.parse(path.read_text(encoding="utf-8"))) if "." in name}
 

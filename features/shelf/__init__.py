@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from steptwin.host.common.features import Feature, Judge
+from steptwin.host.common.features import Feature, FeatureJudge
 
 if TYPE_CHECKING:
     from steptwin.features.shelf.errand import PlannedStock
@@ -125,7 +125,7 @@ def _expected(robot: "Robot", trajectory: "Trajectory", options: "ShelfOptions |
     return expected(robot, trajectory, options)
 
 
-def _judge() -> Judge:
+def _judge() -> FeatureJudge:
     from steptwin.features.shelf import verdict
 
     return verdict

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 GROUP: Final = "steptwin.features"
 
 
-class Section(Protocol):
+class RobotSection(Protocol):
     """A feature's table of a robot file, as it has been read."""
 
     def check(self, robot: "Robot") -> None:
@@ -28,7 +28,7 @@ class Section(Protocol):
         ...
 
 
-class Part(Protocol):
+class MachinePart(Protocol):
     """A feature's part of one emulated machine, from power-up on."""
 
     def join(self, simulation: "Simulation") -> "Participant":
@@ -48,7 +48,7 @@ class Part(Protocol):
         ...
 
 
-class Judge(Protocol):
+class FeatureJudge(Protocol):
     """Judges a feature's evidence; `expected` is what `Feature.expected` has returned, None if that is nothing."""
 
     def reasons(self, evidence: Any, expected: Any, start_counts: int) -> list[str]:
@@ -70,6 +70,10 @@ class Judge(Protocol):
     def read(self, table: "Table") -> tuple[Any, Any]:
         """Return evidence and expectation from that file; raise InputError for what is wrong in it."""
         ...
+
+
+MakePart = Callable[["Robot", Sequence[float], Sequence[int], Any, Collection[str] | None], MachinePart | None]
+"""Makes a feature's part of one emulated machine; `Feature` says of what."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,9 +112,9 @@ class Feature:
     check_travel: "Callable[[Robot, Sequence[float], Sequence[float]], None] | None" = None
     machine_options: Callable[[], type[Any]] | None = None
     replayed: "Callable[[Table], Any] | None" = None
-    part: "Callable[[Robot, Sequence[float], Sequence[int], Any, Collection[str] | None], Part | None] | None" = None
+    part: MakePart | None = None
     expected: "Callable[[Robot, Trajectory, Any], Any] | None" = None
-    judge: "Callable[[], Judge] | None" = None
+    judge: "Callable[[], FeatureJudge] | None" = None
     run_options: Callable[[], type[Any]] | None = None
     report_lines: Callable[[Mapping[str, Any]], Iterable[str]] | None = None
 
@@ -152,7 +156,7 @@ def giving(attribute: str) -> list[tuple[Feature, Any]]:
     return [(each, given) for each in features().values() if (given := getattr(each, attribute)) is not None]
 
 
-def judge_of(name: str) -> Judge:
+def judge_of(name: str) -> FeatureJudge:
     """Return the judge of a feature that has evidence."""
     make = features()[name].judge
     assert make is not None

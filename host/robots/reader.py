@@ -65,9 +65,13 @@ def read_robot(text: str) -> Robot:
 def _robot(table: Table) -> Robot:
     """Return the robot, or the part of it that is right; what is wrong goes to the table's findings."""
     kind = _kind_ahead(table)
-    sections = {feature.name: read for feature, read in giving("section")}
-    required = {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)}
-    own = {**_ROBOT_OPTIONAL, "coupling": partial(_coupling, kind), "dh_errors": partial(_dh_errors, kind)}
+    sections: dict[str, Reading] = {feature.name: read for feature, read in giving("section")}
+    required: dict[str, Reading] = {**_ROBOT, "joints": partial(_joints, kind), "home": partial(_home, kind)}
+    own: dict[str, Reading] = {
+        **_ROBOT_OPTIONAL,
+        "coupling": partial(_coupling, kind),
+        "dh_errors": partial(_dh_errors, kind),
+    }
     optional = own | sections
     values = table.gather(required, optional | _of_missing_features(table, required | optional))
     read = {name: values.pop(name, None) for name in sections}

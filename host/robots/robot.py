@@ -11,7 +11,7 @@ import numpy as np
 from steptwin.host.common.arrays import FloatArray, Int64Array
 from steptwin.host.common.bad_input import at_most, nearest_within, outside, prefixed, unknown
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import Section
+from steptwin.host.common.features import RobotSection
 from steptwin.host.common.findings import Findings, check_all
 from steptwin.host.robots.board_settings import BoardSettings, Input, Output
 from steptwin.host.robots.box import Box
@@ -72,7 +72,7 @@ class Robot:
     inputs: Mapping[str, Input] = field(default_factory=dict, hash=False)
     places: Mapping[str, Mapping[str, float]] = field(default_factory=dict, hash=False)
     boxes: Mapping[str, Box] = field(default_factory=dict, hash=False)
-    sections: Mapping[str, Section] = field(default_factory=dict, hash=False)
+    sections: Mapping[str, RobotSection] = field(default_factory=dict, hash=False)
     coupling: Coupling = field(default_factory=Coupling)
     dh_errors: Mapping[str, LinkErrors] = field(default_factory=dict, hash=False)
     base: BaseFrame = STATION

@@ -17,7 +17,7 @@ from tests.package.wheels import ROOT, build, contents, install, run_installed
 
 pytestmark = pytest.mark.slow
 
-OWN_PACKAGES = ["bench", "controller", "emulator", "host", "protocol"]
+OWN_PACKAGES = ["bench", "controller", "emulator", "features", "host", "protocol"]
 """StepTwin's folders, whose names a user's project may give to packages of its own."""
 OWN_TEST = """
 import pytest

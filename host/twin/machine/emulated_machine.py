@@ -17,7 +17,7 @@ from steptwin.emulator.motors.rotor_watch import REST_TICKS, MotorWiring
 from steptwin.emulator.native import FirmwareError
 from steptwin.emulator.simulation import Simulation
 from steptwin.host.common.errors import InputError
-from steptwin.host.common.features import Part, giving
+from steptwin.host.common.features import MachinePart, giving
 from steptwin.host.faults.engine import Engine, HostCondition
 from steptwin.host.faults.requests import request_of
 from steptwin.host.faults.target import Target
@@ -57,7 +57,7 @@ class MachineParts:
     boards: Sequence[Board]
     motors: MotorWiring | None
     nodes: Mapping[int, SimpleNode]
-    features: Mapping[str, Part]
+    features: Mapping[str, MachinePart]
 
     @classmethod
     def of(
