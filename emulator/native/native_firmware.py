@@ -9,7 +9,7 @@ from steptwin.controller.motion.axis_motion import PinEdges
 from steptwin.controller.motion.kernel import TICK_COUNTS
 from steptwin.controller.node.pins import Pin, PinChange
 from steptwin.emulator.native import FirmwareError, FirmwareProcess
-from steptwin.emulator.native.library import NEVER, Answer
+from steptwin.emulator.native.library import FRAME_BYTES, NEVER
 from steptwin.protocol.cia402 import DigitalInput, ErrorCode
 from steptwin.protocol.frame import Frame
 from steptwin.protocol.timer import COUNTS_PER_MS, COUNTS_PER_SECOND
@@ -26,6 +26,10 @@ PINS: Final = ("STEP", "DIR", *Pin)
 _STEP, _DIR = 0, 1
 _ID_MAX: Final = 0x7FF
 _DATA_MAX: Final = 8
+_WORK_MAX: Final = 1000
+"""Most calls and frames within a millisecond: in one the fastest bus carries 21 frames."""
+_WAITING_MAX: Final = 1000
+"""Most frames that wait for a mailbox; a further one is lost."""
 _SLICE_COUNTS: Final = 100 * COUNTS_PER_MS
 """Longest time for which the library is called at once, so that a hang is told from work."""
 _REST_COUNTS: Final = 20 * COUNTS_PER_MS
@@ -127,6 +131,8 @@ class NativeFirmware:
         self.motion: NativeMotion = NativeMotion(board.config.axis_count)
         self.transmit: NativeFrames = NativeFrames()
         self._booting = False
+        self._work = self._work_ms = 0
+        """Calls and frames within a millisecond, and which it is."""
         self.pins: list[PinChange] = []
         self.due_counts: int | None = None
 
@@ -138,7 +144,7 @@ class NativeFirmware:
     def end(self) -> bytes:
         """End the process, if it has begun; return what stands in the flash."""
         if self._process is not None and self._process.close.alive:
-            self._flash = bytes(self._process.call("flash"))
+            self._flash = self._process.flash()
             self._process.close()
         return self._flash
 
@@ -231,21 +237,30 @@ class NativeFirmware:
     def _call(self, name: str, until_counts: int, *arguments: object) -> int:
         """Call the library for all up to an instant; return the number of edges that it gave."""
         assert self._process
-        answer: Answer = self._process.call(name, *arguments)
-        reached, due, edges, frames = answer
+        reached, due, edges, frames = self._process.call(name, *arguments)
         before = self.motion.reached_counts
         if not before <= reached <= until_counts:
             back = "went back in time" if reached < before else f"ran beyond {until_counts / COUNTS_PER_SECOND:.9f} s"
             raise self._broken(f"st_{name}", f"{back}: it returned", reached)
         self.motion.reached_counts = reached
+        self._count_work(f"st_{name}", reached, 1 + len(frames) // FRAME_BYTES)
         self.due_counts = None if due == NEVER else due
         for edge in iter_unpack("<QHBBI", edges):
             self._take_edge(before, *edge[:4])
         for cob_id, length, data in iter_unpack("<IB3x8s", frames):
             if cob_id > _ID_MAX or length > _DATA_MAX:
                 raise self._broken("st_take_frames", f"gives a frame 0x{cob_id:X} of {length} bytes", reached)
-            self.transmit.services.append(Frame(cob_id, data[:length]))
+            if len(self.transmit.services) < _WAITING_MAX:
+                self.transmit.services.append(Frame(cob_id, data[:length]))
         return len(edges)
+
+    def _count_work(self, function: str, reached: int, work: int) -> None:
+        """Count calls and frames in each millisecond of the board's time, so that no firmware can hold it up."""
+        now_ms = reached // COUNTS_PER_MS
+        self._work = work + (self._work if now_ms == self._work_ms else 0)
+        self._work_ms = now_ms
+        if self._work > _WORK_MAX:
+            raise self._broken(function, f"asks for more than {_WORK_MAX} calls and frames within 1 ms", reached)
 
     def _take_edge(self, before: int, counts: int, number: int, pin: int, level: int) -> None:
         if number >= len(self.motion.axes) or pin >= len(PINS) or level > 1:

@@ -28,7 +28,7 @@ Build = Callable[..., Path]
 @pytest.fixture(scope="module")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
     """A function that compiles a C file of this folder with the hardware layer."""
-    folder, numbers = tmp_path_factory.mktemp("firmware"), count()
+    folder, numbers = tmp_path_factory.mktemp("waits"), count()
     for name, text in interface_files().items():
         (folder / name).write_text(text, encoding="utf-8")
 
