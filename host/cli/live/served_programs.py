@@ -255,8 +255,8 @@ class ServedCommand:
             opened = next(filter(_INTERFACE.fullmatch, self._words), None)
             if opened is not None and self._preload is None:
                 say(
-                    f"--exec {shlex.join(self._words)}: ended with exit code {self.exit_code}; for it to find the board as"
-                    f" {opened}, --preload canshim.so (docs/socketcan.md)",
+                    f"--exec {shlex.join(self._words)}: ended with exit code {self.exit_code}; for it to find the board"
+                    f" as {opened}, --preload canshim.so (docs/socketcan.md)",
                     err=True,
                 )
             raise typer.Exit(self.exit_code)
