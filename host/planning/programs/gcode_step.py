@@ -39,6 +39,7 @@ from steptwin.host.robots.kinematics import make_kinematics
 from steptwin.host.robots.poses import SCARA
 
 if TYPE_CHECKING:
+    from steptwin.host.planning.fastest.contour import Contour
     from steptwin.host.planning.programs.names import Names
 
 GCODE_KEYS: Final = ("frame", "tool_mm", "feed_max_mm_s", "blend_mm", "speed_percent", "outputs")
@@ -243,7 +244,7 @@ class _Cutting:
 
         branch = present_branch(self._robot, composer.joints)
         followed = FollowedPath.along(self._robot, contour, branch, composer.joints, where)
-        self._check_range(followed, where)
+        self._check_range(followed, contour)
         from_ms, begins_s = round(1000 * composer.now_s), composer.now_s
         path = ContourPath(self._robot, contour, followed)
         try:
@@ -258,14 +259,28 @@ class _Cutting:
                 time_s = made.law.time_at(begin_mm) if begin_mm else 0.0
                 switch_on_way(composer, changes, [time_s] * len(changes), begins_s)
 
-    def _check_range(self, followed: FollowedPath, where: Callable[[float], str]) -> None:
-        """Raise InputError, with the line, for the first place where a joint leaves its range."""
+    def _check_range(self, followed: FollowedPath, contour: "Contour") -> None:
+        """Raise InputError for the first line on which a joint leaves its range, with how far it would go there."""
+        at_mm = followed.guide_mm
         for i, joint in enumerate(self._robot.joints):
             column = followed.guides[:, i]
             outside = np.flatnonzero((column < joint.lower - NO_WAY) | (column > joint.upper + NO_WAY))
             if len(outside):
-                with prefixed(f"{where(float(followed.guide_mm[outside[0]]))} "):
-                    checks.check_within(joint, float(column[outside[0]]))
+                line, end_mm = _line_at(contour, float(at_mm[outside[0]]))
+                of_line = outside[at_mm[outside] <= end_mm]
+                reached = np.append(column[of_line], np.interp(end_mm, at_mm, column))
+                beyond = np.maximum(joint.lower - reached, reached - joint.upper)
+                with prefixed(f"line {line}: "):
+                    checks.check_within(joint, float(reached[np.argmax(beyond)]))
+
+
+def _line_at(contour: "Contour", at_mm: float) -> tuple[int, float]:
+    """Return the line of a place on a path, and the length at which the line's pieces end."""
+    piece = int(contour.place_of(np.array([at_mm]))[0][0])
+    line = contour.lines[piece]
+    while piece + 1 < len(contour.lines) and contour.lines[piece + 1] == line:
+        piece += 1
+    return int(line), float(contour.starts_mm[piece] + contour.lengths_mm[piece])
 
 
 def _many(count: int, what: str) -> str:
