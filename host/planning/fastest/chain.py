@@ -16,7 +16,7 @@ import numpy as np
 
 from steptwin.host.common.errors import InputError
 from steptwin.host.common.planning_time import check_planning_time
-from steptwin.host.planning.fastest.corners import Corner, CornerError, Flow, MotionLeg, flowing
+from steptwin.host.planning.fastest.corners import CornerError, Flow, MotionLeg, flowing
 from steptwin.host.planning.fastest.drives import DriveLimits, DrivesOnPath, LoadChange, PathLoad
 from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.rows import PathRates
@@ -92,13 +92,13 @@ class TimedChain:
     Attributes:
         first: number of its first leg in the whole chain.
         legs: number of its legs.
-        corners: the corners between them.
+        flow: its path.
         timed: its motion.
     """
 
     first: int
     legs: int
-    corners: tuple[Corner, ...]
+    flow: Flow
     timed: TimedPath
 
     @property
@@ -124,11 +124,10 @@ class ChainDrives:
     def along(self, flow: Flow, first: int) -> "_DrivesOfPart":
         """Return the drives of a part that begins with a leg."""
         before = [change for leg in self.changes[:first] for change in leg]
-        starts = (0.0, *(corner.s for corner in flow.corners))
         moved = (
-            LoadChange(start + change.from_s, start + change.until_s, change.held)
-            for start, leg in zip(starts, self.changes[first:], strict=False)
-            for change in leg
+            LoadChange(flow.s_of(i, change.from_s), flow.s_of(i, change.until_s), change.held)
+            for i, changes in enumerate(self.changes[first : first + len(flow.legs)])
+            for change in changes
         )
         return _DrivesOfPart(self.limits, PathLoad(before[-1].held if before else self.held, tuple(moved)))
 
@@ -170,7 +169,7 @@ def timed_chains(
             starts = [0.0, *(corner.s for corner in flow.corners)]
             leg = bisect_right(starts, error.s) - 1
             raise CornerError(first + leg, f"after {error.s - starts[leg]:.2f} mm {error}") from error
-        return TimedChain(first, end - first, flow.corners, found)
+        return TimedChain(first, end - first, flow, found)
 
     def part(first: int, end: int, from_ms: int = 0, *, is_sure: bool = False) -> TimedChain:
         flow = flowing(robot, legs[first:end], radii_mm[first : end - 1])

@@ -157,19 +157,46 @@ class Corner:
         r_mm: how far it is rounded; 0 where two legs flow into each other.
         s: parameter of the whole path at which it is passed.
         passes_mm: distance at which the tool passes it.
+        middle_s: parameter in the middle of its rounding: the next leg's own parameter counts from there.
+        reach: length of its rounding on each of both legs; 0 where two legs flow into each other.
     """
 
     r_mm: float
     s: float
     passes_mm: float
+    middle_s: float
+    reach: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flow:
-    """A path through legs and corners without a stop, and its corners in order."""
+    """A path through legs and corners without a stop, the legs, and the corners in order."""
 
     path: PiecewisePath
+    legs: tuple[MotionLeg, ...]
     corners: tuple[Corner, ...]
+
+    def s_of(self, leg: int, at: float) -> float:
+        """Return the path's parameter where the tool is at a leg's own one, or nearest to that place on a rounding.
+
+        Before the leg's begin and behind its end the parameter goes on.
+        """
+        own, before = self.legs[leg], self.corners[leg - 1] if leg else None
+        after = self.corners[leg] if leg < len(self.corners) else None
+        begin_s = before.middle_s if before else 0.0
+        if before and 0.0 <= at < before.reach:
+            return self._nearest(own, at, before.s, begin_s + before.reach)
+        if after and own.length - after.reach < at <= own.length:
+            return self._nearest(own, at, after.middle_s - after.reach, after.s)
+        if before and at < 0.0:
+            return before.s + at
+        return (after.s - own.length if after and at > own.length else begin_s) + at
+
+    def _nearest(self, leg: MotionLeg, at: float, from_s: float, until_s: float) -> float:
+        """Return the path's parameter in a range where the tool is nearest to a place of a leg."""
+        s = np.linspace(from_s, until_s, _PASS_PLACES)
+        places = tool_places_mm(make_kinematics(self.path.robot), np.vstack([leg.end_rows(at)[0], self.path.at(s)[0]]))
+        return float(s[np.argmin(np.linalg.norm(places[1:] - places[0], axis=1))])
 
 
 class CornerError(InputError):
@@ -198,13 +225,13 @@ def flowing(robot: Robot, legs: Sequence[MotionLeg], radii_mm: Sequence[float]) 
         if i < len(reaches):
             if reaches[i] == 0.0:
                 _check_kink(i, robot, leg, legs[i + 1])
-                corners.append(Corner(0.0, s, 0.0))
+                corners.append(Corner(0.0, s, 0.0, s))
             else:
                 pieces.append(_rounded(robot, leg, legs[i + 1], reaches[i]))
                 half, passes_mm = _pass(robot, pieces[-1], leg.end_rows(leg.length)[0])
-                corners.append(Corner(radii_mm[i], s + half, passes_mm))
+                corners.append(Corner(radii_mm[i], s + half, passes_mm, s + reaches[i], reaches[i]))
                 s += pieces[-1].length
-    return Flow(PiecewisePath(robot, tuple(pieces)), tuple(corners))
+    return Flow(PiecewisePath(robot, tuple(pieces)), tuple(legs), tuple(corners))
 
 
 def _reaches(legs: Sequence[MotionLeg], radii_mm: Sequence[float]) -> list[float]:

@@ -138,18 +138,19 @@ class FlowingLegs:
         """Add a part from rest to rest; return the time of each of its legs."""
         begins_s, law, motion, times = composer.now_s, part.timed.law, part.timed.motion, list[LegTime]()
         composer.take(motion)
-        starts = [0.0, *(corner.s for corner in part.corners)]
+        flow = part.flow
+        starts = [0.0, *(corner.s for corner in flow.corners)]
         edges_s = [*(round(law.time_at(s), 3) for s in starts), motion.duration_s]
-        passes = [*(corner.passes_mm for corner in part.corners), None]
+        passes = [*(corner.passes_mm for corner in flow.corners), None]
         for i, (from_s, until_s, passed) in enumerate(zip(edges_s, edges_s[1:], passes, strict=False)):
             leg, outputs = self.legs[part.first + i], self.outputs[part.first + i]
-            places = [starts[i] + each.place_mm(leg.length) for each in outputs]
-            changes = switch_on_way(composer, outputs, [law.time_at(s) for s in places], begins_s)
+            there_s = [law.time_at(flow.s_of(i, each.place_mm(leg.length))) for each in outputs]
+            changes = switch_on_way(composer, outputs, there_s, begins_s)
             own = TimeSpan(motion, from_s, until_s)
             at_end = passed is None and stops
             way: BranchesOnWay = ("", ())
             if isinstance(leg, ToolLeg):
-                others = ((begins_s + law.time_at(starts[i] + mm), name) for mm, name in leg.followed.changes)
+                others = ((begins_s + law.time_at(flow.s_of(i, mm)), name) for mm, name in leg.followed.changes)
                 way = leg.followed.branch, tuple(others)
             answer = part.timed.drives if passed is None else None
             times.append(LegTime(begins_s + from_s, begins_s + until_s, own, way, passed, at_end, changes, answer))
