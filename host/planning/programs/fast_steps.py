@@ -7,6 +7,8 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from steptwin.host.common.planning_time import check_planning_time, planning_step
 from steptwin.host.planning import checks
 from steptwin.host.planning.checks import TooFastError
@@ -173,9 +175,9 @@ class MadeStep:
     @cached_property
     def _look(self) -> _Look:
         """Look at the motion, once, when something is asked about it: a run asks the planner instead."""
-        positions = checks.SampleCheck(self.robot)
         if self.part is None:
-            return _Look((), None, positions)
+            return _Look((), None, checks.SampleCheck(self.robot, np.zeros(0)))
+        positions = checks.SampleCheck(self.robot, checks.knots_ms(self.part) + self.from_ms)
         windows = positions.looking(shifted(sampled(self.part), self.from_ms / 1000))
         try:
             return _Look(step_peaks(self.robot, self.part, self.from_ms, windows), None, positions)
