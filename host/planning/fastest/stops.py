@@ -1,0 +1,66 @@
+"""Find the corners of a motion in which a stop takes less time than the rounding.
+
+A corner that is passed in hardly more than the time of averaging makes the motion around it slow. So such corners are
+weighed: the motion from the one before to the one behind, with the corner rounded and with a stop there. All of them
+are timed together, every second corner rounded at a time, which takes time in proportion to their number.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.fastest.drives import DrivesOnPath
+from steptwin.host.planning.fastest.executed import LimitedPath, lasting_s
+from steptwin.host.planning.fastest.solve import fastest_squares
+from steptwin.host.robots.robot import Robot
+
+_DOUBTFUL: Final = 4.0
+"""Times of averaging within which a corner is passed that may better be a stop."""
+
+
+class StoppingPath(NamedTuple):
+    """A path that stops at some of its parameters, rising; with the drives that limit it, if any do."""
+
+    path: LimitedPath
+    stops: FloatArray
+    average_s: float
+    drives: DrivesOnPath | None = None
+
+
+StopIn = Callable[[Sequence[int]], StoppingPath]
+"""Returns the path that stops in some of the corners, by their numbers, and rounds the others."""
+
+
+def doubtful(robot: Robot, path: LimitedPath, at_s: FloatArray, radii_mm: FloatArray, average_s: float) -> list[int]:
+    """Return the corners that are passed in hardly more than the time of averaging, which makes the motion slower.
+
+    Corners are rounded so far, 0 where two legs flow into each other, and passed at these parameters of the path.
+    """
+    rates = path.rates()
+    squares = fastest_squares(rates.s, path.limits().rows(robot, rates))
+    speeds = np.sqrt(np.interp(at_s, rates.s, squares))
+    return np.flatnonzero((radii_mm > 0.0) & (2.0 * radii_mm < _DOUBTFUL * speeds * average_s)).tolist()
+
+
+def worthwhile(robot: Robot, corners: Sequence[int], stop_in: StopIn) -> tuple[list[int], float]:
+    """Return those corners in which a stop takes less time than the rounding, and the time with all as stops, in s.
+
+    `corners` are numbers of corners, rising.
+    """
+    apart_s = _lasting_s(robot, stop_in(corners))
+    stops = list[int]()
+    for parity in (0, 1):
+        rounded = corners[parity::2]
+        runs_before = np.arange(len(rounded)) + parity  # each of these corners joins two runs to one
+        pairs_s = apart_s[parity : parity + 2 * len(rounded)].reshape(-1, 2).sum(axis=1)
+        enough_s = np.full(len(corners) + 1 - len(rounded), 0.0)
+        enough_s[runs_before] = pairs_s
+        joined_s = _lasting_s(robot, stop_in([each for each in corners if each not in set(rounded)]), enough_s)
+        stops += [each for each, is_slower in zip(rounded, joined_s[runs_before] > pairs_s, strict=True) if is_slower]
+    return sorted(stops), float(apart_s.sum())
+
+
+def _lasting_s(robot: Robot, way: StoppingPath, enough_s: FloatArray | float = np.inf) -> FloatArray:
+    return lasting_s(robot, way.path, way.average_s, way.drives, way.stops, enough_s)
