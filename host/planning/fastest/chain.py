@@ -163,9 +163,10 @@ class _Chain:
             stops, apart_s = worthwhile(self.robot, corners, self._stop_in) if corners else ([], np.inf)
         if self.drives is not None:
             return self._driven(stops, from_ms, self.drives)
-        found = self._timed(stops, from_ms)
+        found = self._timed(self.legs.flow(stops) if stops else flow, from_ms)
         if found.timed.law.duration_s > apart_s and stops != corners:
-            found = min(found, self._timed(corners, from_ms), key=lambda chain: chain.timed.law.duration_s)
+            apart = self._timed(self.legs.flow(corners), from_ms)
+            found = min(found, apart, key=lambda chain: chain.timed.law.duration_s)
         return [found]
 
     def _stop_in(self, stops: Sequence[int]) -> StoppingPath:
@@ -176,8 +177,7 @@ class _Chain:
         on_path = drives_along(drives.limits, flow.path.rates(), drives.load)
         return StoppingPath(flow.path, flow.stops, on_path.average_s, on_path)
 
-    def _timed(self, stops: Sequence[int], from_ms: int) -> TimedChain:
-        flow = self.legs.flow(stops)
+    def _timed(self, flow: Flow, from_ms: int) -> TimedChain:
         with _at_its_leg(flow, 0):
             return TimedChain(0, flow, timed(self.robot, flow.path, self.average_s, from_ms, stops=flow.stops))
 

@@ -63,6 +63,10 @@ class MotionLeg(Protocol):
         """Return the part between two parameters."""
         ...
 
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints of shape (joints,) at a parameter."""
+        ...
+
     def end_rows(self, s: float) -> FloatArray:
         """Return joints, first and second derivative, of shape (3, joints), at a parameter."""
         ...
@@ -106,13 +110,14 @@ class JointLeg:
 
     def part(self, begin: float, end: float) -> PathPiece:
         """Return the part between two parameters."""
-        return JointPiece.straight(self.robot, self._at(begin), self._at(end), end - begin, self.pace)
+        return JointPiece.straight(self.robot, self.joints_at(begin), self.joints_at(end), end - begin, self.pace)
 
     def end_rows(self, s: float) -> FloatArray:
         """Return joints and derivatives."""
-        return np.stack([self._at(s), (self.goal - self.start) / self.length, np.zeros(len(self.goal))])
+        return np.stack([self.joints_at(s), (self.goal - self.start) / self.length, np.zeros(len(self.goal))])
 
-    def _at(self, s: float) -> FloatArray:
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints."""
         return np.asarray(self.goal if s == self.length else self.start + s / self.length * (self.goal - self.start))
 
 
@@ -141,6 +146,10 @@ class ToolLeg:
     def part(self, begin: float, end: float) -> PathPiece:
         """Return the part between two parameters."""
         return ToolPiece(self.followed, begin, end - begin, self.pace)
+
+    def joints_at(self, s: float) -> FloatArray:
+        """Return joints."""
+        return np.asarray(self.followed.joints(np.array([s]))[0])
 
     def end_rows(self, s: float) -> FloatArray:
         """Return joints and derivatives."""
@@ -201,7 +210,7 @@ class Flow:
     def _nearest(self, leg: MotionLeg, at: float, from_s: float, until_s: float) -> float:
         """Return the path's parameter in a range where the tool is nearest to a place of a leg."""
         s = np.linspace(from_s, until_s, _PASS_PLACES)
-        places = tool_places_mm(make_kinematics(self.path.robot), np.vstack([leg.end_rows(at)[0], self.path.at(s)[0]]))
+        places = tool_places_mm(make_kinematics(self.path.robot), np.vstack([leg.joints_at(at), self.path.at(s)[0]]))
         return float(s[np.argmin(np.linalg.norm(places[1:] - places[0], axis=1))])
 
 
@@ -253,11 +262,12 @@ class RoundedLegs:
                 roundings.append(None)
             else:
                 piece = _rounded(robot, legs[i], legs[i + 1], reach)
-                roundings.append(_Rounding(piece, *_pass(robot, piece, legs[i].end_rows(legs[i].length)[0])))
+                roundings.append(_Rounding(piece, *_pass(robot, piece, legs[i].joints_at(legs[i].length))))
         return cls(robot, tuple(legs), tuple(radii_mm), tuple(reaches), tuple(roundings))
 
     def flow(self, stops: Collection[int] = ()) -> Flow:
         """Return the path through the legs that stops in some of the corners, by their numbers."""
+        stops = frozenset(stops)
         reaches = [0.0 if i in stops else reach for i, reach in enumerate(self.reaches)]
         pieces: list[PathPiece] = []
         corners: list[Corner] = []

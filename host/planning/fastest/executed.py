@@ -73,8 +73,8 @@ _LIMIT_PASSES: Final = 8
 """Passes that lower the limits that are exceeded; the following ones cap the speed there, which reaches all of them."""
 _PASSES: Final = 20
 """Passes altogether; afterwards each run is made slower as a whole by what is still beyond."""
-_ESTIMATE_PASSES: Final = 12
-"""Passes for a duration that only decides between a stop and a rounding; what is then beyond makes it longer."""
+_NEARLY: Final = 1.02
+"""Part of a limit up to which further passes make a motion longer by no more than a few thousandths."""
 _SLOWER_MAX: Final = 1.5
 """Factor by which a run is made slower at most: what needs more of it turns joints all at once."""
 _LOWERED_MAX: Final = 1.3
@@ -125,21 +125,25 @@ def lasting_s(
     average_s: float,
     drives: DrivesOnPath | None = None,
     stops: FloatArray = NO_STOPS,
-    enough_s: FloatArray | float = np.inf,
+    enough_s: FloatArray | None = None,
 ) -> FloatArray:
     """Return how long each run between stops lasts in `timed`, or nearly so and not in whole ms, of shape (runs,).
 
-    A run that lasts longer than `enough_s` is not looked at more closely. One that cannot be timed lasts for ever.
+    A run is not looked at more closely once it is certain on which side of `enough_s` it is. One that cannot be timed
+    lasts for ever.
     """
     timing = _Timing.of(robot, path, average_s, 0, drives, stops)
-    for number in range(1, _ESTIMATE_PASSES + 1):
+    for number in count(1):
         tried = timing.tried()
-        beyond = tried.highest > _ENOUGH
-        if not (beyond & (tried.law.lasts_s < enough_s)).any():
+        at_least_s = tried.law.least_s
+        at_most_s = at_least_s * np.where(tried.highest > _NEARLY, tried.highest, 1.0)
+        is_open = at_most_s > at_least_s
+        if enough_s is not None:
+            is_open &= (at_least_s < enough_s) & (enough_s <= at_most_s)
+        if number > _PASSES or not is_open.any():
             break
         timing.correct(number, tried)
-    slower = np.where(beyond, tried.highest, 1.0)
-    return np.where(slower > _SLOWER_MAX, np.inf, tried.law.least_s * slower)
+    return np.where(tried.highest > _SLOWER_MAX, np.inf, at_most_s)
 
 
 class _Tried(NamedTuple):

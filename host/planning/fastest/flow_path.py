@@ -27,6 +27,10 @@ _DEGREE: Final = 5
 _POSE: Final = 4
 """Columns of the table of poses: x, y, z and the turn."""
 
+_MANY: Final = 200
+"""Pieces above which every second of their places is enough: in a long motion no short piece decides much."""
+_THINNED: Final = 2
+
 Place = tuple[Int64Array, FloatArray]
 """Places of the path: the number of the piece, and its own parameter, both of shape (n,)."""
 
@@ -48,6 +52,10 @@ class FlowPath:
 
     def rates(self) -> PathRates:
         """Return the path at the places of all pieces; where two meet, with the values of both."""
+        return self._rates
+
+    @cached_property
+    def _rates(self) -> PathRates:
         which, own = self._places
         lengths, at_end = self._lengths[which], np.append(np.diff(which) > 0, True)
         s = np.where(at_end, self.starts[which + 1], self.starts[which] + own)
@@ -92,6 +100,8 @@ class FlowPath:
     def _places(self) -> Place:
         """The places at which limits are looked at."""
         own = [piece.places() for piece in self.pieces]
+        if len(own) > _MANY:
+            own = [np.append(each[:-1:_THINNED], each[-1]) for each in own]
         return np.repeat(np.arange(len(own)), [len(each) for each in own]), np.concatenate(own)
 
     def _place(self, s: FloatArray) -> Place:
@@ -146,7 +156,7 @@ class FlowPath:
 
     @cached_property
     def _tools(self) -> "_Tools":
-        return _Tools.of(self.robot, self.pieces, self.starts)
+        return _Tools.of(self.robot, self.pieces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,10 +204,10 @@ class _Tools:
         kinematics: kinematics of the robot.
         table: lines, arcs and roundings, if the tool does not turn in space and there is no other path; else None.
         turns_freely: True for a tool that cannot turn by itself.
-        starts: shape (pieces + 1,), as the path's.
+        begins: shape (pieces,), where each piece begins among the guides.
         branch_of: shape (pieces,), number of each piece's branch.
         branches: names of the branches.
-        guide_s: shape (m,), parameters of the whole path for which the joints' turns are stored, not falling.
+        guide_mm: shape (m,), not falling, lengths for which the joints' turns are stored, of all paths in a row.
         guides: shape (m, joints), the joints there.
         rotary: columns of the rotary joints.
     """
@@ -206,43 +216,41 @@ class _Tools:
     kinematics: Kinematics
     table: Contour | None
     turns_freely: bool
-    starts: FloatArray
+    begins: FloatArray
     branch_of: Int64Array
     branches: tuple[str, ...]
-    guide_s: FloatArray
+    guide_mm: FloatArray
     guides: FloatArray
     rotary: tuple[int, ...]
 
     @classmethod
-    def of(cls, robot: Robot, pieces: Sequence[PathPiece], starts: FloatArray) -> "_Tools":
-        kinematics = make_kinematics(robot)
-        names, guide_s, guides = [""] * len(pieces), list[FloatArray](), list[FloatArray]()
+    def of(cls, robot: Robot, pieces: Sequence[PathPiece]) -> "_Tools":
+        kinematics, names, begins = make_kinematics(robot), [""] * len(pieces), np.zeros(len(pieces))
+        guide_mm, guides, all_mm = list[FloatArray](), list[FloatArray](), 0.0
         for i, piece in enumerate(pieces):
             if isinstance(piece, ToolPiece):
-                followed, end = piece.followed, piece.begin + piece.length
-                names[i] = followed.branch
-                own = followed.guide_mm[(followed.guide_mm > piece.begin) & (followed.guide_mm < end)]
-                own = np.concatenate([[piece.begin], own, [end]])
-                guide_s.append(starts[i] + (own - piece.begin))
-                guides.append(np.column_stack([np.interp(own, followed.guide_mm, row) for row in followed.guides.T]))
+                names[i], begins[i] = piece.followed.branch, all_mm + piece.begin
+                guide_mm.append(all_mm + piece.followed.guide_mm)
+                guides.append(piece.followed.guides)
+                all_mm = guide_mm[-1][-1]
         branches = tuple(sorted(set(names)))
         return cls(
             pieces,
             kinematics,
             _table(pieces) if kinematics.task.is_flat else None,
             kinematics.attitude_follows,
-            starts,
+            begins,
             np.array([branches.index(name) for name in names]),
             branches,
-            np.concatenate(guide_s),
+            np.concatenate(guide_mm),
             np.concatenate(guides),
             tuple(axis for axis, joint in enumerate(robot.joints) if joint.unit is Unit.DEG),
         )
 
     def joints(self, which: Int64Array, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return joints and their first derivatives."""
-        s = self.starts[which] + own
-        guides = np.column_stack([np.interp(s, self.guide_s, column) for column in self.guides.T])
+        at_mm = self.begins[which] + own
+        guides = np.column_stack([np.interp(at_mm, self.guide_mm, column) for column in self.guides.T])
         poses, joints, branch_of = self.poses(which, own), np.empty_like(guides), self.branch_of[which]
         for number in np.unique(branch_of):
             rows = branch_of == number
@@ -293,15 +301,18 @@ def _table(pieces: Sequence[PathPiece]) -> Contour | None:
         if isinstance(piece, ToolPiece):
             path = piece.followed.path
             path = path.path if isinstance(path, FreeAttitude) else path
-            columns = path.poses(np.zeros(1)).shape[1]
             match path:
                 case StraightLine():
-                    ends = np.array([path.poses(np.array([at]))[0] for at in (piece.begin, piece.begin + piece.length)])
-                    coefficients[i, 4:, :columns] = ends[1] - ends[0], ends[0]
+                    begin, end = path.poses(np.array([piece.begin, piece.begin + piece.length]))
+                    columns = len(begin)
+                    coefficients[i, 4:, :columns] = end - begin, begin
                 case Arc():
+                    columns = _POSE if path.attitudes_deg else _POSE - 1
                     angles[i] = _arc(path, piece, coefficients[i], circles[i])
                 case ToolRounding():
-                    coefficients[i, :, :columns] = _powers(np.asarray(path.curve.c)[:, 0])
+                    rows = _powers(np.asarray(path.curve.c)[:, 0])
+                    columns = rows.shape[1]
+                    coefficients[i, :, :columns] = rows
                 case _:
                     return None
     lengths = np.array([piece.length for piece in pieces])

@@ -96,6 +96,8 @@ class FollowedPath:
 
     def steep_mm(self, begin_mm: float, end_mm: float) -> FloatArray:
         """Return the lengths between two on which joints turn so fast that its guides are dense there, rising."""
+        if self.kinematics.keeps_branch:  # its guides are even
+            return np.zeros(0)
         apart = np.diff(self.guide_mm)
         dense = apart < apart.max() / 2.0
         at_dense = np.append(dense, False) | np.append(False, dense)

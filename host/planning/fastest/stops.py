@@ -57,10 +57,10 @@ def worthwhile(robot: Robot, corners: Sequence[int], stop_in: StopIn) -> tuple[l
         pairs_s = apart_s[parity : parity + 2 * len(rounded)].reshape(-1, 2).sum(axis=1)
         enough_s = np.full(len(corners) + 1 - len(rounded), 0.0)
         enough_s[runs_before] = pairs_s
-        joined_s = _lasting_s(robot, stop_in([each for each in corners if each not in set(rounded)]), enough_s)
+        joined_s = _lasting_s(robot, stop_in(corners[1 - parity :: 2]), enough_s)
         stops += [each for each, is_slower in zip(rounded, joined_s[runs_before] > pairs_s, strict=True) if is_slower]
     return sorted(stops), float(apart_s.sum())
 
 
-def _lasting_s(robot: Robot, way: StoppingPath, enough_s: FloatArray | float = np.inf) -> FloatArray:
+def _lasting_s(robot: Robot, way: StoppingPath, enough_s: FloatArray | None = None) -> FloatArray:
     return lasting_s(robot, way.path, way.average_s, way.drives, way.stops, enough_s)
