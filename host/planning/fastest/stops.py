@@ -52,13 +52,13 @@ def worthwhile(robot: Robot, corners: Sequence[int], stop_in: StopIn) -> tuple[l
     apart_s = _lasting_s(robot, stop_in(corners))
     stops = list[int]()
     for parity in (0, 1):
-        rounded = corners[parity::2]
-        runs_before = np.arange(len(rounded)) + parity  # each of these corners joins two runs to one
-        pairs_s = apart_s[parity : parity + 2 * len(rounded)].reshape(-1, 2).sum(axis=1)
-        enough_s = np.full(len(corners) + 1 - len(rounded), 0.0)
-        enough_s[runs_before] = pairs_s
-        joined_s = _lasting_s(robot, stop_in(corners[1 - parity :: 2]), enough_s)
-        stops += [each for each, is_slower in zip(rounded, joined_s[runs_before] > pairs_s, strict=True) if is_slower]
+        rounded, before = corners[parity::2], np.arange(len(corners))[parity::2]
+        joined = before - np.arange(len(rounded))  # each of these corners joins two runs to one
+        pairs_s = apart_s[before] + apart_s[before + 1]
+        enough_s = np.zeros(len(apart_s) - len(rounded))
+        enough_s[joined] = pairs_s
+        joined_s = _lasting_s(robot, stop_in(corners[1 - parity :: 2]), enough_s)[joined]
+        stops += [each for each, is_slower in zip(rounded, joined_s > pairs_s, strict=True) if is_slower]
     return sorted(stops), float(apart_s.sum())
 
 
