@@ -219,7 +219,9 @@ class _Timing:
         elif number <= _PASSES:
             self.caps = np.minimum(self.caps, tried.squares / use.factors(tried.torques, law, places))
         else:
-            self.slower *= np.where(tried.highest > _ENOUGH, np.maximum(1.0001, tried.highest), 1.0)
+            later = (law.lasts_s + 0.5e-3) / law.least_s  # the next whole millisecond
+            beyond = np.maximum(self.slower * np.maximum(1.0001, tried.highest), later)
+            self.slower = np.where(tried.highest > _ENOUGH, beyond, self.slower)
             if self.slower.max() > _SLOWER_MAX:
                 raise UntimedError(*use.worst(self.robot, law))
 
