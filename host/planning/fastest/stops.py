@@ -18,6 +18,10 @@ from steptwin.host.robots.robot import Robot
 
 _DOUBTFUL: Final = 4.0
 """Times of averaging within which a corner is passed that may better be a stop."""
+_AS_FAST: Final = 0.9
+"""Part of the speed on a leg from which on a corner is not slow."""
+_FEW: Final = 0.01
+"""Part of all corners below which their stops save less than it takes to find them."""
 
 
 class StoppingPath(NamedTuple):
@@ -36,12 +40,16 @@ StopIn = Callable[[Sequence[int]], StoppingPath]
 def doubtful(robot: Robot, path: LimitedPath, at_s: FloatArray, radii_mm: FloatArray, average_s: float) -> list[int]:
     """Return the corners that are passed in hardly more than the time of averaging, which makes the motion slower.
 
-    Corners are rounded so far, 0 where two legs flow into each other, and passed at these parameters of the path.
+    Corners are rounded so far, 0 where two legs flow into each other, and passed at these parameters of the path. One
+    that is passed nearly as fast as the legs beside it costs no time, and a few among very many hardly any.
     """
     rates = path.rates()
     squares = fastest_squares(rates.s, path.limits().rows(robot, rates))
     speeds = np.sqrt(np.interp(at_s, rates.s, squares))
-    return np.flatnonzero((radii_mm > 0.0) & (2.0 * radii_mm < _DOUBTFUL * speeds * average_s)).tolist()
+    legs = np.sqrt(np.maximum.reduceat(squares, np.append(0, np.searchsorted(rates.s, at_s))))
+    slows = speeds < _AS_FAST * np.maximum(legs[:-1], legs[1:])
+    found = np.flatnonzero((radii_mm > 0.0) & slows & (2.0 * radii_mm < _DOUBTFUL * speeds * average_s))
+    return found.tolist() if len(found) >= _FEW * len(at_s) else []
 
 
 def worthwhile(robot: Robot, corners: Sequence[int], stop_in: StopIn) -> tuple[list[int], float]:
