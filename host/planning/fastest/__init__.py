@@ -14,7 +14,7 @@ from steptwin.host.planning.fastest.drives import (
 )
 from steptwin.host.planning.fastest.executed import TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.pieces import FollowedPath, Pace
-from steptwin.host.planning.fastest.stops import StoppingPath, doubtful, worthwhile
+from steptwin.host.planning.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 
 __all__ = [
     "AVERAGE_S",

@@ -21,7 +21,7 @@ from steptwin.host.planning.fastest.corners import CornerError, Flow, MotionLeg,
 from steptwin.host.planning.fastest.drives import DriveLimits, DrivesOnPath, LoadChange, PathLoad
 from steptwin.host.planning.fastest.executed import LimitedPath, TimedPath, UntimedError, timed
 from steptwin.host.planning.fastest.rows import PathRates
-from steptwin.host.planning.fastest.stops import StoppingPath, doubtful, worthwhile
+from steptwin.host.planning.fastest.worthwhile_stops import StoppingPath, doubtful, worthwhile
 from steptwin.host.planning.peaks import TooLongError
 from steptwin.host.robots.robot import Robot
 

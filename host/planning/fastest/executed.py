@@ -308,7 +308,8 @@ class _Use:
     @property
     def highest(self) -> FloatArray:
         """Shape (records,), the largest part of a limit that each uses."""
-        return np.maximum.reduce([each.max(axis=1) for each in (self.speeds, self.accelerations, self.tool)])
+        parts = (self.speeds, self.accelerations, self.tool)
+        return np.asarray(np.maximum.reduce([each.max(axis=1) for each in parts]))
 
     def worst(self, robot: Robot, law: Averaged) -> tuple[str, float]:
         """Return which limit is exceeded most, in words, and at which parameter of the path."""
@@ -353,7 +354,7 @@ class _Use:
         until_s, _ = law.at(np.clip(self.ends_s[1:] + law.average_s, begin_s, end_s))
         # where two runs meet the place stands twice: once for each
         bounds = np.concatenate([[0], np.searchsorted(places, law.s[law.rests[1:-1]]) + 1, [len(places)]])
-        firsts, lasts = (np.searchsorted(places, s, side=side) for s, side in ((from_s, "left"), (until_s, "right")))
+        firsts, lasts = np.searchsorted(places, from_s, side="left"), np.searchsorted(places, until_s, side="right")
         return np.maximum(firsts, bounds[run]), np.minimum(lasts, bounds[run + 1])
 
 

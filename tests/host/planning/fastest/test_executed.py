@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from steptwin.host.common.arrays import FloatArray
+from steptwin.host.planning.fastest.averaged import Averaged
 from steptwin.host.planning.fastest.chain import timed_chains
 from steptwin.host.planning.fastest.corners import flowing
-from steptwin.host.planning.fastest.averaged import Averaged
 from steptwin.host.planning.fastest.executed import TimedPath, timed
 from steptwin.host.planning.fastest.pieces import Pace
 from steptwin.host.planning.fastest.solve import fastest_squares

@@ -1,6 +1,7 @@
 """Corners of long chains: where the motion stops, that it is never slower for a rounding, and how the work grows."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_the_work_of_a_chain_grows_with_its_legs_and_not_with_their_square(monke
     seen, calls = [], []
     for count in (6, 24):
         instants, legs = 0, zigzag(count)
-        calls.append(function_calls(lambda legs=legs: chain_of(legs, 1.0)))
+        calls.append(function_calls(partial(chain_of, legs, 1.0)))
         seen.append(instants)
     assert seen[1] < 1.5 * 24 / 6 * seen[0]
     assert calls[1] < 1.5 * 24 / 6 * calls[0]

@@ -63,7 +63,7 @@ def places(head: str, lines: str) -> FloatArray:
 
 
 def farthest_mm(head: str, lines: str) -> float:
-    return float(cKDTree(places("G61", lines)).query(places(head, lines))[0].max())
+    return float(np.max(cKDTree(places("G61", lines)).query(places(head, lines))[0]))
 
 
 @pytest.mark.parametrize("p_mm", [1.0, 0.2])
