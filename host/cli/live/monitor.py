@@ -35,8 +35,7 @@ class _Seen(NamedTuple):
 
 @command(
     "lab-scara --node th2 --connect 127.0.0.1",
-    "--service emcy --service nmt -i socketcan -c can0",
-    "out/spiral/bus.log",
+    "out/spiral/bus.log --service emcy",
 )
 def monitor(
     live: LiveOptions,
