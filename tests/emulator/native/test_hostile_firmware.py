@@ -86,6 +86,7 @@ def test_a_harm_that_waits_ends_with_a_sentence(harm: int, build: Build, monkeyp
     assert complaint(build(HARM=harm)) == WAITS[harm]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harm", [0, 9])
 def test_no_process_outlives_the_run(harm: int, build: Build, tmp_path: Path) -> None:
     """The firmware's child holds a FIFO open, whose reader is told when it ends."""

@@ -107,6 +107,7 @@ def test_a_waiting_can_interrupt_has_three_frames_pending(build: Build) -> None:
     assert [ms for ms, _ in told(board)] == [10, 15, 20, 25]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("profile", "low_us"), [("3a-module", 10), ("3a-module", 950), ("dm542", 10), ("slow-blue-board", 200)]
 )
@@ -132,6 +133,7 @@ def test_a_short_low_pulse_is_seen_and_a_driver_that_steps_at_falls_misses_it(bu
     assert len(board.violations()) == 20
 
 
+@pytest.mark.slow
 def test_the_emergency_stop_and_the_supply_end_a_motion_that_rests_high(build: Build) -> None:
     """The firmware is not run ahead of the inputs, however fast it steps."""
     board = BoardUnderTest(ROBOT, firmware=build("rests_high.c", LOW_US=10), driver_profile="chip-100pf")

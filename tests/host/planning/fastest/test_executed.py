@@ -159,6 +159,7 @@ def test_begins_and_ends_exactly_at_rest_and_never_turns_back(law: Averaged) -> 
     assert (np.diff(law.at(np.linspace(0.0, law.duration_s, 500))[0]) > -1e-12).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(laws, st.floats(0.01, 2.99))
 def test_says_when_it_is_at_a_value(law: Averaged, s: float) -> None:

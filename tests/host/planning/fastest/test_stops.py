@@ -37,6 +37,7 @@ def chain_of(legs: list[JointLeg], radius_mm: float) -> TimedChain:
     return chain
 
 
+@pytest.mark.slow
 def test_the_work_of_a_chain_grows_with_its_legs_and_not_with_their_square(monkeypatch: pytest.MonkeyPatch) -> None:
     instants = 0
     whole: Callable[[FlowPath, FloatArray], tuple[FloatArray, FloatArray]] = FlowPath.at

@@ -37,6 +37,7 @@ def compiled(folder: Path, text: str) -> CompiledProgram:
     return compile_program(program, GANTRY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moves", [STROKES, WALK], ids=["strokes", "walk"])
 def test_no_distance_makes_a_part_slower_than_exact_stop(moves: str, tmp_path: Path) -> None:
     exact_s = compiled(tmp_path, f"G61\n{moves}").trajectory.duration_s

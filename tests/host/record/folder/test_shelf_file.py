@@ -41,6 +41,7 @@ def test_what_is_written_is_read(store_run: Path, tmp_path: Path) -> None:
     assert read_shelf(tmp_path) == (shelf, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("alter", "words"),
     [
